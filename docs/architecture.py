@@ -12,6 +12,7 @@ from html import escape
 from pathlib import Path
 
 FLOORS = (
+    ("wbc.base",),
     ("wbc.core",),
     ("wbc.robots", "wbc.feet", "wbc.ground"),
     ("wbc.tasks",),

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 import wbc
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.feet.sensing.roughness import RoughnessSettings, low_pass, roughness
 from wbc.feet.sensing.scan import resample
 from wbc.sim.terrain.spec import terrain

@@ -17,7 +17,7 @@ import numpy as np
 from made_motions import make_motion
 
 import wbc
-from wbc.core.settings import to_json
+from wbc.base.settings import to_json
 from wbc.motion import make_feasible
 from wbc.sim.balance.tracking import TrackSpec, track_motion
 

@@ -16,7 +16,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.feet import foot
 from wbc.sim.rig.rig import FootTest, Rig
 from wbc.sim.terrain.plot import plot_families

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 import wbc
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.sim import make_terrain
 from wbc.walking import SteppingControl
 from wbc.walking.contact import Event

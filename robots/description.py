@@ -13,12 +13,13 @@ from typing import Annotated, Any, Literal, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, ModelError, choose
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive
+from wbc.core.drive.servos import Servos
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
 from wbc.core.robot import Closure, Coupling, Robot, Sole, driven_names, joints_to
-from wbc.core.servos import Servos
-from wbc.core.settings import Positive
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry

@@ -18,10 +18,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wbc.core.errors import InputError, shown_path
-from wbc.core.files import decoding, read_toml, read_xml, write_text
-from wbc.core.registry import call_checked
-from wbc.core.settings import from_json
+from wbc.base.errors import InputError, shown_path
+from wbc.base.files import decoding, read_toml, read_xml, write_text
+from wbc.base.registry import call_checked
+from wbc.base.settings import from_json
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import FrameDescription, SoleDescription

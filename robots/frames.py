@@ -9,8 +9,9 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.errors import ROUNDING, InputError, choose
-from wbc.core.settings import settings
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import settings
 
 Triple: TypeAlias = tuple[float, float, float]
 SoleName: TypeAlias = Literal["left_foot", "right_foot"]

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-from wbc.core.checked import checked
-from wbc.core.errors import InputError, shown, unknown_name
-from wbc.core.registry import Registry
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.registry import Registry
 from wbc.robots import files
 from wbc.robots.description import RobotDescription
 from wbc.robots.models import example_robots, hrp4_class

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.robot import GRAVITY, SIDES
-from wbc.core.servos import ANKLE_SHARE
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.urdf import TAKEN_RANGE
 

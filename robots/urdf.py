@@ -14,8 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, shown, shown_path
-from wbc.core.files import read_xml
+from wbc.base.errors import InputError, ModelError, choose, shown, shown_path
+from wbc.base.files import read_xml
+from wbc.base.numbers import Array, finite_scalar
 from wbc.core.robot import GRAVITY, UNLIMITED, Coupling
 
 Element = ElementTree.Element

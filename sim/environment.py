@@ -17,10 +17,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import ROUNDING, Array, finite_array
+from wbc.base.settings import Positive
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import Positive
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread

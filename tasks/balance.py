@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from wbc.core.checked import checked
+from wbc.base.checked import checked
+from wbc.base.settings import Period, Positive, settings
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import Robot
-from wbc.core.settings import Period, Positive, settings
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask
 from wbc.tasks.motion.posture import PostureTask

@@ -15,12 +15,13 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
-from wbc.core.checked import checked
-from wbc.core.control import DriveControl
-from wbc.core.errors import ROUNDING, InputError, WbcError, choose, shown
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, WbcError, choose, shown
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import NonNegative, Positive
+from wbc.core.drive.control import DriveControl
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item, ItemT
-from wbc.core.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)

@@ -7,13 +7,14 @@ import copy
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.base.settings import Period, Seed
 from wbc.core.limits.base import Limit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot
-from wbc.core.settings import Period, Seed
 
 STEP = 1e-6
 """Step of the differences: of each coordinate, rad or m, and of the motion, s."""

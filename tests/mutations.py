@@ -23,7 +23,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-ROOMS = ("wbc/core", "wbc/walking", "wbc/motion", "wbc/machine", "robots", "feet", "tasks", "sim")
+ROOMS = ("wbc/base", "wbc/core", "wbc/walking", "wbc/motion", "wbc/machine", "robots", "feet", "tasks", "sim")
 WHOLE = ["tests/sim/test_repeatable.py"]
 SLOWEST = 300  # s of CPU; tests that hang have noticed, too
 

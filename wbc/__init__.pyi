@@ -8,11 +8,11 @@ from . import sim as sim
 from . import tasks as tasks
 from . import walking as walking
 from ._version import __version__ as __version__
+from .base.errors import InputError as InputError
+from .base.errors import WbcError as WbcError
 from .core.drive.hybrid import HybridControl as HybridControl
 from .core.drive.position import PositionControl as PositionControl
 from .core.drive.torque import TorqueControl as TorqueControl
-from .core.errors import InputError as InputError
-from .core.errors import WbcError as WbcError
 from .core.estimation.observer import Observer as Observer
 from .core.kinematics.inverse import InverseKinematics as InverseKinematics
 from .core.limits.base import Limit as Limit

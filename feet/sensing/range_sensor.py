@@ -7,8 +7,9 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, InputError, whole_number
-from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, whole_number
+from wbc.base.settings import NonNegative, Positive, Share, settings
 
 
 @settings

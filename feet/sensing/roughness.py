@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solveh_banded
 
-from wbc.core.errors import Array, InputError, choose, finite_array
-from wbc.core.settings import Positive, settings
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import Positive, settings
 
 PARAMETERS = ("Sa", "Sq", "Ssk", "Sku", "Sv", "Sp", "Sz", "M", "P", "K")
 """Names of the parameters, in the order of `Roughness.values`."""

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from wbc.core.errors import ROUNDING, Array, InputError, finite_array, positive, shown
-from wbc.core.settings import Positive, settings
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import ROUNDING, Array, finite_array, positive
+from wbc.base.settings import Positive, settings
 
 PROFILE_STEP = 0.007
 """Distance of the samples of a profile, m: the public profiles of the paper's authors have 429 samples on 3 m."""

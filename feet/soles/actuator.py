@@ -8,8 +8,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from wbc.core.errors import InputError, finite_scalar, non_negative
-from wbc.core.settings import NonNegative, settings
+from wbc.base.errors import InputError
+from wbc.base.numbers import finite_scalar, non_negative
+from wbc.base.settings import NonNegative, settings
 
 SOFTEST, STIFFEST = 1.0, 2000.0
 """Range of the stiffness of soft and variable soles, Nm/rad per hinge."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from wbc.core.errors import InputError, shown
-from wbc.core.registry import Registry, call_checked
+from wbc.base.errors import InputError, shown
+from wbc.base.registry import Registry, call_checked
 from wbc.feet.soles.foot import Foot
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
 from wbc.feet.soles.soft import LongArchFoot, PaperFoot, SoftFoot, VariableStiffnessFoot

@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, choose
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import Array
 from wbc.core.robot import SIDES
 from wbc.feet.soles.contact import ContactSpheres, solver_parameters
 from wbc.feet.soles.foot import FootParts

@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array
-from wbc.core.settings import Positive, settings
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, settings
 
 Impedance = Annotated[float, Field(ge=0.0001, le=0.9999)]
 

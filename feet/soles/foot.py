@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from wbc.core.checked import checked
-from wbc.core.errors import InputError
-from wbc.core.settings import NonNegative, Number, Positive, settings
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.sole import FootFit, SoleGeometry
 

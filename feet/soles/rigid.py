@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from wbc.core.settings import NonNegative, Number, Positive, settings
+from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
 from wbc.feet.soles.sole import FootFit, SoleGeometry, box_inertia
 

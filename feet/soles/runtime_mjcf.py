@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_scalar
 from wbc.feet.sensing.range_sensor import RangeSampler, RangeSensor
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
 from wbc.feet.soles.foot import FootParts

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import Array
-from wbc.core.settings import Count, settings
+from wbc.base.numbers import Array
+from wbc.base.settings import Count, settings
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.foot import FootParts
 from wbc.feet.soles.soft_design import SoftDesign

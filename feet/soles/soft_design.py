@@ -9,8 +9,9 @@ from typing import Annotated
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.errors import ROUNDING, Array, InputError
-from wbc.core.settings import Count, NonNegative, Number, Positive, settings
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Count, NonNegative, Number, Positive, settings
 from wbc.feet.soles.foot import Foot, fitted_sole
 from wbc.feet.soles.rigid import SOFT_ANKLE_BEHIND, SOFT_LENGTH, SOFT_WIDTH
 from wbc.feet.soles.sole import FootFit, SoleGeometry, bar_inertia, box_inertia

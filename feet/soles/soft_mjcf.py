@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.feet.soles.common_mjcf import (
     CONTACT_GROUP,
     add_bar,

@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from pydantic import BeforeValidator
 from scipy.spatial.transform import Rotation
 
-from wbc.core.errors import Array, InputError, finite_array, positive
-from wbc.core.settings import Positive, settings
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array, positive
+from wbc.base.settings import Positive, settings
 
 
 def _quaternion(rotation: Any) -> tuple[float, ...]:

@@ -15,10 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from wbc._version import __version__
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, choose, finite_array
-from wbc.core.files import decoding, parsing, read_text, write_text
-from wbc.core.settings import Count, NonNegative, Positive, from_json, settings, to_json
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose
+from wbc.base.files import decoding, parsing, read_text, write_text
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import Count, NonNegative, Positive, from_json, settings, to_json
 from wbc.feet.sensing.roughness import PARAMETERS, RoughnessSettings
 from wbc.feet.sensing.scan import PROFILE_STEP
 

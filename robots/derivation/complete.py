@@ -9,7 +9,8 @@ from typing import Any, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, InputError, ModelError, choose, finite_scalar, non_negative, positive
+from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.numbers import ROUNDING, finite_scalar, non_negative, positive
 from wbc.core.robot import GRAVITY, Closure, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import defaults, inertia, posture

@@ -23,7 +23,8 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import InputError, ModelError, choose, non_negative
+from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.numbers import non_negative
 from wbc.core.robot import GRAVITY, driven_names, is_floating, joints_to
 from wbc.robots import frames
 from wbc.robots.derivation import posture

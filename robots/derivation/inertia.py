@@ -14,7 +14,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from wbc.core.errors import Array, ModelError
+from wbc.base.errors import ModelError
+from wbc.base.numbers import Array
 from wbc.robots import urdf
 from wbc.robots.urdf import Element
 

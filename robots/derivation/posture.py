@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from wbc.core.errors import ROUNDING, Array, InputError, ModelError, choose, finite_scalar
+from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.core.robot import Closure, driven_joints, driven_names, joints_to
 from wbc.robots.frames import SoleDescription
 

@@ -14,9 +14,10 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, shown
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.robot import GRAVITY, driven_joints, joints_to
-from wbc.core.settings import NonNegative, Positive, settings
 
 ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
 """Rotor inertia seen at a joint over m h², with m the mass of the robot and h the height of its centre of mass.

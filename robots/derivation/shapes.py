@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.limits.shapes import (
     CollisionBox,
     CollisionCapsule,

@@ -12,7 +12,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, shown
+from wbc.base.errors import shown
+from wbc.base.numbers import Array
 from wbc.robots import frames
 from wbc.robots.urdf import Element, moving_link_of
 

@@ -6,7 +6,7 @@ from functools import cache
 from importlib import metadata
 from pathlib import Path
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.robot import SIDES
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import SOLE_NAMES, FrameDescription, SoleDescription

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 
 _OFF, _KIND = mujoco.mjtDisableBit, mujoco.mjtTrn
 

@@ -13,8 +13,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wbc.core.errors import InputError, ModelError, shown, shown_path
-from wbc.core.files import decoding, read_xml
+from wbc.base.errors import InputError, ModelError, shown, shown_path
+from wbc.base.files import decoding, read_xml
 from wbc.robots.urdf import existing
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array, ModelError
+from wbc.base.errors import ModelError
+from wbc.base.numbers import Array
 from wbc.robots.derivation.defaults import ASIDE
 from wbc.robots.frames import FrameDescription, frame_at
 from wbc.robots.readers.actuators_mjcf import (

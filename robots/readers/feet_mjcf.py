@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
-from wbc.core.errors import ROUNDING, Array, ModelError, unknown_name
+from wbc.base.errors import ModelError, unknown_name
+from wbc.base.numbers import ROUNDING, Array
 from wbc.robots.derivation.soles import SLICE, no_sole, plausible
 from wbc.robots.frames import SoleDescription, SoleName, frame_at
 from wbc.robots.readers.tree_mjcf import Tree

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ModelError
+from wbc.base.errors import ModelError
 from wbc.core.robot import Closure
 from wbc.robots.readers.actuators_mjcf import equalities_off
 from wbc.robots.readers.tree_mjcf import WORLD_LINK, Tree, placement_of

@@ -14,7 +14,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar
+from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.numbers import Array, finite_scalar
 from wbc.core.robot import Coupling
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 from wbc.robots.readers.write_urdf import UrdfWriter, about, along

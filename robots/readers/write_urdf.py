@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import Coupling
 from wbc.robots.urdf import Element, couple
 

@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from wbc.core.control import Mode
-from wbc.core.errors import InputError
-from wbc.core.settings import Count, Positive, Seed, settings
+from wbc.base.errors import InputError
+from wbc.base.settings import Count, Positive, Seed, settings
+from wbc.core.drive.control import Mode
 from wbc.sim.balance.standing import MODES, Feedback, StandSpec, StandTrial
 from wbc.sim.trial.push import PUSH_DURATION, PushSchedule, WalkPush
 

@@ -8,14 +8,15 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.control import Mode
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, settings
+from wbc.core.drive.control import Mode
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import Array, InputError
 from wbc.core.estimation.falls import FallReason
-from wbc.core.settings import Positive, settings
 from wbc.sim.plant.truth import GroundTruth
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.spec import TrialResult, TrialSpec

@@ -8,13 +8,13 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.control import Mode
+from wbc.base.checked import checked
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, settings
 from wbc.core.conventions import rotation_of
-from wbc.core.errors import Array
+from wbc.core.drive.control import Mode
 from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import NonNegative, settings
 from wbc.motion import MotionClip, MotionSource, tracking_settings
 from wbc.sim.trial.falls import BodyLimits, FallSettings
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick

@@ -5,7 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array, InputError, ModelError, shown
+from wbc.base.errors import InputError, ModelError, shown
+from wbc.base.numbers import Array
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.robots.readers.actuators_mjcf import JointActuator, actuators, switched_off

@@ -17,10 +17,11 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Seed
 from wbc.core.robot import checked_configuration
-from wbc.core.settings import Seed
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.robots.readers.actuators_mjcf import damping, dry_friction, rotor_inertia, stiffness

@@ -10,9 +10,10 @@ from typing import Annotated, Protocol
 import mujoco
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, check_parts
-from wbc.core.settings import NonNegative, Positive
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, check_parts
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
 from wbc.sim.loop.mujoco_loop import MujocoLoop
 

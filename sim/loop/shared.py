@@ -10,9 +10,10 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
-from wbc.core.settings import Seed
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import Array, finite_array, finite_scalar
+from wbc.base.settings import Seed
 from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot
 from wbc.feet import foot as foot_by_name

@@ -9,7 +9,8 @@ from collections import deque
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array, InputError, shown
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import Array
 from wbc.core.signals import Command
 from wbc.robots.description import RobotDescription
 

@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError, ModelError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, ModelError
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness

@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, choose
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 
 SCENE_PREFIX = "scene/"

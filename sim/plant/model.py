@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, InputError, ModelError
-from wbc.core.files import read_xml
-from wbc.core.hull import convex_hull
+from wbc.base.errors import InputError, ModelError
+from wbc.base.files import read_xml
+from wbc.base.hull import convex_hull
+from wbc.base.numbers import ROUNDING
 from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription

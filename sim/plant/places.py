@@ -9,8 +9,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.errors import InputError, ModelError, choose, unknown_name
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.conventions import Index, configuration_to_mujoco
-from wbc.core.errors import ROUNDING, Array, InputError, ModelError, choose, unknown_name
 from wbc.core.robot import Robot
 from wbc.robots.readers.actuators_mjcf import switched_off
 

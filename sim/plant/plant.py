@@ -20,11 +20,11 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
+from wbc.base.checked import checked
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import NonNegative, Seed, Triple
 from wbc.core.conventions import velocity_to_mujoco
-from wbc.core.errors import Array, finite_array
 from wbc.core.robot import checked_configuration
-from wbc.core.settings import NonNegative, Seed, Triple
 from wbc.core.signals import Command
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name

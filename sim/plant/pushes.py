@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, finite_array, positive
+from wbc.base.numbers import Array, finite_array, positive
 
 _OVER = 1e-12
 """Remaining time at which a push is over, s."""

@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.base.errors import InputError, MeasurementError, WbcError
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
-from wbc.core.errors import ROUNDING, Array, InputError, MeasurementError, WbcError
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud

@@ -14,9 +14,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, scalar
-from wbc.core.registry import Registry
-from wbc.core.settings import NonNegative, settings
+from wbc.base.numbers import Array, scalar
+from wbc.base.registry import Registry
+from wbc.base.settings import NonNegative, settings
 from wbc.sim.plant.settings import LONGEST_DELAY, whole_steps
 
 

@@ -8,9 +8,10 @@ from typing import Annotated
 import mujoco
 from pydantic import Field
 
-from wbc.core.errors import LONGEST_PERIOD, ROUNDING, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import LONGEST_PERIOD, NonNegative, Positive, settings
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import NonNegative, Positive, settings
 
 SHORTEST_STEP = 1e-6
 """Shortest physics step, s: a hundredth of the reference; a second of simulation then takes minutes."""

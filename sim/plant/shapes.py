@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.feet.soles.common_mjcf import VISUAL_GROUP
 from wbc.robots.derivation.shapes import LinkShape, link_shapes

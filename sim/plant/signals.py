@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import Array, scalar
+from wbc.base.numbers import Array, scalar
 from wbc.core.signals import Measurement
 from wbc.sim.plant.hands import HandSensor
 from wbc.sim.plant.places import RobotPlaces

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from wbc.base.numbers import Array
 from wbc.core.conventions import Index
-from wbc.core.errors import Array
 from wbc.sim.plant.places import RobotPlaces
 
 

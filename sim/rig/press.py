@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array
-from wbc.core.hull import hull_and_area
+from wbc.base.checked import checked
+from wbc.base.hull import hull_and_area
+from wbc.base.numbers import Array
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.rig.rig import MIN_CONTACT_SHARE, FootTest, Rig
 

@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError, ModelError
-from wbc.core.settings import Angle, NonNegative, Number, Positive, settings, to_json
+from wbc.base.errors import InputError, ModelError
+from wbc.base.numbers import Array
+from wbc.base.settings import Angle, NonNegative, Number, Positive, settings, to_json
 from wbc.feet import Foot, FootFit, foot
 from wbc.feet.soles.catalog import foot_name
 from wbc.feet.soles.common_mjcf import quaternion_wxyz

@@ -26,8 +26,8 @@ from typing import Annotated, Any, ClassVar, TypeVar
 import mujoco
 from pydantic import Field
 
-from wbc.core.registry import Registry, call_checked
-from wbc.core.settings import NonNegative, settings
+from wbc.base.registry import Registry, call_checked
+from wbc.base.settings import NonNegative, settings
 from wbc.sim.terrain.families.base import param
 
 Place = Annotated[float, Field(ge=-100.0, le=100.0)]
@@ -114,7 +114,7 @@ _SCENES: Registry[type[Scene]] = Registry("scene")
 
 
 def scene_kind(name: str) -> Callable[[type[_S]], type[_S]]:
-    """Register a class as a scene and make it settings (`wbc.core.settings`).
+    """Register a class as a scene and make it settings (`wbc.base.settings`).
 
     Args:
         name: Name for `make_scene(name, …)` and the command line.

@@ -9,9 +9,9 @@ from typing import Annotated, Literal
 import mujoco
 from pydantic import Field
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
+from wbc.base.settings import NonNegative, Positive
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import NonNegative, Positive
 from wbc.sim.scenes.base import ALONG_X, ALONG_Y, METAL, Place, Scene, Size, scene_kind
 from wbc.sim.terrain.families.base import param
 

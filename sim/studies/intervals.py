@@ -14,9 +14,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.settings import Count, Positive
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import Count, Positive
 
 CONFIDENCE = 0.95
 """Confidence of every interval."""

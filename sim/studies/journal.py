@@ -34,9 +34,9 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import from_json
 
-from wbc.core.errors import InputError, WbcError, shown_path
-from wbc.core.files import decoding
-from wbc.core.settings import to_json
+from wbc.base.errors import InputError, WbcError, shown_path
+from wbc.base.files import decoding
+from wbc.base.settings import to_json
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.trials import AnyTrialSpec, Status, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE

@@ -18,8 +18,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from wbc.core.errors import InputError, choose, unknown_name
-from wbc.core.settings import Count, Seed, from_json, settings, to_json
+from wbc.base.errors import InputError, choose, unknown_name
+from wbc.base.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
 from wbc.sim.studies.provenance import differences
 from wbc.sim.studies.trials import KINDS, AnyTrialSpec, trial_from_json, with_seed

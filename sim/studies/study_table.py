@@ -6,8 +6,8 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from wbc.core.errors import InputError, unknown_name
-from wbc.core.settings import to_json
+from wbc.base.errors import InputError, unknown_name
+from wbc.base.settings import to_json
 from wbc.sim.studies.intervals import (
     CONFIDENCE,
     Estimate,

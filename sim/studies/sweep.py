@@ -21,9 +21,9 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, 
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from wbc.core.checked import checked
-from wbc.core.errors import InputError, WbcError, check_parts
-from wbc.core.settings import Count, Positive, to_json
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, WbcError, check_parts
+from wbc.base.settings import Count, Positive, to_json
 from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.provenance import differences, provenance
 from wbc.sim.studies.trials import AnyTrialSpec, Outcome, run_trial

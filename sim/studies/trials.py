@@ -16,10 +16,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
-from wbc.core.checked import checked
-from wbc.core.errors import InputError
-from wbc.core.registry import Registry
-from wbc.core.settings import Positive, settings, to_json
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.registry import Registry
+from wbc.base.settings import Positive, settings, to_json
 from wbc.sim.balance.push_recovery import largest_recovered
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.loop import TrialHook, TrialTick

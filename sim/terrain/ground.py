@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.sim.terrain.shapes import Box, Shape
 
 FLOOR_GAP = 0.01

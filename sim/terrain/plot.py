@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.core.files import save_figure
+from wbc.base.files import save_figure
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.spec import Terrain, terrain

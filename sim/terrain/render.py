@@ -9,7 +9,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.sim.terrain.ground import HeightField
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
 from wbc.sim.terrain.spec import Terrain

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array
 
 _OUTSIDE = -np.inf
 

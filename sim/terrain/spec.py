@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar, non_negative, positive
-from wbc.core.settings import NonNegative, Positive, Seed, settings
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array, finite_scalar, non_negative, positive
+from wbc.base.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family

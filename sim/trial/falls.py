@@ -12,11 +12,11 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array
+from wbc.base.checked import checked
+from wbc.base.numbers import Array
+from wbc.base.settings import Number, Positive, settings
 from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import Robot
-from wbc.core.settings import Number, Positive, settings
 
 LOWEST_SHARE = 0.7
 """Height of the CoM over that at half-sitting below which a standing robot has fallen. Squats do not go that low."""

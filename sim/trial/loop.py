@@ -28,8 +28,9 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, InputError, MeasurementError, WbcError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, MeasurementError, WbcError
+from wbc.base.numbers import ROUNDING
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.plant.plant import Plant

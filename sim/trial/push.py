@@ -8,8 +8,9 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, InputError
-from wbc.core.settings import Angle, Count, NonNegative, Positive, Share, settings
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import Angle, Count, NonNegative, Positive, Share, settings
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.walking.contact import Event
 

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Self
 
-from wbc.core.control import Mode
-from wbc.core.errors import choose
+from wbc.base.errors import choose
+from wbc.base.settings import Positive, Seed, from_json, settings, to_json
+from wbc.core.drive.control import Mode
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, Seed, from_json, settings, to_json
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import RobotDescription, load
 from wbc.sim.plant.feet import with_feet

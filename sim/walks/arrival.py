@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, finite_array
+from wbc.base.numbers import Array, finite_array
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import Trial, TrialHook
 

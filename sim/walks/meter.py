@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.core.hull import hull_and_area
+from wbc.base.hull import hull_and_area
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.sim.plant.plant import Plant

@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, InputError
-from wbc.core.settings import Angle, Count, Number, settings
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import Angle, Count, Number, settings
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.loop import Trial, TrialHook

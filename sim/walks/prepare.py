@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.robots import load

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from wbc.core.registry import Registry
+from wbc.base.registry import Registry
 
 FAST_LANDING = {"apex": 0.5, "landing_height": 0.0, "landing_speed": 0.05}
 """Swing of mc_rtc: the highest point in the middle, no slow part before the landing."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from wbc.core.settings import to_json
+from wbc.base.settings import to_json
 from wbc.sim.trial.spec import TrialResult
 from wbc.sim.walks.spec import WalkSpec
 

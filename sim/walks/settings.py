@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import field, replace
 from typing import Literal
 
-from wbc.core.changes import Changes, changed, normal_changes
-from wbc.core.control import Mode
-from wbc.core.errors import InputError, choose
+from wbc.base.changes import Changes, changed, normal_changes
+from wbc.base.errors import InputError, choose
+from wbc.base.settings import settings
+from wbc.core.drive.control import Mode
 from wbc.core.estimation.observer import ObserverSettings
-from wbc.core.settings import settings
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.ground.known import GroundSettings
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors

@@ -10,11 +10,12 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import PlainValidator
 
-from wbc.core.changes import Changes, as_changes, changed, normal_changes
-from wbc.core.control import Mode
-from wbc.core.errors import InputError, shown, whole_number
-from wbc.core.files import check_hash, file_hash
-from wbc.core.settings import Angle, NonNegative, Number, Seed, settings
+from wbc.base.changes import Changes, as_changes, changed, normal_changes
+from wbc.base.errors import InputError, shown
+from wbc.base.files import check_hash, file_hash
+from wbc.base.numbers import whole_number
+from wbc.base.settings import Angle, NonNegative, Number, Seed, settings
+from wbc.core.drive.control import Mode
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load

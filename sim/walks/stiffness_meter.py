@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import SIDES
 from wbc.feet.sensing.scan import Profile
 from wbc.sim.plant.plant import Plant

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.changes import Changes, as_changes
-from wbc.core.errors import InputError, choose, finite_scalar
-from wbc.core.files import check_hash, file_hash
+from wbc.base.changes import Changes, as_changes
+from wbc.base.errors import InputError, choose
+from wbc.base.files import check_hash, file_hash
+from wbc.base.numbers import finite_scalar
 from wbc.feet import Foot
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.feet.stiffness.model import DEFAULT_MODEL

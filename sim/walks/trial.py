@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import InputError, UnknownNameError, choose
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, UnknownNameError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor

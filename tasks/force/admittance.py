@@ -7,8 +7,8 @@ from typing import Unpack
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array
+from wbc.base.checked import checked
+from wbc.base.numbers import Array
 from wbc.core.qp.motion import read_only
 from wbc.tasks.force.compliance import ComplianceOptions, ComplianceTask, six
 

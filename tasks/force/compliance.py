@@ -22,13 +22,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, MeasurementError
+from wbc.base.numbers import Array, finite_array, positive
+from wbc.base.settings import NonNegative
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.motion import read_only
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative
 from wbc.core.signals import Measurement
 from wbc.tasks.motion.frame import FrameTask
 

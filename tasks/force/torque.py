@@ -7,7 +7,7 @@ from typing import Unpack
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import TaskOptions
 from wbc.tasks.motion.joints import JointTask, JointValues

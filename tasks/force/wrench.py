@@ -8,7 +8,8 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, unknown_name
+from wbc.base.errors import InputError, unknown_name
+from wbc.base.numbers import Array
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.problem import Problem

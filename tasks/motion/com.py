@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.qp.axes import POSITION_AXES
 from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot

@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import ROUNDING, Array, InputError, finite_array
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array, finite_array
 from wbc.core.qp.axes import ROTATION_AXES, other_columns
 from wbc.core.qp.motion import read_only
 from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn

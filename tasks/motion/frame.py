@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
 from wbc.core.qp.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
 from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.core.qp.axes import distinct_joints, joint_columns
 from wbc.core.qp.motion import read_only
 from wbc.core.qp.task import GainOptions, Task, TaskOptions

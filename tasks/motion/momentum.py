@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import SLOW, MotionOptions, Task, evaluated

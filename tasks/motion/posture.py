@@ -8,7 +8,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, non_negative
+from wbc.base.numbers import Array, non_negative
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import GainOptions
 from wbc.core.robot import Robot

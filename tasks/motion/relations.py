@@ -9,13 +9,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array, finite_scalar
+from wbc.base.settings import NonNegative, Number
 from wbc.core.qp.axes import joint_columns
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import GainOptions, Task
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative, Number
 
 NEAREST = 1e-3
 """Least distance that the distance task divides by, m."""

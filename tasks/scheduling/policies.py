@@ -11,9 +11,10 @@ from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_scalar, shown
-from wbc.core.registry import Registry, call_checked
-from wbc.core.settings import NonNegative, settings
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import Array, finite_scalar
+from wbc.base.registry import Registry, call_checked
+from wbc.base.settings import NonNegative, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, roughness
 from wbc.feet.sensing.scan import Profile, ScanSettings
 from wbc.feet.stiffness.model import StiffnessModel, default_model

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from wbc.core.errors import InputError
-from wbc.core.settings import Count, NonNegative, Positive, Share, settings
+from wbc.base.errors import InputError
+from wbc.base.settings import Count, NonNegative, Positive, Share, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES
 from wbc.feet.sensing.scan import Profile, ScanSettings
 from wbc.tasks.scheduling.policies import StiffnessDecision

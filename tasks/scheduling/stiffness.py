@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError, choose
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.robot import SIDES, Robot
 from wbc.core.signals import Measurement
 from wbc.feet.sensing.scan import GroundScan, Profile

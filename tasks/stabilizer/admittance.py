@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair
 
 HEIGHT_LEAK = 1.0

@@ -22,8 +22,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array
-from wbc.core.settings import NonNegative, settings
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, settings
 
 Limit = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
 """A number of at least zero, or infinity."""

@@ -24,12 +24,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive, settings
+from wbc.base.vectors import largest
 from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
-from wbc.core.settings import NonNegative, Positive, settings
-from wbc.core.vectors import largest
 
 ROWS = 17
 """Inequalities of a foot: 16 of its wrench cone, then its normal force."""

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.filters import Average, HighPass
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair

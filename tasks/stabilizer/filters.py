@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.core.errors import Array, non_negative
-from wbc.core.lag import LagGain
+from wbc.base.lag import LagGain
+from wbc.base.numbers import Array, non_negative
 
 
 class LowPass:

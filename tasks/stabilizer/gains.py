@@ -6,8 +6,8 @@ import logging
 from dataclasses import replace
 from typing import Annotated
 
+from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.robot import force_scale
-from wbc.core.settings import NonNegative, Positive, settings
 
 logger = logging.getLogger(__name__)
 

@@ -20,9 +20,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, settings
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import Positive, settings
 
 DEAD_BAND = 0.002
 """Missing moment that causes no lean, over m g h."""

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.core.errors import Array, finite_array, positive
+from wbc.base.numbers import Array, finite_array, positive
 from wbc.core.robot import GRAVITY
 
 

@@ -21,13 +21,14 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.motion import read_only
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative
 from wbc.core.signals import Measurement
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMTask

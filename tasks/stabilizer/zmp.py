@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, WbcError
-from wbc.core.vectors import add_cross, turned_all
+from wbc.base.errors import WbcError
+from wbc.base.numbers import Array
+from wbc.base.vectors import add_cross, turned_all
 
 MIN_FORCE = 1.0
 """Normal force below which a wrench has no meaningful point, N (mc_rtc's `MIN_NET_TOTAL_FORCE_ZMP`).

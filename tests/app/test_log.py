@@ -21,7 +21,7 @@ from wbc.app.log import reader
 from wbc.app.log.header import FORMAT, KEY, encode
 from wbc.app.log.reader import Log
 from wbc.app.log.writer import ROWS, LogWriter
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from recorded import recorded_stand
 
 import wbc
 from wbc.app import Log, MeshcatView, Recorder, Replay
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.sim import MujocoLoop, make_scene
 
 matplotlib.use("Agg")

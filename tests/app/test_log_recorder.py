@@ -16,9 +16,9 @@ from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.log.signals import Tick
 from wbc.app.plot.figures import draw
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
+from wbc.base.settings import from_json
 from wbc.core.qp.solution import Solution
-from wbc.core.settings import from_json
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot
 from wbc.sim.terrain.spec import terrain

@@ -25,7 +25,7 @@ from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
 from wbc.app.plot.style import mark_events, new_figure
 from wbc.app.replay.replay import Replay
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.tasks import Behaviour, Program, StateMachine, after
 from wbc.tasks.balance import balance_controller
 from wbc.walking.plans.footsteps import Footstep

@@ -16,7 +16,7 @@ from wbc.app.log.signals import Signals
 from wbc.app.log.stances import sole_sizes
 from wbc.app.log.writer import LogWriter
 from wbc.app.repeat import first_difference, interventions_of, recorded_walk
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.robots import load
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.loop import Trial

@@ -22,8 +22,8 @@ from wbc.app.cli import main
 from wbc.app.drift import Drift
 from wbc.app.replay.film import RenderError, add_marks, renderer
 from wbc.app.view.marks import Mark, stiffness_colour
-from wbc.core.errors import InputError
-from wbc.core.files import FileError
+from wbc.base.errors import InputError
+from wbc.base.files import FileError
 
 SIZE = (96, 72)
 

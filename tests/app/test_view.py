@@ -28,8 +28,8 @@ from wbc.app.view.marks import DCM_COLOUR, LIFT, Mark, Picture, css, mark_mesh, 
 from wbc.app.view.meshes import PLANE_DEPTH, SHOWN_GROUPS, body_meshes, geom_mesh
 from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.app.view.walk_marks import drift_of
-from wbc.core.errors import InputError
-from wbc.core.hull import convex_hull
+from wbc.base.errors import InputError
+from wbc.base.hull import convex_hull
 from wbc.core.robot import GRAVITY
 from wbc.sim import MujocoLoop
 from wbc.sim.plant.model import drawing_model

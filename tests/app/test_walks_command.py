@@ -14,7 +14,7 @@ import pytest
 
 from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.app.commands import walk as walk_command
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.sim import WalkSpec
 
 

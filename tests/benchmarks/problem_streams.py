@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import linprog
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact

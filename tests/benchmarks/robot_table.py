@@ -16,7 +16,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from wbc.core.errors import WbcError
+from wbc.base.errors import WbcError
 from wbc.robots import RobotDescription, load, register
 from wbc.sim import WalkPlan, WalkSpec, stand, walk
 

@@ -21,11 +21,11 @@ import qpsolvers
 from problem_streams import ProblemStream, least_violation
 
 from wbc.app.output import quiet
+from wbc.base.settings import Count, Seed, Share, settings, to_json
 from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
-from wbc.core.settings import Count, Seed, Share, settings, to_json
 from wbc.robots import load, names
 
 SLOW = 5e-3

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import mujoco
 from walk_profile import profile_walk
 
-from wbc.core.settings import Count, Positive, Seed, settings, to_json
+from wbc.base.settings import Count, Positive, Seed, settings, to_json
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.base.errors import InputError, ModelError, UnknownNameError
 from wbc.core.limits.shapes import CollisionSphere
 from wbc.core.robot import Robot
 from wbc.robots import load

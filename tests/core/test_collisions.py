@@ -10,7 +10,8 @@ import pinocchio as pin
 import pytest
 
 import wbc
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
 from wbc.tasks import check_rows

@@ -14,7 +14,8 @@ from properties import by_default
 from scipy.optimize import nnls
 from task_factory import ROBOTS, integrate, left_hand, make_robot, standing
 
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.qp.contact import (
     Contact,
     FixedContact,

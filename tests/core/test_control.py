@@ -10,11 +10,11 @@ import pytest
 from at_rest import at_rest
 from task_factory import near_half_sitting, standing
 
-from wbc.core.control import FailurePolicy
+from wbc.base.errors import UnknownNameError
+from wbc.core.drive.control import FailurePolicy
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import UnknownNameError
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller

@@ -11,7 +11,7 @@ import pytest
 from faults import silence
 
 import wbc
-from wbc.core.control import SafetySettings
+from wbc.core.drive.control import SafetySettings
 from wbc.core.estimation.falls import LASTING, SLOPE, FallDetector, FallReason
 from wbc.sim import Plant
 from wbc.sim.trial.falls import TrueFallDetector

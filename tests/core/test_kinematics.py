@@ -14,7 +14,8 @@ from properties import examples
 from task_factory import MOTION_TASKS, ROBOTS, left_hand, near_half_sitting, right_hand
 
 import wbc
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.limits.joint import stopping_velocity
 from wbc.core.qp.solver import Status
 from wbc.core.qp.task import evaluated

@@ -9,7 +9,7 @@ import pytest
 from properties import by_default
 from task_factory import ROBOTS, integrate, make_robot, standing
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.limits.joint import BrakingLaw, JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact

@@ -17,7 +17,8 @@ from task_factory import (
     right_hand,
 )
 
-from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
+from wbc.base.numbers import Array
 from wbc.core.limits.base import Limit
 from wbc.core.limits.collision import CollisionLimit, srdf_pairs
 from wbc.core.limits.com_polygon import CoMPolygonLimit

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 from at_rest import at_rest
 
-from wbc.core.errors import MeasurementError
+from wbc.base.errors import MeasurementError
 from wbc.core.estimation.consistency import FROZEN_AFTER, AccelerometerCheck, ConsistencyMonitor
 from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.robot import GRAVITY

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from properties import by_default, examples
 from task_factory import ROBOTS, make_robot, near_half_sitting, random_state
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact, SoleContact
 from wbc.core.qp.controller import Controller

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from problem_streams import ProblemStream, least_violation
 
-from wbc.core.errors import UnknownNameError
+from wbc.base.errors import UnknownNameError
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status, solver_names

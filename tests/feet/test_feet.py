@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from properties import examples
 from scipy.spatial.transform import Rotation
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.feet import RangeSensor, SoftFoot, StiffnessActuator, foot
 from wbc.feet.sensing.range_sensor import RangeSampler
 from wbc.feet.soles.sole import SoleGeometry, bar_inertia

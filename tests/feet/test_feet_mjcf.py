@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.feet import Foot, FootParts, StiffnessActuator, foot
 from wbc.feet.soles.common_mjcf import RANGE_OFFSET
 from wbc.feet.soles.contact import LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw, solver_parameters

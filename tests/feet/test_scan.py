@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from properties import examples
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.feet import foot
 from wbc.feet.sensing.scan import PROFILE_STEP, GroundScan, ScanSettings, resample
 from wbc.feet.soles.soft import toe_sensor

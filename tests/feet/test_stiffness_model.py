@@ -11,7 +11,7 @@ from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.feet import StiffnessModel, roughness
 from wbc.feet.sensing.roughness import PARAMETERS
 from wbc.feet.sensing.scan import PROFILE_STEP

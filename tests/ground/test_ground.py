@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.ground import HeightMap, KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.ground.footprint import Footprint, FootprintSettings

@@ -18,6 +18,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = {
+    "wbc.base": ROOT / "wbc" / "base",
     "wbc.core": ROOT / "wbc" / "core",
     "wbc.robots": ROOT / "robots",
     "wbc.feet": ROOT / "feet",
@@ -158,7 +159,7 @@ def test_a_controller_needs_no_simulator() -> None:
     """Importing everything below the simulator and solving a tick loads no MuJoCo: a real robot has none."""
     program = """
 import importlib, pkgutil, sys, wbc
-for name in ("core", "robots", "feet", "tasks", "walking", "machine"):
+for name in ("base", "core", "robots", "feet", "tasks", "walking", "machine"):
     package = importlib.import_module(f"wbc.{name}")
     for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
         if not module.name.endswith("_mjcf"):

@@ -23,10 +23,10 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ArgsKwargs
 
 import wbc
-from wbc.core.checked import hints_of
-from wbc.core.errors import InputError
+from wbc.base.checked import hints_of
+from wbc.base.errors import InputError
+from wbc.base.settings import Numbers
 from wbc.core.robot import Robot
-from wbc.core.settings import Numbers
 from wbc.robots import RobotDescription
 
 ROOMS = ("app", "core", "feet", "ground", "machine", "motion", "robots", "sim", "tasks", "walking")

@@ -22,7 +22,7 @@ from machine_process import Process
 
 import wbc
 from wbc import Command, Measurement
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.ground import PointCloud
 from wbc.machine import Driver, Runner, RunSettings
 from wbc.machine.clock import ask_priority

@@ -15,7 +15,7 @@ import pytest
 
 import wbc
 from wbc import Command, Measurement
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.machine import UdpDriver, UdpRobot, udp
 from wbc.machine.udp import COMMAND, DAMP, HELLO, MEASUREMENT, End
 from wbc.sim import MujocoLoop, Plant, RobotServer

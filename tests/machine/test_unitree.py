@@ -18,7 +18,7 @@ from unitree_robot import UnitreeRobot
 
 import wbc
 from wbc import Command, Measurement
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.machine import Runner, RunSettings, UnitreeDriver
 from wbc.machine.report import Phase
 from wbc.machine.unitree import DdsError, driver

@@ -13,7 +13,7 @@ from made_motions import MOTIONS, make_motion
 
 from wbc import load_robot
 from wbc.app.cli import main
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion

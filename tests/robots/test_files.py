@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from mjcf_biped import biped
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.robots import files, load, registry
 
 SOLE = {"link": "left_foot", "translation": [0.03, 0.0, -0.07], "length": 0.2, "width": 0.1}

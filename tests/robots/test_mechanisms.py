@@ -13,8 +13,8 @@ from mjcf_biped import biped
 from mujoco_dynamics import assert_same_dynamics
 
 import wbc
+from wbc.base.errors import InputError, ModelError
 from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
-from wbc.core.errors import InputError, ModelError
 from wbc.core.robot import GRAVITY, Coupling
 from wbc.robots import RobotDescription
 from wbc.tasks import MomentumTask, check_rows

@@ -11,8 +11,8 @@ import pinocchio as pin
 import pytest
 from mujoco_dynamics import assert_same_dynamics
 
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.core import conventions
-from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load, names, register, registry

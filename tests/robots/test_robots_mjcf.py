@@ -12,7 +12,7 @@ from mjcf_biped import CAPSULES, MOTORS, biped
 from mujoco_dynamics import assert_same_dynamics
 
 from wbc import TorqueControl, balance_controller
-from wbc.core.errors import ModelError, UnknownNameError
+from wbc.base.errors import ModelError, UnknownNameError
 from wbc.robots import RobotDescription
 from wbc.robots.derivation.shapes import link_shapes
 from wbc.robots.readers.tree_mjcf import placement_of

@@ -14,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.base.errors import InputError, ModelError, UnknownNameError
+from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.robot import Robot
-from wbc.core.servos import ANKLE_SHARE
 from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
 from wbc.robots.frames import FrameDescription

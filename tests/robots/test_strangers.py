@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wbc import Plant, RobotDescription
-from wbc.core.errors import InputError, ModelError
+from wbc.base.errors import InputError, ModelError
 from wbc.robots import files
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import wbc
-from wbc.core.errors import InputError, ModelError
+from wbc.base.errors import InputError, ModelError
 from wbc.tasks import check_rows
 
 QUADRUPED = """<mujoco><worldbody><body name="trunk" pos="0 0 0.3"><freejoint/><geom size=".2 .1 .05" type="box"/>

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from wbc.core.control import Mode
+from wbc.core.drive.control import Mode
 from wbc.sim import WalkPlan, WalkSpec, WalkTrial, walk
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.arrival import GOAL_DISTANCE, GOAL_TURN, Arrival

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wbc import Plant
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.feet import foot
 from wbc.robots import load
 from wbc.sim import DepthCamera, FootTest, SharedPlant, WalkPlan, WalkPush, WalkSpec, make_scene, stand, walk

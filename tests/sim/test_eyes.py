@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.robots import load

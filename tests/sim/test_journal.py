@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.sim import WalkSpec
 from wbc.sim.studies.journal import (
     Entry,

@@ -12,7 +12,7 @@ from foreign import KINDS, foreign_model
 
 import wbc
 from wbc import Command
-from wbc.core.errors import InputError, MeasurementError, ModelError, UnknownNameError
+from wbc.base.errors import InputError, MeasurementError, ModelError, UnknownNameError
 from wbc.sim import MujocoLoop, PhysicsSettings, Plant
 
 DESCRIPTION = wbc.load_robot("hrp4_class")

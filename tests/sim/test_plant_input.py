@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from wbc.base.errors import InputError, MeasurementError
 from wbc.core.drive.position import PositionControl
-from wbc.core.errors import InputError, MeasurementError
 from wbc.core.signals import Command
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot

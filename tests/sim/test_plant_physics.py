@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from properties import by_default
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.signals import Command
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot

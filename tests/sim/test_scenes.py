@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 
 import wbc
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, make_scene

@@ -12,10 +12,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.control import Mode
+from wbc.base.errors import InputError
+from wbc.core.drive.control import Mode
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError
 from wbc.core.robot import Robot
 from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot

@@ -20,7 +20,7 @@ import pytest
 from processes import alive
 from sweep_trials import MadeUpTrial
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.sim.studies.intervals import holm, mean_interval, rate_interval, share_interval, sign_flip_p
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.sim.terrain.spec import terrain
 
 

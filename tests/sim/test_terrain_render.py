@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain

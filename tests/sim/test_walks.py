@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from wbc.core.control import Mode
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
+from wbc.core.drive.control import Mode
 from wbc.core.estimation.falls import FallReason
 from wbc.sim.plant.settings import Machine
 from wbc.sim.trial.loop import StageError, TrialHook, TrialTick

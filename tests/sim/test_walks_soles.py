@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult

@@ -12,10 +12,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from wbc.base.errors import MeasurementError
+from wbc.base.numbers import Array
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import Array, MeasurementError
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.signals import Command, Measurement

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.ndimage import convolve1d
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.core.trajectories import minimum_jerk
 from wbc.motion.clip import MotionClip

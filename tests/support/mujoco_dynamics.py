@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.numbers import Array
 from wbc.core import conventions
 from wbc.core.conventions import Index, rotation_of, velocity_from_mujoco, velocity_to_mujoco
-from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from pendulum import com_after
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait

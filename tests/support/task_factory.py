@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task, evaluated

@@ -12,9 +12,9 @@ import pytest
 from at_rest import at_rest
 from task_factory import left_hand, standing
 
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.limits.torque import TorqueLimits
 from wbc.tasks import (
     Behaviour,

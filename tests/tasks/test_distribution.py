@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.distribution import (
     DistributionSettings,

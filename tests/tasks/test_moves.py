@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from properties import examples
 from task_factory import arm, left_hand, right_hand, standing
 
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.move import DirectionCoordinates, Move, least_turn
 from wbc.core.robot import Robot

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.tasks.stabilizer.pendulum import Pendulum, dcm, natural_frequency
 from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
 

@@ -11,7 +11,7 @@ from properties import by_default
 from task_factory import left_hand, right_hand
 
 import wbc
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.core.qp.task import evaluated
 from wbc.core.robot import Robot
 from wbc.tasks import DistanceTask, JointCouplingTask, LowAccelerationTask, ManipulabilityTask, check_rows

@@ -11,7 +11,7 @@ import pytest
 from properties import by_default
 
 import wbc
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.tasks.stabilizer.gains import StabilizerGains

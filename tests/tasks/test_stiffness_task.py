@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
 from properties import examples
 
-from wbc.core.errors import WbcError
+from wbc.base.errors import WbcError
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
 from wbc.feet import StiffnessActuator

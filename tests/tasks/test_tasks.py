@@ -19,7 +19,8 @@ from task_factory import (
     standing,
 )
 
-from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
+from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot

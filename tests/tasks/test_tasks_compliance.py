@@ -11,7 +11,8 @@ import pinocchio as pin
 import pytest
 from task_factory import integrate, left_hand, make_robot, near_half_sitting
 
-from wbc.core.errors import Array, MeasurementError
+from wbc.base.errors import MeasurementError
+from wbc.base.numbers import Array
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot, Sole

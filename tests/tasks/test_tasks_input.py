@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 from task_factory import make_robot
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits

@@ -10,7 +10,7 @@ import pytest
 from properties import by_default
 from task_factory import ROBOTS, left_hand, make_robot, near_half_sitting, right_hand, standing
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.limits.collision import CollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits

@@ -8,7 +8,7 @@ import pytest
 from properties import by_default
 from task_factory import ROBOTS, arm, left_hand, near_half_sitting, standing
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from wbc import load_robot
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import minimum_jerk
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.sim import WalkPlan, WalkSpec

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity

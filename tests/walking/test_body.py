@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from wbc import load_robot
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.sim import Plant
 from wbc.sim.trial.falls import TrueFallDetector

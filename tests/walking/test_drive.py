@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pendulum import BY_TIME
 
-from wbc.core.settings import from_json, to_json
+from wbc.base.settings import from_json, to_json
 from wbc.robots import load
 from wbc.walking import FootstepPlan, Gait, StepGait, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase

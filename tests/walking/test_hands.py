@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.robots import load

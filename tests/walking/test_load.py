@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.core.control import Mode
+from wbc.core.drive.control import Mode
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.robot import GRAVITY
 from wbc.robots import load as load_robot

@@ -11,7 +11,7 @@ import pytest
 from pendulum import analytic_pattern
 from scipy.spatial import ConvexHull
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.qp.solver import Status
 from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum

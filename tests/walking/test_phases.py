@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pendulum import BY_TIME
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.lipm.phases import PhaseSettings, WalkPhases
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan

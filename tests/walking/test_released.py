@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.walking import FootstepPlan, SteppingControl, WalkingControl, WalkingControlSettings
 
 G1 = wbc.load_robot("g1")

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from point_mass import PointMass
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.ground import KnownGround
 from wbc.ground.cloud import ElevationMap
 from wbc.ground.footprint import FootprintSettings

@@ -13,7 +13,7 @@ import wbc
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.view.stage import SimulatedStage
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.robots import load
 from wbc.walking import Reference, StandSource, State, WalkingControl
 from wbc.walking.contact import GaitPhase

@@ -15,13 +15,13 @@ import pinocchio as pin
 from pydantic import Field
 
 from wbc._version import __version__
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
+from wbc.base.settings import Count, Positive, settings, to_json
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
-from wbc.core.settings import Count, Positive, settings, to_json
 from wbc.robots import load
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask

@@ -14,7 +14,7 @@ from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 from wbc._version import __version__
 from wbc.app.commands import COMMANDS, GROUPS, summary
-from wbc.core.errors import InputError, WbcError, printable
+from wbc.base.errors import InputError, WbcError, printable
 
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: ran (whatever the result), failed, input that cannot be used, stopped by Ctrl-C."""

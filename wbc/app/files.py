@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from wbc.core.errors import InputError
-from wbc.core.files import check_writable, read_json, same_file
+from wbc.base.errors import InputError
+from wbc.base.files import check_writable, read_json, same_file
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 

@@ -12,8 +12,8 @@ from pydantic import Field
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from wbc.app.output import progress_console
-from wbc.core.errors import InputError
-from wbc.core.settings import settings
+from wbc.base.errors import InputError
+from wbc.base.settings import settings
 from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from typing import Any, ParamSpec
 from rich.console import Console
 
 from wbc.app.arguments import with_options
-from wbc.core.errors import WbcError, printable
-from wbc.core.settings import settings
+from wbc.base.errors import WbcError, printable
+from wbc.base.settings import settings
 
 P = ParamSpec("P")
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from wbc.app.log.reader import Log
 from wbc.app.view.controls import LiveControls
-from wbc.core.errors import InputError, shown
-from wbc.core.files import check_hash, parsing
+from wbc.base.errors import InputError, shown
+from wbc.base.files import check_hash, parsing
 from wbc.robots import load
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.spec import SOURCE, WalkSpec

@@ -33,7 +33,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 
 Index = NDArray[np.intp]
 """Indices of joints in an array."""

@@ -15,19 +15,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.checked import checked
-from wbc.core.errors import (
-    Array,
-    InputError,
-    ModelError,
-    finite_array,
-    finite_scalar,
-    scalar,
-    shown,
-    unknown_name,
-)
-from wbc.core.servos import Servos
-from wbc.core.settings import NonNegative, Positive, Triple, settings
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, ModelError, shown, unknown_name
+from wbc.base.numbers import Array, finite_array, finite_scalar, scalar
+from wbc.base.settings import NonNegative, Positive, Triple, settings
+from wbc.core.drive.servos import Servos
 
 GRAVITY = 9.80665
 """Standard gravity, m/s² (ISO 80000-3); Pinocchio and MuJoCo models are both set to it."""

@@ -9,7 +9,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import Array, InputError, MeasurementError
+from wbc.base.errors import InputError, MeasurementError
+from wbc.base.numbers import Array
 
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
 """Origin of the wrenches on the soles."""

@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.settings import Positive
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import Positive
 
 ValueT = TypeVar("ValueT", float, Array)
 

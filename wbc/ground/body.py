@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.limits.shapes import CollisionSphere, RoundShape
 from wbc.core.robot import Robot
 

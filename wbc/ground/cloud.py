@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, shown
-from wbc.core.settings import Number, Positive
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import Array
+from wbc.base.settings import Number, Positive
 
 WORLD = "world"
 """Frame of clouds and maps that are in the frame of the robot's estimate."""

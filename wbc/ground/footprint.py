@@ -14,8 +14,8 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from wbc.core.errors import Array
-from wbc.core.settings import NonNegative, Share, settings
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Share, settings
 from wbc.ground.height_map import Places
 
 NODE = (0.02, 0.012)

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from wbc.core.errors import Array
-from wbc.core.settings import Count, NonNegative, Positive, settings
+from wbc.base.numbers import Array
+from wbc.base.settings import Count, NonNegative, Positive, settings
 
 Places = NDArray[np.complex128]
 """Places x + iy in the world, m."""

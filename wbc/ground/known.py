@@ -20,11 +20,12 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError, shown
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.limits.shapes import RoundShape
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground.body import OwnBody
 from wbc.ground.cloud import WORLD, ElevationMap, PointCloud
 from wbc.ground.footprint import Cost, Footprint, FootprintSettings, Support

@@ -18,7 +18,7 @@ import tempfile
 import time
 from typing import Any
 
-from wbc.core.processes import child_command
+from wbc.base.processes import child_command
 from wbc.machine.clock import ask_priority, keep_timers_sharp
 from wbc.machine.loop import Driver, MachineError
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.wrenches import WrenchEstimator
-from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, GRAVITY
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription

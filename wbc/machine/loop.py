@@ -9,10 +9,11 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.control import DriveControl
-from wbc.core.errors import Array, InputError, WbcError, shown
-from wbc.core.settings import Period
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, WbcError, shown
+from wbc.base.numbers import Array
+from wbc.base.settings import Period
+from wbc.core.drive.control import DriveControl
 from wbc.core.signals import Command, Control, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription

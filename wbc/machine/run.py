@@ -16,15 +16,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from wbc.core.checked import checked
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, check_parts
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import ROUNDING, InputError, check_parts
 from wbc.core.estimation.consistency import REAL_TIME
 from wbc.core.estimation.falls import FallDetector
 from wbc.core.robot import BASE_DOF, GRAVITY
-from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Control, Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.numbers import Array
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Control, Measurement
 from wbc.core.trajectories import minimum_jerk

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.core.trajectories import minimum_jerk

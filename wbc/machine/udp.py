@@ -46,8 +46,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import Driver, MachineError, with_gains
 from wbc.robots import RobotDescription

@@ -12,9 +12,10 @@ from pydantic import Field
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from wbc.core.checked import checked
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import Array, finite_array
 from wbc.core.conventions import rotation_of
-from wbc.core.errors import Array, InputError, finite_array, shown
 from wbc.core.robot import Robot
 
 UPRIGHT = 0.5

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.robot import Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.kinematics import BodyMotion

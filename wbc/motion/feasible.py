@@ -23,10 +23,11 @@ from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, Share
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
-from wbc.core.settings import Positive, Share
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import on_ground
 from wbc.motion.footsteps import BLEND, footsteps

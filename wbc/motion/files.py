@@ -14,10 +14,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError
-from wbc.core.files import decoding, parsing, read_text, replacing
-from wbc.core.settings import Positive
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.files import decoding, parsing, read_text, replacing
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive
 from wbc.motion.clip import BASE_COLUMNS, MotionClip
 
 LARGEST = 500_000_000

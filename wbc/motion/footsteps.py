@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.motion.contacts import runs
 from wbc.motion.kinematics import BodyMotion, Soles, corners_of

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.joint import JointLimits
 from wbc.core.robot import Robot

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.ndimage import gaussian_filter1d
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 

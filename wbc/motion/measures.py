@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array
-from wbc.core.hull import convex_hull
+from wbc.base.checked import checked
+from wbc.base.hull import convex_hull
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Positive, Share
 from wbc.core.robot import BASE_DOF, Robot
-from wbc.core.settings import Positive, Share
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import on_ground
 from wbc.motion.kinematics import BodyMotion

@@ -26,11 +26,12 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from wbc.core.checked import checked
-from wbc.core.control import State
-from wbc.core.errors import ROUNDING, Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Period
+from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.settings import Period
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of

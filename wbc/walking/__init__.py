@@ -9,7 +9,7 @@ walking_control    the control with both laws
 body, hands, load, falls
 """
 
-from wbc.core.control import State
+from wbc.core.drive.control import State
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.load import LoadSettings

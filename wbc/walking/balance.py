@@ -15,8 +15,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wbc.core.control import FEET_AS_PLANNED, FEET_STEP, DriveControl, State
-from wbc.core.errors import Array, InputError, scalar
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, scalar
+from wbc.core.drive.control import FEET_AS_PLANNED, FEET_STEP, DriveControl, State
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.tasks.stabilizer.pendulum import natural_frequency

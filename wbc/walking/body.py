@@ -14,7 +14,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.contact import SoleContact

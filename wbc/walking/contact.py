@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import enum
 
-from wbc.core.errors import ROUNDING
+from wbc.base.numbers import ROUNDING
 
 
 class GaitPhase(enum.Enum):

@@ -1,11 +1,11 @@
 """The tick of every robot that follows a source of references: a measurement in, a command out.
 
-    state = control.estimate(measurement)              plausibility, observer                  `wbc.core.control`
+    state = control.estimate(measurement)              plausibility, observer                  `wbc.core.drive.control`
     state = balance.correct(state)                     bias of the DCM, load in the hands      `wbc.walking.balance`
     reference = source.update(state)                   pendulum, feet, contacts                `wbc.walking.source`
     reference = balance.update(reference, state)       desired wrenches, admittances, lean     `wbc.walking.balance`
     tasks.follow(reference, lean)                      targets of tasks and contacts           `wbc.walking.tasks`
-    command = control.act(state, balance.wrenches)     QP, drive, gate                         `wbc.core.control`
+    command = control.act(state, balance.wrenches)     QP, drive, gate                         `wbc.core.drive.control`
 
 Source, tasks and balance are a law's (`Law`): the tick asks for no kind of walk.
 """
@@ -18,18 +18,18 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.control import Mode, SafetySettings, State
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, names_in
+from wbc.base.settings import Angle, Number
+from wbc.core.drive.control import Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError, names_in
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
-from wbc.core.settings import Angle, Number
 from wbc.core.signals import Command, Measurement
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap

@@ -22,12 +22,13 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, settings
 from wbc.core.estimation.outside import OutsideWrench, moment_about
-from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.settings import Positive, settings
 
 SETTLING = 0.5
 """Time after a change of the load until the robot has settled with it, s."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
-from wbc.core.control import Mode, SafetySettings
+from wbc.base.settings import Positive, settings
+from wbc.core.drive.control import Mode, SafetySettings
 from wbc.core.qp.solver import SolverSettings
-from wbc.core.settings import Positive, settings
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains

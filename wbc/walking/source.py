@@ -15,9 +15,10 @@ from typing import NamedTuple
 
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.control import State
-from wbc.core.errors import Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.core.drive.control import State
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum

@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Quintic
-from wbc.core.vectors import Vector
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import SwingShape
 

@@ -9,14 +9,14 @@ from typing import Annotated, Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, settings
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import GainOptions
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, settings
 from wbc.tasks.balance import BodyGains
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask

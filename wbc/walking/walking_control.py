@@ -16,14 +16,14 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Annotated, Literal
 
-from wbc.core.checked import checked
-from wbc.core.control import State
-from wbc.core.errors import InputError, choose, shown
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose, shown
+from wbc.base.settings import Angle, NonNegative, Number, Period
+from wbc.core.drive.control import State
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
-from wbc.core.settings import Angle, NonNegative, Number, Period
 from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator

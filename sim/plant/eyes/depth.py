@@ -11,10 +11,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.base.settings import Angle, NonNegative, Positive, Share, settings
 from wbc.core.robot import Robot
-from wbc.core.settings import Angle, NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.plant.hands import SCENE_PREFIX

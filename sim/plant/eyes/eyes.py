@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, InputError, shown
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import ROUNDING
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.plant.eyes.depth import DepthCamera, DepthView

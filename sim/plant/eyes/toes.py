@@ -7,8 +7,8 @@ from typing import Annotated
 import mujoco
 import numpy as np
 
-from wbc.core.errors import Array
-from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.terrain.render import TERRAIN_GROUP

@@ -30,9 +30,10 @@ from typing import Annotated, Any, ClassVar, TypeVar, dataclass_transform
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import ROUNDING, Array, InputError, shown
-from wbc.core.registry import Registry, call_checked
-from wbc.core.settings import settings
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.registry import Registry, call_checked
+from wbc.base.settings import settings
 from wbc.sim.terrain.families.site import Site, cells
 from wbc.sim.terrain.ground import HeightField
 from wbc.sim.terrain.shapes import Shape
@@ -243,7 +244,7 @@ _F = TypeVar("_F", bound=Family)
 
 @dataclass_transform(frozen_default=True, field_specifiers=(param,))
 def family(name: str) -> Callable[[type[_F]], type[_F]]:
-    """Register a class as a family of grounds and make it settings (`wbc.core.settings`).
+    """Register a class as a family of grounds and make it settings (`wbc.base.settings`).
 
     Args:
         name: Name for `terrain(name, …)` and the command line.

@@ -9,8 +9,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError
-from wbc.core.settings import Positive
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive
 from wbc.sim.terrain.families.base import FieldFamily, family, param
 from wbc.sim.terrain.families.site import Site, cells
 

@@ -12,9 +12,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array, InputError, finite_array
-from wbc.core.files import decoding
-from wbc.core.settings import Positive
+from wbc.base.errors import InputError
+from wbc.base.files import decoding
+from wbc.base.numbers import ROUNDING, Array, finite_array
+from wbc.base.settings import Positive
 from wbc.sim.terrain.families.base import FieldFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.ground import HeightField

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.settings import NonNegative, Positive
+from wbc.base.settings import NonNegative, Positive
 from wbc.sim.terrain.families.base import PositiveShare, ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.families.solids import bar, footprint_margin, plate, stone

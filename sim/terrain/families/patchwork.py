@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, InputError, finite_scalar
-from wbc.core.settings import Positive
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, finite_scalar
+from wbc.base.settings import Positive
 from wbc.sim.terrain.families.base import ShapeFamily, family, make_family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.shapes import Shape

@@ -10,8 +10,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array
-from wbc.core.settings import Positive, Share
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, Share
 from wbc.sim.terrain.families.base import PositiveShare, ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site, centred
 from wbc.sim.terrain.families.solids import BURIED, plate

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array, InputError, whole_number
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array, whole_number
 
 
 class Draws:

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array
-from wbc.core.settings import Number, Positive
+from wbc.base.checked import checked
+from wbc.base.numbers import Array
+from wbc.base.settings import Number, Positive
 from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, Sphere, tilted_rotation, yaw_rotation
 
 BURIED = 0.005

@@ -9,8 +9,9 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, InputError
-from wbc.core.settings import Positive
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import Positive
 from wbc.sim.terrain.families.base import ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.ground import STRIP_DEPTH

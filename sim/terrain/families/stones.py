@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from wbc.core.settings import Positive, Share
+from wbc.base.settings import Positive, Share
 from wbc.sim.terrain.families.base import PositiveShare, ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.families.solids import dome, stone

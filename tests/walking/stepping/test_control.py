@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import wbc
-from wbc.core.control import Mode
+from wbc.core.drive.control import Mode
 from wbc.sim import walk
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.walking.contact import GaitPhase

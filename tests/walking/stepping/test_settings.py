@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from task_factory import ROBOTS, make_robot
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 

@@ -8,8 +8,8 @@ from rich.progress import track
 
 from wbc.app.live import LiveView, with_changes
 from wbc.app.output import Output, Report, progress_console, quiet, reports
-from wbc.core.errors import WbcError
-from wbc.core.settings import to_json
+from wbc.base.errors import WbcError
+from wbc.base.settings import to_json
 from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
 from wbc.sim.balance.standing import StandSpec, StandTrial
 

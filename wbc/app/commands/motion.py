@@ -13,9 +13,9 @@ from wbc import robots
 from wbc.app.files import check_target
 from wbc.app.live import LiveView, with_changes
 from wbc.app.output import Output, Report, reports
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
+from wbc.base.settings import Positive, settings, to_json
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, settings, to_json
 from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion
 from wbc.motion.feasible import FeasibleMotion
 from wbc.motion.measures import MotionMeasures

@@ -13,8 +13,8 @@ from wbc.app.files import PICTURES, check_target
 from wbc.app.log.reader import Log
 from wbc.app.log.writer import MAGIC
 from wbc.app.output import Output, Report, reports
-from wbc.core.errors import InputError
-from wbc.core.settings import settings, usable_path
+from wbc.base.errors import InputError
+from wbc.base.settings import settings, usable_path
 
 logger = logging.getLogger(__name__)
 

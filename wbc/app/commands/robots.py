@@ -9,8 +9,9 @@ from cyclopts import Parameter
 
 from wbc.app.files import check_target
 from wbc.app.output import Output, Report, reports
-from wbc.core.errors import InputError, finite_scalar
-from wbc.core.settings import Positive, settings
+from wbc.base.errors import InputError
+from wbc.base.numbers import finite_scalar
+from wbc.base.settings import Positive, settings
 from wbc.robots import files, load, names
 from wbc.robots.registry import others
 

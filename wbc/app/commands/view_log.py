@@ -14,8 +14,8 @@ from rich.progress import track
 from wbc.app.live import Port
 from wbc.app.log.reader import Log
 from wbc.app.output import Output, Report, progress_console, reports
-from wbc.core.errors import InputError
-from wbc.core.settings import Count, Positive, settings
+from wbc.base.errors import InputError
+from wbc.base.settings import Count, Positive, settings
 
 EXPORTS = (".mp4", ".rrd")
 

@@ -20,10 +20,11 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.output import Output, Report, reports
 from wbc.app.repeat import RepeatWalk, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
-from wbc.core.changes import read_changes, setting_names
-from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
-from wbc.core.files import read_toml
-from wbc.core.settings import Positive, nested_settings, settings
+from wbc.base.changes import read_changes, setting_names
+from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.files import read_toml
+from wbc.base.numbers import finite_scalar
+from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.plans import FASTER, KINDS

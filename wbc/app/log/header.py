@@ -25,8 +25,8 @@ from pydantic import BaseModel, ValidationError
 
 from wbc._version import __version__
 from wbc.app.log.signals import Tick
-from wbc.core.errors import InputError, shown, unknown_name
-from wbc.core.settings import from_json, to_json
+from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.settings import from_json, to_json
 from wbc.feet.soles.catalog import foot, foot_name
 from wbc.robots import RobotDescription
 from wbc.sim import Plant

@@ -20,8 +20,9 @@ from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
 from wbc.app.log.unpacked import LARGEST_RATIO, MEMORY, unpacked_sizes
 from wbc.app.log.writer import MAGIC, TYPES
-from wbc.core.errors import Array, InputError, unknown_name
-from wbc.core.files import LARGEST_FILE, decoding
+from wbc.base.errors import InputError, unknown_name
+from wbc.base.files import LARGEST_FILE, decoding
+from wbc.base.numbers import Array
 
 STREAM = 8
 """Offset of the Arrow stream in an Arrow IPC file, bytes: after the magic bytes and their padding."""

@@ -15,8 +15,9 @@ from wbc.app.log.header import make_header
 from wbc.app.log.signals import Control, Read, Signal, Signals, Tick, drives_of
 from wbc.app.log.sources import tick_signals
 from wbc.app.log.writer import LogWriter
-from wbc.core.errors import Array, InputError
-from wbc.core.files import FileError
+from wbc.base.errors import InputError
+from wbc.base.files import FileError
+from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot

@@ -18,9 +18,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.log.signals import Read, Signals, Tick, cached, optional
+from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
-from wbc.core.errors import Array
 from wbc.core.qp.solution import Layout, Solution
 from wbc.core.robot import SIDES, Robot
 from wbc.sim.plant.plant import Plant

@@ -10,7 +10,8 @@ import numpy as np
 
 from wbc.app.drift import Drift, yaw_of
 from wbc.app.log.reader import Log
-from wbc.core.errors import Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY, SIDES
 
 MIN_LOAD = 0.02

@@ -23,8 +23,9 @@ from pyarrow import ipc
 
 from wbc.app.log.header import KEY, encode
 from wbc.app.log.signals import Kind, Signals
-from wbc.core.errors import Array, InputError
-from wbc.core.files import BESIDE, FileError, check_writable
+from wbc.base.errors import InputError
+from wbc.base.files import BESIDE, FileError, check_writable
+from wbc.base.numbers import Array
 
 ROWS = 256
 """Rows of a batch. Of a 26 s walk at 200 Hz, 1024 rows make a file 6 % smaller than 256, but a program that is killed

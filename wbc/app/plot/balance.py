@@ -27,7 +27,7 @@ from wbc.app.plot.style import (
     mark_states,
     new_figure,
 )
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

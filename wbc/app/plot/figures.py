@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from wbc.app.log.reader import Log
 from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.stiffness import draw_stiffness
-from wbc.core.errors import InputError, choose
+from wbc.base.errors import InputError, choose
 from wbc.core.robot import SIDES
 
 _LOADED_FEET = ("wrench_measured", "estimated/position")

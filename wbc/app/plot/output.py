@@ -10,7 +10,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from wbc.app.files import PICTURES, check_target
-from wbc.core.files import replacing, save_figure
+from wbc.base.files import replacing, save_figure
 
 DPI = 130
 

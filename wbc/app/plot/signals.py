@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
 from wbc.app.plot.style import COLOURS, STYLES, grid, labels, legend, mark_states, new_figure
-from wbc.core.errors import InputError, unknown_name
+from wbc.base.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

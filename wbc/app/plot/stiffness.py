@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
 from wbc.app.plot.style import SIDE_COLOURS, grid, labels, legend, mark_events, new_figure
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import SIDES
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,10 +19,10 @@ from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, changes, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
-from wbc.core.checked import checked
-from wbc.core.errors import InputError
-from wbc.core.files import replacing
-from wbc.core.settings import Positive
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.files import replacing
+from wbc.base.settings import Positive
 
 RATE = 30.0
 """Rate at which the scene is written, 1/s."""

@@ -20,10 +20,11 @@ from wbc.app.files import check_target
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.stage import Stage
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, WbcError
-from wbc.core.files import replacing
-from wbc.core.settings import Positive
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, WbcError
+from wbc.base.files import replacing
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive
 
 Pixels = NDArray[np.uint8]
 """A picture, shape (height, width, 3)."""

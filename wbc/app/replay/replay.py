@@ -28,8 +28,9 @@ from wbc.app.view.marks import (
 )
 from wbc.app.view.stage import DescribedStage, SimulatedStage, sole_bodies
 from wbc.app.view.walk_marks import sole_poses
-from wbc.core.errors import Array, InputError, positive, whole_number
-from wbc.core.files import decoding
+from wbc.base.errors import InputError
+from wbc.base.files import decoding
+from wbc.base.numbers import Array, positive, whole_number
 from wbc.core.robot import SIDES
 from wbc.sim.plant.plant import Plant
 

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import DescribedStage, SimulatedStage
-from wbc.core.checked import checked
-from wbc.core.control import DriveControl
-from wbc.core.errors import Array, InputError, WbcError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, WbcError
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive
+from wbc.core.drive.control import DriveControl
 from wbc.core.qp.controller import Controller
-from wbc.core.settings import NonNegative, Positive
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program

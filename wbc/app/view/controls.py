@@ -27,7 +27,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.arguments import attribute_docs
-from wbc.core.errors import InputError, WbcError, choose, finite_array, finite_scalar
+from wbc.base.errors import InputError, WbcError, choose
+from wbc.base.numbers import finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.plant import Plant

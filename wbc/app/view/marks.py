@@ -15,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.view.meshes import Colour, Mesh, ball, lathe
-from wbc.core.errors import Array
-from wbc.core.hull import convex_hull
+from wbc.base.hull import convex_hull
+from wbc.base.numbers import Array
 from wbc.feet.soles.actuator import STIFFEST
 from wbc.tasks.stabilizer.zmp import cop
 

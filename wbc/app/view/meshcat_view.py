@@ -19,8 +19,8 @@ import zmq  # comes with meshcat
 from wbc.app.view.base import LOCAL, TEXT_PERIOD, View, ViewError
 from wbc.app.view.marks import Mark, Picture, changes, css, legend, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
-from wbc.core.errors import Array
-from wbc.core.processes import child_command
+from wbc.base.numbers import Array
+from wbc.base.processes import child_command
 
 ROOT = "/meshcat/wbc"
 """Root of all objects in MeshCat's tree."""

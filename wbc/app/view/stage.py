@@ -10,7 +10,8 @@ import pinocchio as pin
 
 from wbc.app.view.marks import Force, Picture, Scale, balance_marks, force_marks, sole_force
 from wbc.app.view.walk_marks import WalkMarks
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.places import RobotPlaces

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from wbc.app.view.base import View
 from wbc.app.view.meshcat_view import MeshcatView
-from wbc.core.checked import checked
-from wbc.core.settings import NonNegative, Positive
+from wbc.base.checked import checked
+from wbc.base.settings import NonNegative, Positive
 from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from wbc.app.view.marks import (
     scan_mark,
     walk_text,
 )
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant

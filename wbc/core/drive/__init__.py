@@ -1,4 +1,4 @@
-"""Modes in which drives are commanded (position, torque, hybrid), and the servos in them.
+"""Drives: one tick of them (`control`), their modes (position, torque, hybrid), the limits of commands, and servos.
 
-Each mode is a `wbc.core.control.DriveControl`.
+Each mode is a `wbc.core.drive.control.DriveControl`.
 """

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.vectors import largest
 from wbc.core.robot import Robot
 from wbc.core.signals import Command
-from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
 

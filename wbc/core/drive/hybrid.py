@@ -7,16 +7,17 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.control import FailurePolicy, SafetySettings, State
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array, finite_array, scalar
+from wbc.base.settings import NonNegative, NonNegativeNumbers
+from wbc.core.drive.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import Array, InputError, finite_array, scalar
 from wbc.core.estimation.observer import Observer
-from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import BASE_DOF
-from wbc.core.settings import NonNegative, NonNegativeNumbers
 from wbc.core.signals import Command
 
 

@@ -12,15 +12,16 @@ from typing import Annotated, Literal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
-from wbc.core.errors import Array, InputError, scalar
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array, scalar
+from wbc.base.settings import Positive
+from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.estimation.observer import Observer
-from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import BASE_DOF, checked_configuration
-from wbc.core.settings import Positive
 from wbc.core.signals import Command
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from wbc.core.checked import checked
-from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
-from wbc.core.errors import Array
+from wbc.base.checked import checked
+from wbc.base.numbers import Array
+from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution

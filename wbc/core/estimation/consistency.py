@@ -12,12 +12,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.core.errors import Array, scalar
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array, scalar
+from wbc.base.vectors import Vector, largest
 from wbc.core.estimation.observer import Observer
-from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
-from wbc.core.vectors import Vector, largest
 
 logger = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from collections import deque
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.signals import Command, Measurement
 
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY, Robot
 
 SLOPE = 1.0

@@ -20,11 +20,11 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.errors import Array, scalar
-from wbc.core.lag import LagGain
+from wbc.base.lag import LagGain
+from wbc.base.numbers import Array, scalar
+from wbc.base.settings import Positive, settings
+from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY
-from wbc.core.settings import Positive, settings
-from wbc.core.vectors import Vector
 
 
 @settings

@@ -22,17 +22,18 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, shown
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, MeasurementError, shown
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import NonNegative, Positive, settings
+from wbc.base.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.wrenches import WrenchSettings
-from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot, checked_configuration
-from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import SIGNALS, Measurement
-from wbc.core.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 
 LONGEST_DELAY = 0.1
 """Longest delay that can be stated, s."""

@@ -27,11 +27,11 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.errors import Array
-from wbc.core.lag import lag_gain
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive, Share, settings
+from wbc.base.vectors import Vector, add_cross, turned_all
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.core.vectors import Vector, add_cross, turned_all
 
 logger = logging.getLogger(__name__)
 

@@ -18,11 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from wbc.core.errors import ROUNDING, Array, MeasurementError, shown
+from wbc.base.errors import MeasurementError, shown
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Count, NonNegative, Positive, settings
+from wbc.base.vectors import largest
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
-from wbc.core.settings import Count, NonNegative, Positive, settings
 from wbc.core.signals import SIGNALS, Measurement
-from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
 

@@ -21,10 +21,11 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError
-from wbc.core.lag import lag_gain
+from wbc.base.errors import InputError
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, Share, settings
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
-from wbc.core.settings import Positive, Share, settings
 
 ON_TIME = 0.01
 """Share of a control period by which a measurement may come early or late and still count as one period apart."""

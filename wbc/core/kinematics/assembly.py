@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import Array, scalar
+from wbc.base.numbers import Array, scalar
 from wbc.core.kinematics.solution import holding
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits

@@ -8,8 +8,10 @@ from typing import Any, overload
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, whole_number
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, whole_number
+from wbc.base.settings import Count, NonNegative, Period, Positive, Seed
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.levels import solve_levels
 from wbc.core.kinematics.reach import Search
@@ -20,7 +22,6 @@ from wbc.core.qp.items import Item, Items, ItemT
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
-from wbc.core.settings import Count, NonNegative, Period, Positive, Seed
 
 SOLVER = SolverSettings(tolerance=1e-9, relaxation=1e6)
 """Settings of the solver: where contacts and hard tasks contradict each other, or limits, each of them gives way."""

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import daqp
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import Level
 from wbc.core.qp.problem import Problem
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.solution import ReachResult
 from wbc.core.qp.solver import Status

@@ -13,12 +13,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, shown
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
 from wbc.core.limits.shapes import SHAPES, CollisionHalfSpace, Obstacle, Shape, geometry_of
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative, Positive
 
 POSTURES = 1000
 """Random postures in which pairs are looked for that can touch."""

@@ -14,12 +14,13 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError
-from wbc.core.hull import convex_hull
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.hull import convex_hull
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative, Positive
 
 EDGES = 8
 """Rows of a limit, one for each edge that the hull of two soles may have; more for a given polygon that has more."""

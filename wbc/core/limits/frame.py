@@ -13,11 +13,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError, finite_array
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array, finite_array
+from wbc.base.settings import Positive
 from wbc.core.limits.base import Limit
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive
 
 RECOVERY = 2.0
 """Greatest acceleration back from outside of a bound, m/s² or rad/s²."""

@@ -12,11 +12,12 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, names_in, scalar
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, names_in
+from wbc.base.numbers import Array, scalar
+from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
 from wbc.core.limits.base import Limit, for_joints
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative, PositiveNumbers, Ratio
 
 BRAKING_SHARE = 0.3
 """Share of a torque limit that brakes a joint before its bounds: the rest is left for gravity and contact forces."""

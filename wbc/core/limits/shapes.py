@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import ROUNDING, Array, InputError, finite_array, shown
-from wbc.core.settings import Number, Positive, settings
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import ROUNDING, Array, finite_array
+from wbc.base.settings import Number, Positive, settings
 
 Point = tuple[float, float, float]
 

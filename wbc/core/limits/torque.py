@@ -6,11 +6,11 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array
+from wbc.base.checked import checked
+from wbc.base.numbers import Array
+from wbc.base.settings import PositiveNumbers, Ratio
 from wbc.core.limits.base import Limit, for_joints
 from wbc.core.robot import Robot
-from wbc.core.settings import PositiveNumbers, Ratio
 
 
 class TorqueLimits(Limit):

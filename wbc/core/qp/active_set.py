@@ -12,9 +12,9 @@ import math
 import numpy as np
 from scipy.linalg.lapack import dposv, dpotrs
 
-from wbc.core.errors import ROUNDING, Array, scalar
+from wbc.base.numbers import ROUNDING, Array, scalar
+from wbc.base.vectors import largest
 from wbc.core.qp.problem import Problem
-from wbc.core.vectors import largest
 
 _ONE, _SMALLEST_WEIGHT = scalar(1.0), scalar(1e-12)
 

@@ -28,7 +28,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array, UnknownNameError
+from wbc.base.errors import UnknownNameError
+from wbc.base.numbers import Array
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import InputError, names_in, unknown_name
+from wbc.base.errors import InputError, names_in, unknown_name
 from wbc.core.robot import Robot
 
 POSITION_AXES = ("x", "y", "z")

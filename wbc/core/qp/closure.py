@@ -10,8 +10,9 @@ from typing import Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.qp.contact import Contact, ContactOptions
 from wbc.core.qp.motion import Rows
 from wbc.core.robot import Robot

@@ -16,20 +16,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.checked import checked
-from wbc.core.errors import (
-    ROUNDING,
-    Array,
-    InputError,
-    choose,
-    finite_array,
-    finite_scalar,
-    positive,
-)
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, positive
+from wbc.base.settings import NonNegative, Positive
+from wbc.base.vectors import add_cross
 from wbc.core.qp.motion import RATE, Motion, Rows
 from wbc.core.robot import GRAVITY, Reads, Robot
-from wbc.core.settings import NonNegative, Positive
-from wbc.core.vectors import add_cross
 
 LEAST_FORCE = 10.0
 """Normal force that a sole in contact carries at least by default, N: without load its CoP means nothing."""

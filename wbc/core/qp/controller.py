@@ -10,8 +10,10 @@ from time import perf_counter
 
 import numpy as np
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, names_in, unknown_name
+from wbc.base.checked import checked
+from wbc.base.errors import names_in, unknown_name
+from wbc.base.numbers import Array
+from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly, empty_problem
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
@@ -22,7 +24,6 @@ from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
 from wbc.core.qp.task import Task, fill_guarded
 from wbc.core.robot import Robot
-from wbc.core.settings import Period, Positive
 from wbc.core.signals import Measurement
 
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar, overload
 
 import numpy as np
 
-from wbc.core.errors import InputError, choose, shown
+from wbc.base.errors import InputError, choose, shown
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits

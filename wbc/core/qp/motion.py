@@ -10,7 +10,8 @@ from typing import Any, ClassVar, SupportsIndex
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
 from wbc.core.robot import Robot
 
 RATE = 10.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.trajectories import Trajectory
 
 USUAL_SPEED = {"m": 0.2, "rad": 1.0}

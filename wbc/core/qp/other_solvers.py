@@ -8,7 +8,7 @@ import daqp
 import numpy as np
 import qpsolvers
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.qp.problem import Problem
 
 logger = logging.getLogger(__name__)

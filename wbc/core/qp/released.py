@@ -17,8 +17,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.lag import lag_gain
+from wbc.base.errors import InputError
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array, finite_array
 from wbc.core.qp.axes import distinct_joints, joint_columns
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot

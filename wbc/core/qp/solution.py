@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.qp.solver import Status
 
 

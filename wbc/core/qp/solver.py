@@ -18,12 +18,13 @@ import numpy as np
 import proxsuite
 import qpsolvers
 
-from wbc.core.errors import Array, UnknownNameError
+from wbc.base.errors import UnknownNameError
+from wbc.base.numbers import Array
+from wbc.base.settings import Positive, settings
+from wbc.base.vectors import largest
 from wbc.core.qp.active_set import ActiveSet
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
-from wbc.core.settings import Positive, settings
-from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
 

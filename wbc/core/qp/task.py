@@ -21,14 +21,15 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.checked import checked as checked_arguments
-from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, unknown_name, whole_number
+from wbc.base.checked import checked as checked_arguments
+from wbc.base.errors import InputError, WbcError, shown, unknown_name
+from wbc.base.numbers import Array, finite_array, whole_number
+from wbc.base.settings import Positive
 from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
 from wbc.core.qp.motion import RATE, Motion, Rows, read_only
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Reads, Robot
-from wbc.core.settings import Positive
 from wbc.core.signals import Measurement
 
 ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}

@@ -16,9 +16,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import InputError, check_parts, finite_scalar, shown
-from wbc.core.settings import Share
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, check_parts, shown
+from wbc.base.numbers import finite_scalar
+from wbc.base.settings import Share
 from wbc.machine.conformance.body import imu, soles, wrenches
 from wbc.machine.conformance.joints import commanded_gains, joints, rest, torques
 from wbc.machine.conformance.session import Check, Session

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.robot import GRAVITY
 from wbc.machine.conformance.session import UNIT, Record, Session, settled
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array
 from wbc.machine.conformance.session import UNIT, Record, Session, settled
 
 STEP, TIME = 0.02, 0.1

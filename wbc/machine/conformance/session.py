@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, MeasurementError, shown
+from wbc.base.errors import MeasurementError, shown
+from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
 from wbc.core.trajectories import minimum_jerk

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import WbcError
+from wbc.base.errors import WbcError
 from wbc.machine.unitree.wire import LOW_CMD, LOW_STATE, from_cdr, to_cdr
 
 COMMAND_TOPIC, STATE_TOPIC = "rt/lowcmd", "rt/lowstate"

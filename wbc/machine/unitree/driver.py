@@ -13,9 +13,10 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from wbc.core.checked import checked
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.core.drive.gate import CommandGate
-from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import Driver, with_gains
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics

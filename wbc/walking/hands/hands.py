@@ -23,7 +23,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array, finite_scalar
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement

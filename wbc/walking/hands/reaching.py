@@ -20,12 +20,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.move import PoseCoordinates
 from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
-from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.trajectories import Trajectory, approach
 from wbc.tasks.motion.frame import PoseTask, RelativeFrameTask, pose
 from wbc.walking.hands.hand import Hand

@@ -7,7 +7,7 @@ integrated gyroscope is better, once its bias has been averaged at rest.
 
 from __future__ import annotations
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 
 LEAST = 0.5
 """Time at rest from which a mean counts as the bias of the gyroscope, s."""

@@ -25,11 +25,11 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, settings
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
 from wbc.core.robot import SIDES
-from wbc.core.settings import NonNegative, settings
 from wbc.walking.lipm.schedule import ZmpTarget
 from wbc.walking.plans.footsteps import Footstep, SoleSizes
 from wbc.walking.plans.reach import Reach

@@ -11,7 +11,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
-from wbc.core.errors import ROUNDING
+from wbc.base.numbers import ROUNDING
 from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.lipm.schedule import SupportPhase

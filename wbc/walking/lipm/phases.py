@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from wbc.core.errors import ROUNDING, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import NonNegative, Share, settings
 from wbc.core.robot import SIDES
-from wbc.core.settings import NonNegative, Share, settings
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.lipm.schedule import SupportPhase, schedule
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan

@@ -26,10 +26,11 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import NonNegative, settings
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
-from wbc.core.settings import NonNegative, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern, dcm_backwards

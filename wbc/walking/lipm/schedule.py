@@ -10,9 +10,10 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array, InputError
-from wbc.core.hull import convex_hull
-from wbc.core.settings import Number, settings
+from wbc.base.errors import InputError
+from wbc.base.hull import convex_hull
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Number, settings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes
 
 EDGES = 8

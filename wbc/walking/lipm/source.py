@@ -15,8 +15,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.control import State
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
+from wbc.core.drive.control import State
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase

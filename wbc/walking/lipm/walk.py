@@ -16,9 +16,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array, InputError
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Share, settings
 from wbc.core.robot import GRAVITY, SIDES, Robot
-from wbc.core.settings import Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, choose, finite_scalar
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import Array, finite_scalar
 from wbc.core.robot import SIDES, Robot
 from wbc.walking.plans.gait import Gait
 

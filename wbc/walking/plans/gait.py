@@ -11,9 +11,10 @@ from typing import Annotated, Any, NamedTuple, Self
 import numpy as np
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, InputError, finite_array
-from wbc.core.settings import Period, Positive, settings
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, finite_array
+from wbc.base.settings import Period, Positive, settings
 
 SHORTEST = 0.05
 """Least duration of a piece of the motion, s: ten periods of 5 ms."""

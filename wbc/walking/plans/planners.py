@@ -9,10 +9,11 @@ from typing import Annotated
 
 from pydantic import Field
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, InputError, choose, finite_array
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import ROUNDING, finite_array
+from wbc.base.settings import Angle, Count, NonNegative, Number, Numbers, Positive
 from wbc.core.robot import SIDES
-from wbc.core.settings import Angle, Count, NonNegative, Number, Numbers, Positive
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading, other
 
 Turn = Annotated[float, Field(ge=1e-3, le=3.0), "rad"]

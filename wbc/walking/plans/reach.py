@@ -9,10 +9,11 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.numbers import ROUNDING, Array, finite_scalar
+from wbc.base.settings import Positive, settings
 from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
-from wbc.core.settings import Positive, settings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 
 MAX_SLOPE = 0.5

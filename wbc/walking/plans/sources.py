@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
-from wbc.core.errors import InputError, finite_array, finite_scalar, shown
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import finite_array, finite_scalar
+from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.robot import SIDES, Robot
-from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.plans.footsteps import (
     CLOSED,
     Footstep,

@@ -7,7 +7,7 @@ estimate costs.
 
 from __future__ import annotations
 
-from wbc.core.vectors import Rotation, Vector
+from wbc.base.vectors import Rotation, Vector
 from wbc.walking.stepping.law import SteppingConstants
 
 

@@ -10,14 +10,14 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
-from wbc.core.checked import checked
-from wbc.core.control import Mode, SafetySettings
+from wbc.base.checked import checked
+from wbc.base.settings import Period, Positive, settings
+from wbc.core.drive.control import Mode, SafetySettings
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import Robot
-from wbc.core.settings import Period, Positive, settings
 from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.balance import Balance

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
+from wbc.base.vectors import Vector
 from wbc.core.robot import SIDES
-from wbc.core.vectors import Vector
 from wbc.ground.height_map import Places
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep

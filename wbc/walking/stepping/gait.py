@@ -18,10 +18,10 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING
-from wbc.core.lag import lag_gain
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import ROUNDING
+from wbc.base.vectors import Rotation, Vector
 from wbc.core.robot import GRAVITY, SIDES
-from wbc.core.vectors import Rotation, Vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate

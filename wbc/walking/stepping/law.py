@@ -26,8 +26,8 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
+from wbc.base.vectors import Vector, add_cross
 from wbc.core.robot import GRAVITY
-from wbc.core.vectors import Vector, add_cross
 
 Point = tuple[float, float]
 """x, y, m."""

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import daqp
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.walking.stepping.law import Point
 
 PLACES, SHIFT, NEXT_SHIFT, TIME, OFFSETS = slice(0, 6), slice(6, 8), slice(8, 10), 10, slice(11, 17)

@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 from wbc.core.limits.base import Limit
 from wbc.core.robot import GRAVITY, Robot
 

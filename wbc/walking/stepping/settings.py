@@ -14,9 +14,9 @@ from typing import Annotated, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import InputError
+from wbc.base.errors import InputError
+from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.settings import NonNegative, Positive, settings
 from wbc.walking.plans.reach import carried_height
 
 

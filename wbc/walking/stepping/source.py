@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from wbc.core.checked import checked
-from wbc.core.control import State
+from wbc.base.checked import checked
+from wbc.core.drive.control import State
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase

@@ -12,9 +12,9 @@ from cyclopts import Parameter
 
 from wbc.app.files import check_target, read_object
 from wbc.app.output import Output, Report, reports
-from wbc.core.errors import InputError
-from wbc.core.files import replacing, write_text
-from wbc.core.settings import settings, to_json
+from wbc.base.errors import InputError
+from wbc.base.files import replacing, write_text
+from wbc.base.settings import settings, to_json
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.study import Study, left_out
 from wbc.sim.studies.study_table import study_frame, study_table

@@ -4,7 +4,7 @@
         @checked
         def __init__(self, *, ratio: Ratio = 1.0, rate: PositiveNumbers | None = None) -> None: ...
 
-The annotation is the check: type, range, shape, choices and unit, as in `wbc.core.settings`. It takes a microsecond for
+The annotation is the check: type, range, shape, choices and unit, as in `wbc.base.settings`. It takes a microsecond for
 each argument, so what runs in every tick goes without it.
 """
 
@@ -20,7 +20,7 @@ from typing import Annotated, Any, Literal, TypeVar, Unpack
 
 from pydantic import PlainValidator, TypeAdapter, ValidationError
 
-from wbc.core.settings import CONFIG, Numbers, hashable, refusal, unit_of
+from wbc.base.settings import CONFIG, Numbers, hashable, refusal, unit_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 

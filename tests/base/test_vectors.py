@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.vectors import add_cross, part_way, quaternion, turned
+from wbc.base.vectors import add_cross, part_way, quaternion, turned
 
 
 def rotations() -> list[np.ndarray]:

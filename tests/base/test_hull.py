@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from wbc.core.hull import convex_hull, hull_and_area
+from wbc.base.hull import convex_hull, hull_and_area
 
 
 def test_hull_is_that_of_another_library() -> None:

@@ -10,7 +10,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar, get_args
 
-from wbc.core.errors import InputError, WbcError, choose, shown, unknown_name
+from wbc.base.errors import InputError, WbcError, choose, shown, unknown_name
 
 logger = logging.getLogger(__name__)
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
 
 
 def convex_hull(points: ArrayLike, tolerance: float = 1e-12) -> Array:

@@ -28,7 +28,8 @@ from numpy.typing import ArrayLike
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
-from wbc.core.errors import LONGEST_PERIOD, Array, InputError, shown, unknown_name
+from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.numbers import Array
 
 T = TypeVar("T")
 
@@ -65,6 +66,9 @@ Seed = Annotated[int, Field(ge=0)]
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 """A finite number of any sign and size: a place, or a speed that a check of the whole bounds."""
+
+LONGEST_PERIOD = 1.0
+"""Longest control period, s: numbers above are in milliseconds, or are frequencies."""
 
 Period = Annotated[float, Field(gt=0.0, le=LONGEST_PERIOD), "s"]
 """A control period, up to a second: a greater number is in milliseconds, or a frequency."""

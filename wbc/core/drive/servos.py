@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
 
 SOFT_SHARE = 0.03
 """Share of derived gains that hybrid control asks of a machine whose own gains are not known.

@@ -21,8 +21,10 @@ from typing import Annotated, Literal, NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.errors import InputError, MeasurementError
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.drive.gate import CommandGate
-from wbc.core.errors import Array, InputError, MeasurementError
 from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.falls import FallDetector, FallReason
@@ -34,7 +36,6 @@ from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import Status
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import Command, Measurement, WrenchSource
 
 logger = logging.getLogger(__name__)

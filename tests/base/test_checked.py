@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, Protocol, TypedDict, Unpack
 import numpy as np
 import pytest
 
-from wbc.core.checked import checked
-from wbc.core.errors import InputError
-from wbc.core.settings import Count, NonNegative, Number, PositiveNumbers, Ratio, Triple
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.settings import Count, NonNegative, Number, PositiveNumbers, Ratio, Triple
 
 
 class Options(TypedDict, total=False):

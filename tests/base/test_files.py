@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from full_disk import limited_file_size
 
-from wbc.core.errors import InputError
-from wbc.core.files import (
+from wbc.base.errors import InputError
+from wbc.base.files import (
     BESIDE,
     FileError,
     check_hash,

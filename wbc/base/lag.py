@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wbc.core.errors import Array, scalar
+from wbc.base.numbers import Array, scalar
 
 
 def lag_gain(dt: float, time_constant: float) -> float:

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from wbc.core.errors import InputError, WbcError, shown
+from wbc.base.errors import InputError, WbcError, shown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -11,8 +11,8 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
-from wbc.core.errors import InputError, shown, unknown_name
-from wbc.core.settings import may_be_none, nested_settings
+from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.settings import may_be_none, nested_settings
 
 T = TypeVar("T")
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from wbc.core.errors import Array
+from wbc.base.numbers import Array
 
 Vector = Sequence[float]
 """x, y, z."""

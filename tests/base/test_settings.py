@@ -7,9 +7,9 @@ from typing import Annotated, ClassVar, Literal
 
 import pytest
 
-from wbc.core.changes import changed, read_changes, setting_names
-from wbc.core.errors import InputError, UnknownNameError
-from wbc.core.settings import Count, NonNegative, Positive, Seed, Share, from_json, settings, to_json
+from wbc.base.changes import changed, read_changes, setting_names
+from wbc.base.errors import InputError, UnknownNameError
+from wbc.base.settings import Count, NonNegative, Positive, Seed, Share, from_json, settings, to_json
 
 
 @settings

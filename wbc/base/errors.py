@@ -1,4 +1,4 @@
-"""Exceptions of the library, and checks that raise them.
+"""Exceptions of the library, and checks of names that raise them.
 
 What is wrong with an argument is an `InputError` everywhere, an `UnknownNameError` for a name. Every message gives the
 wrong value, the rule and the choices, so that a caller can correct the input without reading this code.
@@ -7,20 +7,10 @@ wrong value, the rule and the choices, so that a caller can correct the input wi
 from __future__ import annotations
 
 import difflib
-import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
-"""Every array in the library: float64, in SI units."""
-
-ROUNDING = 1e-9
-"""Rounding allowed in sums and comparisons of times, lengths, forces and ratios, SI units; also the least divisor."""
 
 
 class WbcError(Exception):
@@ -45,9 +35,6 @@ class MeasurementError(WbcError):
 
 LONGEST = 80
 """Longest text of a value in a message, characters."""
-
-LONGEST_PERIOD = 1.0
-"""Longest control period, s: numbers above are in milliseconds, or are frequencies."""
 
 
 def shown(value: object) -> str:
@@ -119,56 +106,3 @@ def check_parts(what: str, value: object, *parts: str) -> None:
             *most, last = parts
             every = f"{', '.join(most)} and {last}" if most else last
             raise InputError(f"{what} must have {every}; '{part}' is missing in {shown(value)}")
-
-
-def scalar(value: float) -> Array:
-    """Return a number as an array without axes, for the tick: NumPy takes half the time of a Python number with it."""
-    return np.array(float(value))
-
-
-def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages."""
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise InputError(f"{what} must be numbers, got {shown(value)}") from error
-    if shape is not None and array.shape != shape:
-        raise InputError(f"{what} must have shape {shape}, got {array.shape}")
-    # Three times as fast as NumPy for the small arrays of a tick.
-    if not all(map(math.isfinite, array.ravel().tolist())):
-        raise InputError(f"{what} must be finite, got {shown(array)}")
-    return array
-
-
-def finite_scalar(
-    what: str, value: Any, *, low: float = -math.inf, high: float = math.inf, open_low: bool = False
-) -> float:
-    """Return a number as a float inside [low, high], or (low, high] with `open_low`; `what` is named in messages."""
-    if isinstance(value, (str, bytes, bool)):
-        raise InputError(f"{what} must be a number, got {shown(value)}")
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{what} must be a number, got {shown(value)}") from error
-    if not math.isfinite(number):
-        raise InputError(f"{what} must be finite, got {number}")
-    if number < low or number > high or (open_low and number == low):
-        raise InputError(f"{what} must lie in {'(' if open_low else '['}{low:g}, {high:g}], got {number:g}")
-    return number
-
-
-def positive(what: str, value: Any) -> float:
-    """Return a number as a float above zero; `InputError` for anything else."""
-    return finite_scalar(what, value, low=0.0, open_low=True)
-
-
-def non_negative(what: str, value: Any) -> float:
-    """Return a number as a float of at least zero; `InputError` for anything else."""
-    return finite_scalar(what, value, low=0.0)
-
-
-def whole_number(what: str, value: Any, *, low: int) -> int:
-    """Return an integer that is not below `low`; `InputError` for anything else."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < low:
-        raise InputError(f"{what} must be an integer of at least {low}, got {shown(value)}")
-    return int(value)
