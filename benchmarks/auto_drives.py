@@ -1,8 +1,8 @@
 """Random drives with pushes, plans and stands of a robot whose law changes: falls in half an hour.
 
-    python tests/benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of each robot
-    python tests/benchmarks/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
-    python tests/benchmarks/auto_drives.py --journal drives.jsonl --table
+    python benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of each robot
+    python benchmarks/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
+    python benchmarks/auto_drives.py --journal drives.jsonl --table
 
 A drive is two minutes on the flat floor by `law="auto"`: every few seconds another order (a velocity, a goal, a plan of
 footsteps, a stand), and every ten seconds a push of 0.085 Ns/kg from any side. All draws follow from its seed. Every

@@ -3,7 +3,7 @@
 PlaCo and TSID need older Pinocchios, so each gets a virtual environment, made once in a cache folder. The three
 programs then take turns, several times over, so that a noisy moment hits none of them alone.
 
-Usage: python tests/benchmarks/compare_tick.py [--json] [--repeats N] [--ticks N] [--cache FOLDER]
+Usage: python benchmarks/compare_tick.py [--json] [--repeats N] [--ticks N] [--cache FOLDER]
 """
 
 from __future__ import annotations

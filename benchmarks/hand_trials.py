@@ -2,9 +2,9 @@
 
 Every run is a line of the journal, and a run that is there already is not made again.
 
-Usage: python tests/benchmarks/hand_trials.py press --journal runs.jsonl [--robot NAME ...] [--seeds N] [--first SEED]
+Usage: python benchmarks/hand_trials.py press --journal runs.jsonl [--robot NAME ...] [--seeds N] [--first SEED]
            [--most RUNS]
-       python tests/benchmarks/hand_trials.py press --journal runs.jsonl --table    (the journal may be an .xz)
+       python benchmarks/hand_trials.py press --journal runs.jsonl --table    (the journal may be an .xz)
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 FIRST_SEED = 200
 ROBOTS = ("hrp4_class", "talos", "g1")
-EXAMPLES = Path(__file__).parents[2] / "examples" / "hands"
+EXAMPLES = Path(__file__).parents[1] / "examples" / "hands"
 
 KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "press": (

@@ -4,7 +4,7 @@ Pink and mink run in this environment (`pip install pin-pink mink`), PlaCo, whic
 its own, as in `compare_tick.py`. The programs take turns, several times over, so that a noisy moment hits none of them
 alone.
 
-Usage: python tests/benchmarks/compare_kinematics.py [--json] [--repeats N] [--cache FOLDER]
+Usage: python benchmarks/compare_kinematics.py [--json] [--repeats N] [--cache FOLDER]
 """
 
 from __future__ import annotations

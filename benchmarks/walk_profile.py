@@ -1,4 +1,4 @@
-"""Time of a walk by part, each task, contact, limit and hook by name: `python tests/benchmarks/walk_profile.py`.
+"""Time of a walk by part, each task, contact, limit and hook by name: `python benchmarks/walk_profile.py`.
 
 Methods are replaced on the objects of one walk while it is profiled, and put back; a walk that is not profiled runs
 the code as it stands.

@@ -1,6 +1,6 @@
 """Wall time of a simulated walk, divided into parts.
 
-python tests/benchmarks/walk_cost.py --repeats 3
+python benchmarks/walk_cost.py --repeats 3
 """
 
 from __future__ import annotations

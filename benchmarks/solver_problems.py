@@ -1,6 +1,6 @@
 """Reliability of the solver: ticks of random problems, every solution checked, a sample compared with ProxQP.
 
-python tests/benchmarks/solver_problems.py --ticks 100000
+python benchmarks/solver_problems.py --ticks 100000
 """
 
 from __future__ import annotations
