@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from wbc.base.errors import InputError
 from wbc.ground import HeightMap, KnownGround, PointCloud
-from wbc.ground.cloud import ElevationMap
+from wbc.ground.cloud import SEEN, ElevationMap
 from wbc.ground.footprint import Footprint, FootprintSettings
 from wbc.ground.height_map import HeightMapSettings
 from wbc.ground.known import FUSED, MOST, GroundSettings
@@ -342,6 +342,37 @@ def test_a_cloud_with_named_fields_is_read_by_its_fields(shape):
     points = PointCloud(fields, 0.0, "world", np.full(12, 0.01)).points
     np.testing.assert_array_equal(points[:, 0], np.delete(np.arange(12), 3))
     assert (points[:, 2] == 0.5).all()
+
+
+def test_of_a_large_cloud_no_more_than_a_part_is_ever_looked_at():
+    """Ten million million points, in no memory; and among those that are taken, lost returns are left out."""
+    huge = np.broadcast_to(np.float32([0.3, 0.1, 0.0]), (10**13, 3))
+    cloud = PointCloud(huge, 0.0, "world", np.broadcast_to(np.float64(0.01), len(huge)))
+    assert cloud.points.shape == (SEEN, 3) and cloud.std.shape == (SEEN,)
+    robot, ground = known()
+    ground.add(cloud)
+    ground.update(robot, FUSED)
+    assert ground.status == "" and len(ground.map.known()[0]) == 1
+    points = np.zeros((640 * 480, 3))
+    points[::2, 0], points[:, 1] = np.nan, np.arange(len(points))
+    first, second = (PointCloud(points, time, "world").points for time in (0.1, 0.2))
+    assert np.isfinite(first).all() and 0.4 * SEEN < len(first) < 0.6 * SEEN
+    assert not np.isin(first[:, 1], second[:, 1]).all()  # others at another time
+    for wrong in (points.astype(str), points.astype(complex), points.astype(bool), points[:, :2], points.T):
+        with pytest.raises(InputError, match="points of a cloud"):
+            PointCloud(wrong, 0.0, "world")
+    with pytest.raises(InputError, match="std"):
+        PointCloud(points, 0.0, "world", np.zeros(len(points)))
+
+
+def test_heights_stay_when_the_clock_begins_anew():
+    robot, ground = known()
+    points, std = frame(lambda x, y: 0.0 * x, 0)
+    for time in (100.0, 100.1, 3.0, 3.1):
+        ground.add(PointCloud(points, time, "world", std))
+        ground.update(robot, time)
+        cells, spread = ground.map.known()
+        assert len(cells) > 1500 and np.isfinite(spread).all()
 
 
 @pytest.mark.parametrize(("edge", "height"), [(0.5, 0.0), (0.24, 0.15)])

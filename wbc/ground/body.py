@@ -40,20 +40,39 @@ class OwnBody:
     def off(self, data: pin.Data, points: Array) -> NDArray[np.bool_]:
         """Return which points in the world, shape (n, 3), m, are off the body whose frames `data` has placed."""
         off = np.ones(len(points), np.bool_)
-        for sole, half in self._soles:
-            at = (points - data.oMf[sole].translation) @ data.oMf[sole].rotation
-            off &= (np.abs(at) > half).any(axis=1)
+        x, y, z = points.T
+        ends, radii = self._ends, self._radii
         if self._frames:
             places = [data.oMf[frame] for frame in self._frames]
             turns = np.array([place.rotation for place in places])
             moves = np.array([place.translation for place in places])
-            ends = self._ends @ turns.transpose(0, 2, 1) + moves[:, None]
+            ends = ends @ turns.transpose(0, 2, 1) + moves[:, None]
             # Shapes whose boxes reach those of the points: of ground, the feet and shanks alone.
-            reach = (ends.min(axis=1) - self._radii[:, None] <= points.max(axis=0)).all(axis=1)
-            reach &= (ends.max(axis=1) + self._radii[:, None] >= points.min(axis=0)).all(axis=1)
-            if not reach.any():
-                return off
-            ends, radii = ends[reach], self._radii[reach]
+            least, most = np.array([[each.min(), each.max()] for each in (x, y, z)]).T
+            reach = (ends.min(axis=1) - radii[:, None] <= most).all(axis=1)
+            reach &= (ends.max(axis=1) + radii[:, None] >= least).all(axis=1)
+            ends, radii = ends[reach], radii[reach]
+        soles = [data.oMf[sole].translation for sole, _ in self._soles]
+        middles = np.concatenate([ends.reshape(-1, 3), np.array(soles).reshape(-1, 3)])
+        reaches = np.concatenate([radii.repeat(2), [float(np.linalg.norm(half)) for _, half in self._soles]])
+        if not len(middles):
+            return off
+        low, high = (middles - reaches[:, None]).min(axis=0), (middles + reaches[:, None]).max(axis=0)
+        inside = (
+            (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1]) & (z >= low[2]) & (z <= high[2])
+        )
+        near = np.flatnonzero(inside)
+        if near.size:
+            off[near] = self._apart(data, points[near], ends, radii)
+        return off
+
+    def _apart(self, data: pin.Data, points: Array, ends: Array, radii: Array) -> NDArray[np.bool_]:
+        """Return which points, shape (n, 3), are off the soles' boxes and off capsules, ends (m, 2, 3), radii (m,)."""
+        off = np.ones(len(points), np.bool_)
+        for sole, half in self._soles:
+            at = np.abs((points - data.oMf[sole].translation) @ data.oMf[sole].rotation)
+            off &= (at > half).any(axis=1)
+        if len(ends):
             start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
             along = points @ way.T - (start * way).sum(axis=1)
             length = (way * way).sum(axis=1)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import math
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +18,12 @@ from wbc.base.settings import Number, Positive
 
 WORLD = "world"
 """Frame of clouds and maps that are in the frame of the robot's estimate."""
+
+SEEN = 8192
+"""Greatest number of points that are taken of one cloud, so that a large one costs a tick no more than 2 ms. The map of
+the ground has as many cells on 3.3 m²."""
+
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 def check_frame(what: str, name: object) -> None:
@@ -37,17 +45,57 @@ def _numbers(what: str, value: ArrayLike) -> Array:
         raise InputError(f"{what} must be numbers, got {shown(value)}") from error
 
 
-def _points(value: ArrayLike) -> Array:
-    """Return the points of a cloud, of an array with the fields x, y and z as well."""
+def spread(count: int, most: int, turn: int) -> NDArray[np.int64] | slice:
+    """Return numbers below a count, `most` of them at most, spread evenly over all; others for each `turn`."""
+    if count <= most:
+        return slice(None)
+    part, within = _parts(most)
+    place = within + turn * most * GOLDEN % 1.0
+    np.subtract(place, 1.0, out=place, where=place >= 1.0)
+    place += part
+    place *= count / most
+    return place.astype(np.int64)
+
+
+@functools.lru_cache(maxsize=16)
+def _parts(most: int) -> tuple[Array, Array]:
+    """Return the numbers of equal parts, and a place within each, between 0 and 1, by the golden ratio.
+
+    A regular step may meet one column of an image alone.
+    """
+    part = np.arange(most, dtype=np.float64)
+    return part, part * GOLDEN % 1.0
+
+
+def _part(array: Any, chosen: NDArray[np.int64] | slice) -> Any:
+    """Return the chosen rows of an array."""
+    whole = isinstance(chosen, slice) or not array.flags.c_contiguous  # `take` would copy all of it
+    return array[chosen] if whole else array.take(chosen, axis=0)
+
+
+def _points(value: ArrayLike, turn: int) -> tuple[Array, int, NDArray[np.int64] | slice]:
+    """Return the points that are taken of a cloud, as float64, their number in the whole cloud, and which they are.
+
+    An array with the fields x, y and z is read by them.
+    """
     fields = getattr(getattr(value, "dtype", None), "names", None)
-    if fields is None:
-        return _numbers("points of a cloud", value)
-    if missing := [axis for axis in "xyz" if axis not in fields]:
-        raise InputError(
-            f"points of a cloud must have the fields x, y and z, of {', '.join(fields)}: {', '.join(missing)} missing"
-        )
-    cloud = np.asarray(value).ravel()
-    return np.stack([_numbers(f"field {axis} of a cloud", cloud[axis]) for axis in "xyz"], axis=1)
+    if fields is not None:
+        if missing := [axis for axis in "xyz" if axis not in fields]:
+            raise InputError(
+                f"points of a cloud must have the fields x, y and z, of {', '.join(fields)}: "
+                f"{', '.join(missing)} missing"
+            )
+        flat = np.asanyarray(value).ravel()
+        chosen = spread(flat.size, SEEN, turn)
+        part = _part(flat, chosen)
+        points = np.stack([_numbers(f"field {axis} of a cloud", part[axis]) for axis in "xyz"], axis=1)
+        return points, flat.size, chosen
+    array = value if isinstance(value, np.ndarray) else _numbers("points of a cloud", value)
+    if array.ndim != 2 or array.shape[1] != 3:
+        more = "; leave out the columns after x, y and z" if array.ndim == 2 and array.shape[1] > 3 else ""
+        raise InputError(f"points of a cloud must have shape (n, 3), got {array.shape}{more}")
+    chosen = spread(len(array), SEEN, turn)
+    return _numbers("points of a cloud", _part(array, chosen)), len(array), chosen
 
 
 @checked
@@ -57,7 +105,8 @@ class PointCloud:
 
     Attributes:
         points: Shape (n, 3), m, in `frame`; rows with NaN or infinity, lost returns, are left out. An array with named
-            fields, as ROS gives clouds, is read by its fields x, y and z.
+            fields, as ROS gives clouds, is read by its fields x, y and z. Of more than 8192 points as many are taken,
+            spread evenly over all, and others at another time; the rest is not looked at.
         time: Instant at which the points were seen, on the clock of `Measurement.time`, s.
         frame: Frame of the robot's model in which the points are, usually that of the sensor; "world" for the frame of
             the robot's estimate.
@@ -70,24 +119,23 @@ class PointCloud:
     std: ArrayLike = 0.005
 
     def __post_init__(self) -> None:
-        points = _points(self.points)
-        if points.ndim != 2 or points.shape[1] != 3:
-            more = (
-                "; leave out the columns after x, y and z" if points.ndim == 2 and points.shape[1] > 3 else ""
-            )
-            raise InputError(f"points of a cloud must have shape (n, 3), got {points.shape}{more}")
         check_frame("frame of a cloud", self.frame)
-        std = _numbers("std of a cloud (m)", self.std)
-        if std.shape not in ((), (1,), (len(points),)):
+        points, count, chosen = _points(self.points, hash(self.time) % 1009)
+        std = self.std if isinstance(self.std, np.ndarray) else _numbers("std of a cloud (m)", self.std)
+        if std.shape not in ((), (1,), (count,)):
             raise InputError(
-                f"std of a cloud (m) must be a number or have shape ({len(points)},), got shape {std.shape}"
+                f"std of a cloud (m) must be a number or have shape ({count},), got shape {std.shape}"
             )
+        std = _numbers("std of a cloud (m)", _part(std, chosen) if std.shape == (count,) else std)
         std = np.broadcast_to(std, len(points))
-        good = np.isfinite(points).all(axis=1)
-        if not (std[good] > 0.0).all():
+        finite = np.isfinite(points)
+        if not finite.all():
+            good = finite.all(axis=1)
+            points, std = points[good], std[good]
+        if not (std > 0.0).all():
             raise InputError("std of a cloud (m) must be above zero for every point")
-        object.__setattr__(self, "points", points[good])
-        object.__setattr__(self, "std", std[good])
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "std", std)
 
 
 @checked

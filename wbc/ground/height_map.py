@@ -124,6 +124,11 @@ class HeightMap:
         self._z += height
         self.heights += height
 
+    def rewind(self, time: float) -> None:
+        """Let all heights have been seen by a time, s, at which the clock begins anew."""
+        np.minimum(self._seen, time, out=self._seen)
+        self._refreshed = -math.inf
+
     def at(self, places: Places) -> tuple[Array, Array]:
         """Return heights, NaN where unknown, and their standard deviations, m, at places x + iy, complex, flat, m."""
         slot, code = self._cells(places)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
@@ -27,7 +27,7 @@ from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.limits.shapes import RoundShape
 from wbc.core.robot import Robot
 from wbc.ground.body import OwnBody
-from wbc.ground.cloud import WORLD, ElevationMap, PointCloud
+from wbc.ground.cloud import SEEN, WORLD, ElevationMap, PointCloud, spread
 from wbc.ground.footprint import Cost, Footprint, FootprintSettings, Support
 from wbc.ground.height_map import HeightMap, HeightMapSettings, Index, Places
 
@@ -46,11 +46,9 @@ FUSED = 0.02
 WAITING = 64
 """Number of clouds that may wait for a tick; with more the oldest are dropped."""
 
-LOOKED, MOST = 8192, 3072
-"""Number of points of a cloud that are looked at, for which are near, and of those near that one tick fuses, in up to
-2 ms. Of more a part is taken, another one from each cloud. The map has as many cells on 1.2 m²."""
-
-GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+MOST = 2500
+"""Number of points near the robot that one tick fuses, in up to 2 ms. Of more a part is taken, another one from each
+cloud. The map has as many cells on 1 m²."""
 
 WAY = np.array([0.2, 0.4, 0.6, 0.8])
 """Shares of the way of a swing at which the ground under the sole is looked at."""
@@ -146,9 +144,6 @@ class KnownGround:
         """
         if isinstance(seen, PointCloud):
             self._clouds += 1
-            chosen = spread(len(seen.points), LOOKED, self._clouds)
-            if not isinstance(chosen, slice):
-                seen = replace(seen, points=seen.points[chosen], std=np.asarray(seen.std)[chosen])
             self._waiting.append(seen)
             del self._waiting[:-WAITING]
         elif isinstance(seen, ElevationMap):
@@ -229,6 +224,7 @@ class KnownGround:
         """Remember the pose of a tick: in place of the last one, if that is too near to the one before it."""
         if time < self._time:  # the clock has started anew
             self._times[:], self._fused = -np.inf, -math.inf
+            self.map.rewind(time)
         self._time = time
         if self._times[self._newest] >= self._times[self._newest - 1] + self._spacing - ROUNDING:
             self._newest = (self._newest + 1) % POSES
@@ -297,7 +293,7 @@ class KnownGround:
         if cloud.time != self._placed_at:
             self._placed_at = cloud.time
             pin.framesForwardKinematics(self._model, self._data, self._pose(cloud.time))
-        looked, most = math.ceil(share * LOOKED), math.ceil(share * MOST)
+        looked, most = math.ceil(share * SEEN), math.ceil(share * MOST)
         chosen = spread(len(cloud.points), looked, self._clouds)
         points, std = cloud.points[chosen], np.asarray(cloud.std)[chosen]
         if cloud.frame != WORLD:
@@ -332,12 +328,3 @@ class KnownGround:
         if elevation.unknown:
             return "the map of the ground has no heights"
         return ""
-
-
-def spread(count: int, most: int, turn: int) -> Index | slice:
-    """Return numbers below a count, `most` of them at most, spread evenly over all; others for each `turn`."""
-    if count <= most:
-        return slice(None)
-    # Somewhere in each of as many parts, by the golden ratio: a regular step may meet one column of an image alone.
-    part = np.arange(most)
-    return ((part + (part + turn * most) * GOLDEN % 1.0) * (count / most)).astype(np.int64)
