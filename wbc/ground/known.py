@@ -29,7 +29,7 @@ from wbc.core.robot import Robot
 from wbc.ground.body import OwnBody
 from wbc.ground.cloud import SEEN, WORLD, ElevationMap, PointCloud, spread
 from wbc.ground.footprint import Cost, Footprint, FootprintSettings, Support
-from wbc.ground.height_map import HeightMap, HeightMapSettings, Index, Places
+from wbc.ground.height_map import HeightMap, HeightMapSettings, Places
 
 logger = logging.getLogger(__name__)
 
