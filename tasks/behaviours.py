@@ -34,7 +34,7 @@ FAULTS = ("infeasible", "stopped", "fall", "error")
 own functions."""
 
 END = "end"
-"""Where a transition goes that ends a machine with the outcome "done"; "end: NAME" ends it with that outcome."""
+"""Target of a transition that ends its machine with the outcome "done"; "end: NAME" ends it with that outcome."""
 
 
 class BehaviourError(WbcError):
@@ -42,7 +42,7 @@ class BehaviourError(WbcError):
 
 
 class Scope:
-    """What the functions of a state are given: the parts of the program, the time, and what lives as long as the state.
+    """Argument of the functions of a state: the parts of the program, the time, and what lives as long as the state.
 
     Attributes:
         program, controller: The program, and the controller with all tasks, contacts and limits.

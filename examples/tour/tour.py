@@ -35,7 +35,7 @@ LIMITS = (0.5, 0.25, 0.5)
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """What is walked besides the run's number."""
+    """Settings of a run besides its number."""
 
     force_sensors: bool = True
     noise: str = "none"

@@ -29,7 +29,7 @@ from wbc.sim.walks.trial import walk
 Status = Literal["done", "diverged", "timeout", "crashed"]
 """End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""
 
-Check = Callable[[], None]
+TimeoutCheck = Callable[[], None]
 """Function that a running trial calls now and then; raises `TrialTimeout` after its time-out."""
 
 
@@ -65,7 +65,9 @@ class TrialKind:
     """
 
     read: Callable[[Mapping[str, Any]], Any]  # makes a spec from plain values
-    run: Callable[[Any, Check], Outcome]  # runs a spec; returns an outcome that is "done" or "diverged"
+    run: Callable[
+        [Any, TimeoutCheck], Outcome
+    ]  # runs a spec; returns an outcome that is "done" or "diverged"
     seeded: Callable[[Any, int], Any] | None = None
     metric: str = "steps_done"  # part of the results that tables are about, unless a study names another
 
@@ -125,10 +127,10 @@ def run_trial(
             faulthandler.cancel_dump_traceback_later()
 
 
-class CheckTime(TrialHook):
+class TimeoutHook(TrialHook):
     """Hook that stops a walk after its time-out."""
 
-    def __init__(self, check: Check) -> None:
+    def __init__(self, check: TimeoutCheck) -> None:
         self._check = check
 
     def tick(self, tick: TrialTick) -> None:
@@ -137,9 +139,9 @@ class CheckTime(TrialHook):
         self._check()
 
 
-def walk_outcome(spec: WalkSpec, check: Check) -> Outcome:
+def walk_outcome(spec: WalkSpec, check: TimeoutCheck) -> Outcome:
     """Run a walk as a trial."""
-    result = walk(spec, hooks=[CheckTime(check)])
+    result = walk(spec, hooks=[TimeoutHook(check)])
     assert result.clock is not None
     status: Status = "diverged" if result.outcome == "diverged" else "done"
     return Outcome(status, result.record(), to_json(result.clock))
@@ -198,14 +200,14 @@ class WalkPushLimitSpec:
         return cls(walk=WalkSpec.from_json(values), **own)
 
 
-def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
+def push_limit_outcome(spec: WalkPushLimitSpec, check: TimeoutCheck) -> Outcome:
     """Find the largest push from which a walk recovers, that is, does all its steps, wherever they end."""
     begin, seconds = time.perf_counter(), 0.0
     tried: list[dict[str, Any]] = []
 
     def recovers(impulse: float) -> bool:
         nonlocal seconds
-        result = walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
+        result = walk(spec.with_impulse(impulse), hooks=[TimeoutHook(check)])
         seconds += result.seconds
         done = result.outcome in ("completed", "strayed")
         tried.append(

@@ -21,7 +21,7 @@ ROBOT, DT = load("hrp4_class").robot(), 0.005
 
 
 def observed(**parts: Any) -> Any:
-    """What an observer makes of a robot that stands upright; some parts may be others."""
+    """Return the estimate of a robot that stands upright, with some parts replaced."""
     inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
     still = {"foot_rotation": 0.0, "stance_rotation": (0.0, 0.0, 0.0), "inertial": inertial}
     return SimpleNamespace(**(still | parts))

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from wbc.sim.studies.journal import Journal
 from wbc.sim.studies.sweep import sweep
-from wbc.sim.studies.trials import Check, Outcome, TrialKind, register_trial
+from wbc.sim.studies.trials import Outcome, TimeoutCheck, TrialKind, register_trial
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class MadeUpTrial:
         return MadeUpTrial(**{key: value for key, value in data.items() if key != "kind"})
 
 
-def run_test_trial(spec: MadeUpTrial, check: Check) -> Outcome:
+def run_test_trial(spec: MadeUpTrial, check: TimeoutCheck) -> Outcome:
     if spec.marks:
         with Path(spec.marks).open("a") as file:
             file.write(f"{spec.number} {os.getpid()}\n")

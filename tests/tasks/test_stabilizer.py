@@ -251,7 +251,7 @@ def test_the_zmp_velocity_term() -> None:
 
 
 def settled(kp: float, ki: float, bias: float) -> float:
-    """Where the real CoM of a pendulum in closed loop ends, forward, m, when it is measured wrong by a bias."""
+    """Return the final place of a pendulum's real CoM in closed loop, forward, m, when a bias is on its measurement."""
     feedback = DcmFeedback(StabilizerGains(dcm_p=kp, dcm_i=ki, max_average_dcm_error=1.0))
     omega, com, velocity, point = REST.omega, np.array([0.02, 0.0, HEIGHT]), np.zeros(3), np.zeros(3)
     for _ in range(round(60.0 / DT)):

@@ -1,6 +1,6 @@
 """Time of one tick of the controller: a robot on two soles that sways at 1 kHz.
 
-The same task is set to other libraries in `benchmarks`; a test there compares the numbers.
+The same task is set to other libraries in `benchmarks`, where a program compares them.
 """
 
 from __future__ import annotations

@@ -45,13 +45,15 @@ def checked(function: F) -> F:
     if inspect.isclass(function):
         setattr(function, "__init__", checked(function.__init__))  # noqa: B010 (no assignment to a method for mypy)
         return function
-    table: tuple[list[tuple[int, Check]], dict[str, Check]] | None = None
+    table: tuple[list[tuple[int, ArgumentCheck]], dict[str, ArgumentCheck]] | None = None
 
     @functools.wraps(function)
     def call(*args: Any, **values: Any) -> Any:
         nonlocal table
         if table is None:  # only now, as annotations may name classes that are defined further down
-            by_name = {name: Check(function, name, hint) for name, hint in checkable(function).items()}
+            by_name = {
+                name: ArgumentCheck(function, name, hint) for name, hint in checkable(function).items()
+            }
             names = [*inspect.signature(function).parameters]
             table = [(names.index(name), by_name[name]) for name in by_name if name in names], by_name
         by_place, by_name = table
@@ -89,7 +91,7 @@ def checkable(function: Callable[..., Any]) -> dict[str, Any]:
     return {name: hint for name, hint in hints_of(function).items() if _for_pydantic(hint) is not None}
 
 
-class Check:
+class ArgumentCheck:
     """Check of one argument against its annotation.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""What holds a machine before its controller does: loads of the soles, and whatever else, such as a crane or a hand."""
+"""Forces that hold a machine before its controller does: on the soles, and others, such as of a crane or a hand."""
 
 from __future__ import annotations
 

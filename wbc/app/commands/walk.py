@@ -75,7 +75,7 @@ OPTIONS = Fields(
 
 @settings(kw_only=True)
 class WalkOptions:
-    """What is done with the walk, and the rest of its spec.
+    """Options of the run, and the rest of the walk's spec.
 
     Attributes:
         seconds: Longest time of a drive, s.

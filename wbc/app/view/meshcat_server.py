@@ -23,7 +23,7 @@ from meshcat.servers.zmqserver import (
 from tornado.web import RequestHandler  # tornado comes with meshcat
 from tornado.websocket import WebSocketHandler as WebSocket
 
-from wbc.app.view.door import HOSTS
+from wbc.app.view.page_guard import HOSTS
 
 LAST = 0.5
 """Time in which pages take the last picture, s."""
@@ -58,7 +58,7 @@ new WebSocket(location.origin.replace("http", "ws") + "/caption").onmessage = me
 };
 </script>
 """
-"""What stands in front of MeshCat's page; texts are set as texts, never as HTML."""
+"""Caption and its script, put into MeshCat's page; texts are set as texts, never as HTML."""
 
 
 class Start(RequestHandler):

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from wbc.app.view.base import LOCAL, TEXT_PERIOD, ViewError
-from wbc.app.view.door import Door
 from wbc.app.view.marks import Mark, Picture, changes, css, legend, mark_mesh
 from wbc.app.view.meshes import Colour, body_meshes
+from wbc.app.view.page_guard import PageGuard
 from wbc.app.view.stage import Stage
 
 ROOT = "/wbc"
@@ -26,7 +26,7 @@ class ViserPage:
 
     Attributes:
         server: Viser's server, of this machine alone.
-        url: Link to the page, with a secret: who does not have it is refused, see `Door`.
+        url: Link to the page, with a secret: who does not have it is refused, see `PageGuard`.
     """
 
     def __init__(self, port: int, title: str) -> None:
@@ -37,16 +37,16 @@ class ViserPage:
             raise ViewError(
                 f"this page needs viser ({missing}): in a clone, pip install -e '.[workbench]'"
             ) from missing
-        door = Door()
-        with contextlib.redirect_stdout(io.StringIO()), door.guards():
+        guard = PageGuard()
+        with contextlib.redirect_stdout(io.StringIO()), guard.guards():
             self.server: Any = viser.ViserServer(LOCAL, port, title, verbose=False)
-        if not door.stands:
+        if not guard.stands:
             self.close()
             raise ViewError(
                 f"viser {viser.__version__} serves its page by other means than those that are guarded"
             )
         self.server.gui.configure_theme(show_share_button=False, show_logo=False)
-        self.url = f"http://{LOCAL}:{self.server.get_port()}/{door.secret}/"
+        self.url = f"http://{LOCAL}:{self.server.get_port()}/{guard.secret}/"
 
     @property
     def open_pages(self) -> int:

@@ -56,7 +56,7 @@ Mode = Literal["position", "torque", "hybrid"]
 
 
 class State(NamedTuple):
-    """What is known of a robot in one tick.
+    """Estimated state of the robot in one control tick.
 
     Attributes:
         robot: The estimated robot: its kinematics and dynamics until the next tick.

@@ -232,7 +232,7 @@ class Plausibility:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is refused at present, such as "encoder of left_knee"; empty when all is well."""
+        """Signals that are refused at present, such as "encoder of left_knee"; empty when all is well."""
         return self._faults + self._optional_faults
 
     @property

@@ -63,7 +63,7 @@ class PartOptions(ShownPartOptions):
 
 @settings(kw_only=True)
 class TableOptions:
-    """What is made of a journal, and what is written of it.
+    """Options of a table of a journal.
 
     Attributes:
         journal: File that `wbc study run` has written.

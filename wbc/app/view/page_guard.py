@@ -26,7 +26,7 @@ HOSTS = ("127.0.0.1", "localhost", "::1")
 _one_at_a_time = threading.Lock()
 
 
-class Door:
+class PageGuard:
     """Gate in front of viser's server, which itself answers everybody.
 
     Attributes:
