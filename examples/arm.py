@@ -19,7 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     description = wbc.load_robot("panda")
     robot = description.robot()
     ik = wbc.InverseKinematics(robot, dt=0.01)
-    ik.add(wbc.FixedContact(robot.base_frame), wbc.JointLimits(), wbc.PostureTask(weight=1e-3))
+    ik.add(wbc.JointLimits(), wbc.PostureTask(weight=1e-3))
     hand = ik.add(wbc.PoseTask("panda_hand"))
     start, radius = hand.target, 0.15
     ball = wbc.Obstacle("ball", wbc.CollisionSphere(0.05))

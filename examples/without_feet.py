@@ -1,6 +1,6 @@
 """A robot without soles: a quadruped stands on four points and sways.
 
-The QP is that of a humanoid: the foot of a quadruped is a `PointContact`, a bolted base would be a `FixedContact`.
+The QP is that of a humanoid: the foot of a quadruped is a `PointContact`, an arm is described with `base="fixed"`.
 """
 
 from collections.abc import Sequence

@@ -98,9 +98,10 @@ def g1() -> RobotDescription:
 
 @cache
 def panda() -> RobotDescription:
-    """Return Franka Emika Panda, an arm of seven joints with a gripper, its hand in front of it; no feet."""
+    """Return Franka Emika Panda, a bolted arm of seven joints with a gripper, its hand in front of it."""
     return RobotDescription.from_urdf(
         _path("panda_description/urdf/panda.urdf"),
+        base="fixed",
         package_dirs=(share_directory(),),
         half_sitting={
             "panda_joint2": -0.3,

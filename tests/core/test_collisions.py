@@ -35,7 +35,7 @@ def panda() -> RobotDescription:
 def arm() -> wbc.InverseKinematics:
     """Return a solver of an arm with a hand that is to go 0.3 m to the side."""
     ik = wbc.InverseKinematics(panda().robot(), 0.01)
-    ik.add(wbc.FixedContact(ik.robot.base_frame), wbc.JointLimits(), wbc.PostureTask(weight=1e-4))
+    ik.add(wbc.JointLimits(), wbc.PostureTask(weight=1e-4))
     return ik
 
 
@@ -147,9 +147,7 @@ def test_an_obstacle_that_moves_pushes_the_hand() -> None:
 def test_a_controller_keeps_its_robot_away_from_an_obstacle() -> None:
     robot = panda().robot()
     controller = wbc.Controller(robot, 0.002)
-    controller.add(
-        wbc.FixedContact(robot.base_frame), wbc.JointLimits(), wbc.TorqueLimits(), wbc.PostureTask()
-    )
+    controller.add(wbc.JointLimits(), wbc.TorqueLimits(), wbc.PostureTask())
     hand = controller.add(wbc.PositionTask("panda_hand", weight=10.0))
     table = wbc.Obstacle("table", wbc.CollisionHalfSpace((0.0, 0.0, 1.0), hand.target[2] - 0.15))
     limit = controller.add(

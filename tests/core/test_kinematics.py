@@ -40,12 +40,11 @@ def hand_of(robot: Robot) -> str:
     return HANDS.get(robot.name) or right_hand(robot)
 
 
-def contacts(robot: Robot) -> list[wbc.FixedContact | wbc.SoleContact | wbc.PointContact]:
-    """Return what holds a robot: soles, points, or a bolted base."""
+def contacts(robot: Robot) -> list[wbc.SoleContact | wbc.PointContact]:
+    """Return what holds a robot: soles or points, nothing of a bolted one."""
     if robot.soles:
         return [wbc.SoleContact(sole.name) for sole in robot.soles]
-    points = SOLE_FREE[robot.name]
-    return [wbc.PointContact(point) for point in points] or [wbc.FixedContact(robot.base_frame)]
+    return [wbc.PointContact(point) for point in SOLE_FREE[robot.name]]
 
 
 def solver(name: str, dt: float = 0.01, posture: float = 1e-6) -> wbc.InverseKinematics:
@@ -61,9 +60,9 @@ def near(robot: Robot, frame: str, rng: np.random.Generator, size: float) -> pin
     joints = robot.joints_between(frame, robot.base_frame)
     room = np.minimum(size, 0.2 * (robot.position_upper - robot.position_lower))
     for joint in joints:
-        value = q[7 + joint] + rng.uniform(-1.0, 1.0) * room[joint]
+        value = q[robot.base_nq + joint] + rng.uniform(-1.0, 1.0) * room[joint]
         low, high = robot.position_lower[joint] + 0.02, robot.position_upper[joint] - 0.02
-        q[7 + joint] = np.clip(value, low, high)
+        q[robot.base_nq + joint] = np.clip(value, low, high)
     pin.framesForwardKinematics(robot.model, data, q)
     return pin.SE3(data.oMf[robot.frame_id(frame)])
 
@@ -107,9 +106,9 @@ def test_velocities_are_those_of_pink_for_the_same_costs(name: str) -> None:
     dt, robot = 0.01, robot_of(name)
     rng = np.random.default_rng(1)
     room = np.minimum(0.1, 0.1 * (robot.position_upper - robot.position_lower))
-    inside = np.clip(robot.q[7:], robot.position_lower + room, robot.position_upper - room)
+    inside = np.clip(robot.q[robot.base_nq :], robot.position_lower + room, robot.position_upper - room)
     ik = wbc.InverseKinematics(robot, dt, regularisation=1e-9, damping=0.0)
-    ik.update(np.concatenate([robot.q[:7], inside]))
+    ik.update(np.concatenate([robot.q[: robot.base_nq], inside]))
     goal = robot.com + rng.uniform(-0.05, 0.05, 3)
     ik.add(wbc.CoMTask(goal, weight=4.0, rate=20.0, error_bound=np.inf))
     posture = ik.add(wbc.PostureTask(weight=0.25, rate=50.0, error_bound=np.inf))
@@ -119,7 +118,7 @@ def test_velocities_are_those_of_pink_for_the_same_costs(name: str) -> None:
     configuration = pink.Configuration(robot.model, robot.model.createData(), robot.q.copy())
     tasks = [pink.tasks.ComTask(2.0, gain=20.0 * dt), pink.tasks.PostureTask(0.5, gain=50.0 * dt)]
     tasks[0].set_target(goal)
-    tasks[1].set_target(np.concatenate([robot.q[:7], posture.target]))
+    tasks[1].set_target(np.concatenate([robot.q[: robot.base_nq], posture.target]))
     model = robot.model.copy()
     model.upperVelocityLimit = 0.1 * np.array(robot.model.upperVelocityLimit)
     limits = [pink.limits.ConfigurationLimit(model, 1.0), pink.limits.VelocityLimit(model)]
@@ -127,7 +126,7 @@ def test_velocities_are_those_of_pink_for_the_same_costs(name: str) -> None:
     theirs = pink.solve_ik(configuration, tasks, dt, solver="daqp", limits=limits, damping=1e-9)
     ours = ik.solve()
     assert ik.solution is not None and ik.solution.ok and len(ik.solution.active_limits) > 3
-    assert ours[6:] == pytest.approx(theirs[6:], abs=1e-6)
+    assert ours[robot.base_dof :] == pytest.approx(theirs[robot.base_dof :], abs=1e-6)
 
 
 def test_a_controller_that_comes_to_rest_is_where_the_search_ends() -> None:
@@ -144,7 +143,7 @@ def test_a_controller_that_comes_to_rest_is_where_the_search_ends() -> None:
         ]
 
     controller = wbc.Controller(robot, 0.005, regularisation=1e-6)
-    controller.add(wbc.FixedContact(robot.base_frame, stiffness=400.0), limits, *tasks())
+    controller.add(limits, *tasks())
     q, v = robot.q.copy(), robot.v.copy()
     for _ in range(500):
         controller.update(q, v)
@@ -152,13 +151,13 @@ def test_a_controller_that_comes_to_rest_is_where_the_search_ends() -> None:
         q = pin.integrate(robot.model, q, 0.005 * v)
 
     ik = wbc.InverseKinematics(robot_of("panda"), 0.005)
-    ik.add(wbc.FixedContact(robot.base_frame), wbc.JointLimits(margin=0.0), *tasks())
+    ik.add(wbc.JointLimits(margin=0.0), *tasks())
     found = ik.reach(1e-12)
     assert not found.reached and found.held_by == ("posture",)  # the posture pulls: a compromise
-    assert found.configuration[7:] == pytest.approx(q[7:], abs=1e-6)
+    assert found.configuration == pytest.approx(q, abs=1e-6)
     while ik.robot.v.max() == 0.0 or abs(ik.robot.v).max() > 1e-9:
         ik.step()
-    assert ik.robot.q[7:] == pytest.approx(q[7:], abs=1e-6)
+    assert ik.robot.q == pytest.approx(q, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -265,17 +264,15 @@ def test_a_lower_level_changes_nothing_of_those_before() -> None:
 def test_a_search_with_levels_ends_exactly_at_the_first_ones() -> None:
     ik = wbc.InverseKinematics(robot_of("panda"), 0.01)
     robot = ik.robot
-    ik.add(wbc.FixedContact(robot.base_frame), wbc.JointLimits())
+    ik.add(wbc.JointLimits())
     hand = ik.add(wbc.PoseTask("panda_hand", near(robot, "panda_hand", np.random.default_rng(2), 0.5)))
     posture = ik.add(wbc.PostureTask({"panda_joint3": 0.4}), level=1)
     found = ik.reach(1e-9)
     assert found.reached, str(found)
     ik.update(found.configuration)
     # Nothing that leaves the hand where it is brings the posture nearer: its gradient is one of the hand's rows.
-    jacobian = np.vstack([evaluated(hand)[0], np.eye(robot.nv)[:6]])
-    pull = np.concatenate([np.zeros(6), robot.q[7:] - posture.target])
-    at_limit = (robot.q[7:] < robot.position_lower + 2e-3) | (robot.q[7:] > robot.position_upper - 2e-3)
-    pull[6:][at_limit] = 0.0
+    jacobian, pull = evaluated(hand)[0], robot.q - posture.target
+    pull[(robot.q < robot.position_lower + 2e-3) | (robot.q > robot.position_upper - 2e-3)] = 0.0
     left = pull - jacobian.T @ np.linalg.lstsq(jacobian.T, pull, rcond=None)[0]
     assert np.linalg.norm(pull) > 0.1 and np.linalg.norm(left) < 1e-3
 
@@ -283,15 +280,15 @@ def test_a_search_with_levels_ends_exactly_at_the_first_ones() -> None:
 def test_levels_keep_the_limits() -> None:
     ik = wbc.InverseKinematics(robot_of("panda"), 0.01)
     robot = ik.robot
-    ik.add(wbc.FixedContact(robot.base_frame), wbc.JointLimits(margin=0.0))
+    ik.add(wbc.JointLimits(margin=0.0))
     ik.add(wbc.PositionTask("panda_hand", axes=("z",)))
     away = np.where(np.arange(robot.na) % 2, 10.0, -10.0)
     ik.add(wbc.PostureTask(), level=1).follow(away)
     height = robot.placement("panda_hand").translation[2]
     for _ in range(200):
         ik.step()
-        assert (robot.q[7:] <= robot.position_upper + 1e-9).all()
-        assert (robot.q[7:] >= robot.position_lower - 1e-9).all()
+        assert (robot.q <= robot.position_upper + 1e-9).all()
+        assert (robot.q >= robot.position_lower - 1e-9).all()
         assert robot.placement("panda_hand").translation[2] == pytest.approx(height, abs=5e-3)
     assert ik.solution is not None and len(ik.solution.active_limits) > 2
 
@@ -317,14 +314,14 @@ def test_limits_of_joints_are_never_crossed(
     posture = ik.add(wbc.PostureTask(rate=rng.choice([1.0, 100.0, 1e4]), error_bound=np.inf))
     room = high - low
     start = rng.uniform(low - 0.1 * room, high + 0.1 * room) if outside else rng.uniform(low, high)
-    ik.update(np.concatenate([robot.q[:7], start]))
+    ik.update(start)
     before = np.maximum(low - start, start - high)
     for period in range(45):
         if period % 15 == 0:
             posture.follow(rng.uniform(low - room, high + room))
-        last = robot.v[6:].copy()
-        v = ik.step()[6:]
-        beyond = np.maximum(low - robot.q[7:], robot.q[7:] - high)
+        last = robot.v.copy()
+        v = ik.step()
+        beyond = np.maximum(low - robot.q, robot.q - high)
         assert (beyond <= np.maximum(before, 0.0) + 1e-9).all()
         assert (abs(v) <= robot.velocity_limit + 1e-9).all()
         if acceleration is not None:
@@ -353,18 +350,18 @@ def test_joints_that_are_not_limited_go_where_they_are_sent() -> None:
     posture.follow(high)
     for _ in range(200):
         ik.step()
-    assert robot.q[7] <= robot.position_upper[0] and robot.q[10] > robot.position_upper[3] + 0.1
+    assert robot.q[0] <= robot.position_upper[0] and robot.q[3] > robot.position_upper[3] + 0.1
     ik.remove(posture, limits)
     robot, posture = robot_of("panda"), wbc.PostureTask()
     controller = wbc.Controller(robot, 0.005)
-    controller.add(wbc.FixedContact(robot.base_frame), limits, posture)
+    controller.add(limits, posture)
     posture.follow(high)
     q, v = robot.q.copy(), robot.v.copy()
     for _ in range(600):
         controller.update(q, v)
         v = v + 0.005 * controller.solve().accelerations
         q = pin.integrate(robot.model, q, 0.005 * v)
-    assert q[7] <= robot.position_upper[0] and q[10] > robot.position_upper[3] + 0.1
+    assert q[0] <= robot.position_upper[0] and q[3] > robot.position_upper[3] + 0.1
 
 
 def test_the_centre_of_mass_stays_in_its_polygon() -> None:
@@ -406,7 +403,7 @@ def test_more_starts_find_what_one_does_not() -> None:
     rng, found = np.random.default_rng(5), []
     hand = ik.add(wbc.PoseTask("panda_hand"))
     for _ in range(10):
-        robot.q[7:] = rng.uniform(robot.position_lower, robot.position_upper)
+        robot.q[:] = rng.uniform(robot.position_lower, robot.position_upper)
         robot.update_jacobians(robot.q)
         hand.target = pin.SE3(robot.placement("panda_hand"))
         found.append((ik.reach().reached, ik.reach(starts=20, seed=1).reached))
@@ -416,13 +413,10 @@ def test_more_starts_find_what_one_does_not() -> None:
 
 def test_a_search_from_outside_the_limits_ends_inside() -> None:
     ik = solver("panda")
-    robot = ik.robot
-    q = robot.q.copy()
-    q[7:] = robot.position_upper + 0.7
-    ik.update(q)
+    ik.update(ik.robot.position_upper + 0.7)
     found = ik.reach()
     assert found.reached
-    assert (found.configuration[7:] <= robot.position_upper).all()
+    assert (found.configuration <= ik.robot.position_upper).all()
 
 
 def test_hard_tasks_that_contradict_each_other_are_named_with_numbers() -> None:

@@ -68,7 +68,7 @@ def test_rows_of_limits_are_the_derivatives_of_what_they_bound(name: str, item: 
 
 def arm(*items: wbc.Task | wbc.Limit) -> wbc.InverseKinematics:
     ik = wbc.InverseKinematics(wbc.load_robot("panda").robot(), 0.01)
-    ik.add(wbc.FixedContact(ik.robot.base_frame), wbc.JointLimits(), wbc.PostureTask(weight=1e-4), *items)
+    ik.add(wbc.JointLimits(), wbc.PostureTask(weight=1e-4), *items)
     return ik
 
 
@@ -100,7 +100,7 @@ def test_a_hand_stays_in_its_box_below_its_speed_and_upright() -> None:
     ik.remove(hand, *limits)
 
     controller = wbc.Controller(robot, 0.002)
-    controller.add(wbc.FixedContact(robot.base_frame), wbc.JointLimits(), wbc.PostureTask(weight=1e-3))
+    controller.add(wbc.JointLimits(), wbc.PostureTask(weight=1e-3))
     controller.add(*limits)
     controller.add(wbc.PoseTask("panda_hand", goal))
     q, v = robot.q.copy(), robot.v.copy()
