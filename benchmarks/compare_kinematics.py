@@ -34,7 +34,9 @@ def scenes() -> Iterator[KinematicScene]:
     yield KinematicScene(
         robot="panda",
         urdf=without_geometry(description.urdf_without_geometry()),
-        posture=inside(robot, dict(zip(robot.joint_names, robot.half_sitting[robot.base_nq :].tolist(), strict=True))),
+        posture=inside(
+            robot, dict(zip(robot.joint_names, robot.half_sitting[robot.base_nq :].tolist(), strict=True))
+        ),
         hand="panda_hand",
     )
     task, robot = talos(), wbc.load_robot("talos").robot()
