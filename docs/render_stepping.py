@@ -82,8 +82,8 @@ def steps_of_a_walk(count: int) -> list[Step]:
             )
             rows, planned = [], []
         elif now.landing is not None:
-            zmp = now.pendulum.zmp
-            rows.append((*walking.source.gait.dcm[:2], zmp[0], zmp[1], now.landing.x, now.landing.y))
+            gait = walking.source.gait
+            rows.append((*gait.dcm[:2], *gait.contact[:2], now.landing.x, now.landing.y))
             planned.append(now.duration)
     return steps
 

@@ -109,7 +109,13 @@ class PointMass:
         dt, omega = self.dt, self.scale.omega
         com, speed = self.com[:2], self.speed
         if reference.phase is not GaitPhase.SINGLE:
-            acceleration: Array = reference.pendulum.com_acceleration[:2]
+            c, pendulum, (stiffness, damping) = self.gait.constants, reference.pendulum, (0.0, 0.0)
+            stiffness, damping = c.shift_gains
+            if reference.phase is GaitPhase.STANDING:
+                stiffness, damping = c.stand_gain * omega**2, (1.0 + c.stand_gain) * omega
+            acceleration: Array = pendulum.com_acceleration[:2] + (
+                stiffness * (pendulum.com[:2] - com) + damping * (pendulum.com_velocity[:2] - speed)
+            )
             self.com[:2], self.speed = (
                 com + speed * dt + 0.5 * acceleration * dt**2,
                 speed + acceleration * dt,

@@ -75,7 +75,7 @@ def test_what_the_body_adds_to_a_reference_moves_as_its_rates_say() -> None:
     leaning, before = LeanMotion(tilted, np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.3, 0.0])), None
     for _ in range(600):
         body.update(heading)
-        pendulum, lean, twist = body.raised(rest, measured=False), body.leaned(leaning, heading), body.twist
+        pendulum, lean, twist = body.raised(rest), body.leaned(leaning, heading), body.twist
         if before is not None:
             height, trunk, angle = before
             rise, turning = pendulum.com_velocity - height.com_velocity, lean.velocity - trunk.velocity
@@ -207,7 +207,7 @@ def test_a_lowered_pendulum_moves_as_its_height_says() -> None:
     planned = Pendulum(
         com, np.array([0.2, 0.1, 0.0]), np.append(omega**2 * (com - zmp)[:2], 0.0), zmp, np.zeros(3), omega
     )
-    lowered = body.raised(planned, measured=False)
+    lowered = body.raised(planned)
     assert lowered.omega == pytest.approx(np.sqrt(GRAVITY / 0.77))
     np.testing.assert_allclose(lowered.com_acceleration[:2], planned.com_acceleration[:2])
     arm = (lowered.com - lowered.zmp)[:2]

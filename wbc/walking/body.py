@@ -289,16 +289,14 @@ class Body:
         self._goal[self._look] = angle if abs(angle) <= most else math.copysign(most, before or angle)
         self._off = abs(angle - float(self._now[self._look]))
 
-    def raised(self, pendulum: Pendulum, *, measured: bool) -> Pendulum:
+    def raised(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum at the height that is set, with the ω of that height.
 
-        The CoM moves horizontally as before, its ZMP is nearer to it the lower it is; one that is `measured` has both.
+        The CoM moves horizontally as before, its ZMP is nearer to it the lower it is.
         """
         raised = pendulum.moved(
             *(np.array([0.0, 0.0, part[0]]) for part in (self._now, self._rate, self._acceleration))
         )
-        if measured:
-            return raised
         nominal = GRAVITY / pendulum.omega**2
         ratio = (nominal + float(self._now[0])) / nominal
         zmp, velocity = raised.zmp.copy(), raised.zmp_velocity.copy()

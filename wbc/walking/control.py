@@ -163,7 +163,7 @@ class ReferenceControl:
             self.control.observer.inertial.rest()
         if body.active:
             body.update(reference.heading)
-            pendulum = body.raised(reference.pendulum, measured=self.source.by_steps)
+            pendulum = body.raised(reference.pendulum)
             self.reference = reference = reference._replace(pendulum=pendulum)
             balance.sink(pendulum.omega)
         self.reference = reference = balance.update(reference, state)

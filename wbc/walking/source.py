@@ -52,8 +52,7 @@ class Reference(NamedTuple):
     """References of one tick.
 
     Attributes:
-        pendulum: CoM, ZMP and their derivatives. Of a robot that balances by its steps the CoM as measured at its
-            desired height, with its desired acceleration, and the contact point.
+        pendulum: CoM, ZMP and their derivatives as planned; what is measured is in `State`.
         feet: Motions of left and right sole.
         contact: True for each foot on the ground, left and right.
         heading: Heading of pelvis and torso, rad.

@@ -254,6 +254,9 @@ class StanceContacts:
     yielding: float  # ratio of these costs for a foot that is unloaded, or waits to take over
     # Cost of the CoM's height alone, and of its place as well on both feet, shape (3,) each.
     com: tuple[Array, Array]
+    # Stiffness and damping of the CoM, shape (3,) each, while the weight shifts, and in a stand.
+    shift: tuple[Array, Array]
+    stand: tuple[Array, Array]
     box: tuple[float, float]  # size of the box of the centre of pressure, m
     standing_box: tuple[float, float]  # the same on both feet, m
     carrying: float  # place of the centre of the box ahead of that of the sole, m; not in a stand
@@ -278,6 +281,7 @@ class StanceContacts:
         before, self._state[:] = self._state[:2], state
         if before != state[:2]:
             tasks.com.weight = self.com[balanced]
+            tasks.com.stiffness, tasks.com.damping = self.stand if standing else self.shift
             length, width = self.standing_box if balanced else self.box
             for contact in tasks.contacts:
                 contact.set_box(length, width, (0.0 if standing else self.carrying, 0.0))

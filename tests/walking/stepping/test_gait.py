@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 
 import numpy as np
@@ -287,8 +288,36 @@ def test_a_step_is_about_the_centre_of_pressure_of_its_stance_foot(
     for _ in range(25):  # five times the lag of the measured pressure
         reference = body.gait.update(tick.state._replace(wrenches=wrenches), tick.frames)
     assert reference.stance == stance
-    place = tick.frames[stance].actInv(np.array(reference.pendulum.zmp))
+    place = tick.frames[stance].actInv(np.array(body.gait.contact))
     assert tuple(place[:2]) == pytest.approx(expected, abs=2e-3)
+
+
+def test_the_pendulum_is_as_planned_and_a_push_moves_it_at_the_next_decision_alone() -> None:
+    """c̈ = ω² (c − z) in every phase; on both feet over the soles, in a step about the commanded CoP."""
+    body, phases = PointMass(), set()
+    body.run(0.6)
+    body.speed += (0.05, 0.02)
+    still = body.run(0.2)
+    feet = 0.5 * (still[-1].frames[0].translation + still[-1].frames[1].translation)
+    assert np.linalg.norm(np.array(still[-1].state.com)[:2] - feet[:2]) > 2e-3
+    body.gait.steering.command((0.2, 0.05, 0.0))
+    body.run(2.5)
+    for before, tick in itertools.pairwise(body.ticks):
+        now, past, last = tick.reference, tick.reference.pendulum, before.reference
+        phases.add(now.phase)
+        np.testing.assert_allclose(
+            past.com_acceleration[:2], SCALE.omega**2 * (past.com - past.zmp)[:2], atol=1e-9
+        )
+        if now.phase is GaitPhase.STANDING:
+            np.testing.assert_allclose(past.com[:2], feet[:2], atol=1e-9)
+        if now.phase is GaitPhase.SINGLE:
+            place = tick.frames[now.stance].actInv(np.array(past.zmp))
+            carrying = body.gait.constants.carrying
+            assert tuple(place[:2]) == pytest.approx((carrying + now.cop[0], now.cop[1]), abs=1e-9)
+        if now.phase is last.phase and now.stance == last.stance:
+            goes_on = last.pendulum.com + DT * last.pendulum.com_velocity
+            np.testing.assert_allclose(past.com[:2], goes_on[:2], atol=1e-3)
+    assert phases == set(GaitPhase)
 
 
 def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -> None:

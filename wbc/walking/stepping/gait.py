@@ -126,6 +126,8 @@ class SteppingGait:
         self._period = max(1, round(c.period / dt))  # of decisions, ticks
         self._time = self.settings.step_time  # of the step, s
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
+        # CoM over the ground as planned, its velocity and acceleration; None until the step is decided.
+        self._planned: tuple[float, float, float, float, float, float] | None = None
         self._met: float | None = None  # time since lift-off at which the swing foot met the ground
         self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
@@ -141,6 +143,12 @@ class SteppingGait:
         self._timing = Gait(feet_spacing=self.settings.width)
         self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), dt / max(c.time_lag, dt)
         self._level_gain = lag_gain(dt, c.level_lag)
+
+    @property
+    def contact(self) -> Vector:
+        """Measured centre of pressure of the feet that carry, low-passed, in the world, m."""
+        assert self._contact is not None
+        return self._contact
 
     @property
     def stands(self) -> bool:
@@ -261,23 +269,17 @@ class SteppingGait:
         middle = [0.5 * (a + b) for a, b in zip(*feet, strict=True)]
         high, speed = self._sink(state.com[2] - middle[2])
         if self._mode is _Mode.STANDING:
-            # The ZMP beyond the DCM brings it back: p = ξ + k (ξ − middle).
-            wanted = [xi + c.stand_gain * (xi - at) for xi, at in zip(dcm[:2], middle[:2], strict=True)]
-            acceleration = [omega * omega * (x - p) for x, p in zip(state.com[:2], wanted, strict=True)]
+            course = (middle[0], middle[1], 0.0, 0.0, 0.0, 0.0)
             phase, duration = GaitPhase.STANDING, 0.0
         else:
             share = min(1.0, self._elapsed / c.shift_time)
-            rise = share * share * (3.0 - 2.0 * share)
-            rise_speed = 6.0 * (share - share * share) / c.shift_time
+            rise, rate = share * share * (3.0 - 2.0 * share), 6.0 * (share - share * share) / c.shift_time
             stance, side = feet[self.stance], 1.0 if self.stance == 1 else -1.0
             inside = side * c.shift * s.width / (1.0 + math.exp(omega * s.step_time))
             cos, sin = self.steering.direction
-            goal = stance[0] - sin * inside, stance[1] + cos * inside
-            stiffness, damping = c.shift_gains
-            acceleration = []
-            for x, v, start, end in zip(state.com[:2], state.velocity[:2], self._from[:2], goal, strict=True):
-                way = end - start
-                acceleration.append(stiffness * (start + way * rise - x) + damping * (way * rise_speed - v))
+            (x, y, _), goal_x, goal_y = self._from, stance[0] - sin * inside, stance[1] + cos * inside
+            u, v = goal_x - x, goal_y - y
+            course = (x + rise * u, y + rise * v, rate * u, rate * v, 0.0, 0.0)
             phase, duration = GaitPhase.DOUBLE, c.shift_time + c.rest
         return self._reference(
             state,
@@ -287,7 +289,7 @@ class SteppingGait:
             phase=phase,
             most_force=(c.most_force, c.most_force),
             height=(high + middle[2], speed),
-            acceleration=(acceleration[0], acceleration[1]),
+            course=course,
             duration=duration,
         )
 
@@ -328,6 +330,7 @@ class SteppingGait:
             swing, landing = self._decide(state, dcm, frames, steps)
         self._level += self._level_gain * (state.places[self.stance][2] - self._level)
         high, speed = self._sink(state.com[2] - self._level)
+        course = self._course(state)
         return self._reference(
             state,
             dcm,
@@ -336,6 +339,7 @@ class SteppingGait:
             phase=GaitPhase.SINGLE,
             most_force=self._most_forces(state),
             height=(high + self._level, speed),
+            course=course,
             duration=self._time,
             swing=swing,
             landing=landing,
@@ -409,6 +413,7 @@ class SteppingGait:
         """Decide the step by what stands now."""
         c, (u, v), footsteps = self.constants, self.decision.cop, self.footsteps
         assert self._contact is not None
+        self._planned = None  # from what is measured now
         stance = StepState(
             self.stance,
             self.steering.direction,
@@ -429,6 +434,24 @@ class SteppingGait:
             wish = steps_of_velocity(steps.velocity, self._width(steps), stance)
         look = None if stays else c.touch * self._time - self._elapsed
         self.decision.decide(stance, wish, self._longest, look)
+
+    def _course(self, state: BodyState) -> tuple[float, float, float, float, float, float]:
+        """Return place, m, velocity, m/s, and acceleration, m/s², of the CoM as planned, over the ground.
+
+        From the state in which the step was decided it moves as the pendulum does about the commanded centre of
+        pressure.
+        """
+        square, dt, (ahead, aside) = self.scale.omega**2, self._dt, self.decision.cop
+        zx, zy, _ = _on_sole(state, self.stance, self.constants.carrying + ahead, aside)
+        if self._planned is None:
+            (x, y, _), (u, v, _) = state.com, state.velocity
+            a, b = square * (x - zx), square * (y - zy)
+        else:
+            x, y, u, v, a, b = self._planned
+            x, y, u, v = x + dt * (u + 0.5 * dt * a), y + dt * (v + 0.5 * dt * b), u + dt * a, v + dt * b
+            a, b = square * (x - zx), square * (y - zy)
+        self._planned = x, y, u, v, a, b
+        return self._planned
 
     def _swinging(self, state: BodyState) -> tuple[float, float, float, float]:
         """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
@@ -589,18 +612,19 @@ class SteppingGait:
         phase: GaitPhase,
         most_force: tuple[float, float],
         height: tuple[float, float],
+        course: tuple[float, float, float, float, float, float],
         duration: float,
-        acceleration: Point | None = None,
         swing: SwingFoot | None = None,
         landing: Footstep | None = None,
     ) -> Reference:
-        assert self._contact is not None
         self.dcm = dcm
-        (x, y, _), (u, v, _) = state.com, state.velocity
-        push = (0.0, 0.0) if acceleration is None else acceleration
+        x, y, u, v, a, b = course
+        arm = 1.0 / self.scale.omega**2
         # One array and its parts: making an array costs more than a slice.
-        parts = np.array((x, y, height[0], u, v, height[1], *push, 0.0, *self._contact))
-        pendulum = Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], dcm.omega)
+        parts = np.array(
+            (x, y, height[0], u, v, height[1], a, b, 0.0, x - arm * a, y - arm * b, self.contact[2])
+        )
+        pendulum = Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self.scale.omega)
         side = 1 - self.stance if swing is not None and self._met is None else None
         feet = [
             swing.at(self._elapsed) if swing is not None and i == side else FootMotion.at_rest(pin.SE3(frame))

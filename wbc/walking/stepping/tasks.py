@@ -56,10 +56,9 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
     robot, scale, law = controller.robot, gait.scale, gait.constants
     omega, square = scale.omega, scale.omega**2
     turn = scale.height**2  # from (h rad/s²)² to (rad/s²)²
-    weight, stiffness, damping = COM
-    com = CoMTask(
-        weight=weight, stiffness=(0.0, 0.0, stiffness * square), damping=(0.0, 0.0, damping * omega)
-    )
+    weight, height_gains = COM[0], (COM[1] * square, COM[2] * omega)
+    stiffness, damping = _com_gains((0.0, 0.0), height_gains)
+    com = CoMTask(weight=weight, stiffness=stiffness, damping=damping)
     swing: GainOptions = {
         "weight": np.array([SWING[0], SWING[0], LIFT, *[SWING_TURN[0] * turn] * 3]),
         "stiffness": _halves(SWING[1] * square, SWING_TURN[1] * square),
@@ -77,6 +76,8 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
         firm=_halves(HELD, STANDING_TURN * turn),
         yielding=YIELDING,
         com=(np.array([0.0, 0.0, weight]), np.full(3, weight)),
+        shift=_com_gains(law.shift_gains, height_gains),
+        stand=_com_gains((law.stand_gain * square, (1.0 + law.stand_gain) * omega), height_gains),
         box=law.box,
         standing_box=law.standing_box,
         carrying=law.carrying,
@@ -108,6 +109,11 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
     posture = PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
     trunk, rise = {"pelvis": pelvis, "torso": torso}, RiseLimit(SLACK * scale.height)
     return WalkTasks(controller, com, contacts, swing, trunk, posture, stance, rise, reaching=REACHING)
+
+
+def _com_gains(place: tuple[float, float], height: tuple[float, float]) -> tuple[Array, Array]:
+    """Return stiffness and damping of the CoM, shape (3,) each, of those of its place and of its height."""
+    return np.array([place[0], place[0], height[0]]), np.array([place[1], place[1], height[1]])
 
 
 def _halves(linear: float, angular: float) -> Array:
