@@ -4,6 +4,7 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 `balance` has the tasks of a robot that stands, `stabilizer` the DCM stabilizer of walks.
 """
 
+from wbc.core.qp.task import SelectionTask, VariableTask
 from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
 from wbc.tasks.force.admittance import AdmittanceTask
@@ -52,7 +53,9 @@ __all__ = [
     "Program",
     "after",
     "reached",
-    # Bases for tasks of one's own
+    # Bases for tasks of one's own, beside wbc.Task
+    "SelectionTask",
+    "VariableTask",
     "ComplianceTask",
     "check_rows",
     # Stiffness scheduling

@@ -9,11 +9,11 @@ import numpy as np
 
 from wbc.base.numbers import Array
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.task import TaskOptions
+from wbc.core.qp.task import TaskOptions, VariableTask
 from wbc.tasks.motion.joints import JointTask, JointValues
 
 
-class JointTorqueTask(JointTask):
+class JointTorqueTask(JointTask, VariableTask):
     """Bring joint torques to given ones; with the default target, zero, keep them small.
 
     Rows and residual are in Nm (N for sliding joints); the weight is a cost per (Nm)², 10⁻⁴ by default. Torques are
@@ -22,7 +22,6 @@ class JointTorqueTask(JointTask):
 
     __slots__ = ("_selection", "_torque_bias", "_torque_rows")
     unit = "Nm"
-    kind = "variables"
     usual = {"weight": 1e-4}
 
     def __init__(
@@ -43,11 +42,11 @@ class JointTorqueTask(JointTask):
         super().__init__("joint torques", target, joints, options)
 
     def bind_problem(self, problem: Problem) -> None:
-        """Find the torque rows; see `Task.bind_problem`."""
+        """Find the torque rows; see `VariableTask.bind_problem`."""
         self._torque_rows, self._torque_bias = problem.torque_matrix, problem.torque_bias
         self._selection = self._columns - self.robot.base_dof
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`. Torque rows leave out the bias, which is added back."""
         jacobian[:] = self._torque_rows[self._selection]
-        np.subtract(self._target, self._torque_bias[self._selection], out=error)
+        np.subtract(self._target.value, self._torque_bias[self._selection], out=error)

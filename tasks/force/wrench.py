@@ -13,10 +13,10 @@ from wbc.base.numbers import Array
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.task import Task, TaskOptions
+from wbc.core.qp.task import TaskOptions, VariableTask
 
 
-class WrenchTask(Task):
+class WrenchTask(VariableTask):
     """Bring the wrench of one contact to a target.
 
     Rows and residual are along the chosen axes of the contact frame, N and Nm; the weight is a cost per N² and (Nm)²,
@@ -27,7 +27,6 @@ class WrenchTask(Task):
 
     __slots__ = ("_axes", "_columns", "_contact", "_loaded", "_order", "_size")
     unit = "N|Nm"
-    kind = "variables"
     usual = {"weight": 1e-3}
 
     def __init__(
@@ -85,4 +84,4 @@ class WrenchTask(Task):
             jacobian[:], error[:] = 0.0, 0.0
             return
         jacobian[self._order, self._columns] = 1.0
-        error[:] = self._target[self._axes]
+        error[:] = self._target.value[self._axes]

@@ -64,7 +64,7 @@ class CoMTask(Task):
         """Fill the rows; see `Task.evaluate`."""
         robot = self.robot
         jacobian[:], drift[:] = robot.com_jacobian, self._acceleration()
-        np.subtract(self._target, robot.com, out=error)
+        np.subtract(self._target.value, robot.com, out=error)
 
 
 class CoMOverFeetTask(CoMTask):
@@ -94,7 +94,7 @@ class CoMOverFeetTask(CoMTask):
         for sole in self._soles:
             jacobian -= share * pin.getFrameJacobian(robot.model, data, sole, world)[:3]
             drift -= share * pin.getFrameClassicalAcceleration(robot.model, data, sole, world).linear
-        error[:] = self._target + self._middle(robot) - robot.com
+        error[:] = self._target.value + self._middle(robot) - robot.com
 
     @staticmethod
     def _middle(robot: Robot) -> Array:

@@ -88,7 +88,7 @@ class VectorOrientationTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
-        drift[:] = _turning(self, self._axis, self._target, jacobian, error)
+        drift[:] = _turning(self, self._axis, self._target.value, jacobian, error)
 
 
 class LookAtTask(FrameTask):
@@ -152,7 +152,7 @@ class LookAtTask(FrameTask):
         return finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._target = target  # no feed-forward: it would need the distance, and a gaze moves slowly
+        self._target.value = target  # no feed-forward: it would need the distance, and a gaze moves slowly
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
@@ -166,7 +166,7 @@ class LookAtTask(FrameTask):
         """Fill the rows; see `Task.evaluate`. With ḋ = −(v − d (d · v)) / r and ṙ = −d · v."""
         model, data, frame, world = self._model, self._data, self._id, self._world
         other = self._followed_id
-        point = self._target if other is None else data.oMf[other].translation
+        point = self._target.value if other is None else data.oMf[other].translation
         way = point - self._translation
         distance = float(np.linalg.norm(way))
         d, r = way / max(distance, ROUNDING), max(distance, NEAREST)

@@ -113,7 +113,7 @@ class PositionTask(FrameTask):
         model, data, world = self._model, self._data, self._world
         jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)[:3]
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).linear
-        np.subtract(self._target, self._translation, out=error)
+        np.subtract(self._target.value, self._translation, out=error)
 
 
 class OrientationTask(FrameTask):
@@ -142,7 +142,7 @@ class OrientationTask(FrameTask):
         model, data, world = self._model, self._data, self._world
         jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)[3:]
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).angular
-        error[:] = pin.log3(np.dot(self._target, self._rotation.T))
+        error[:] = pin.log3(np.dot(self._target.value, self._rotation.T))
 
 
 class PoseTask(FrameTask):
@@ -160,7 +160,7 @@ class PoseTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
-        model, data, world, target = self._model, self._data, self._world, self._target
+        model, data, world, target = self._model, self._data, self._world, self._target.value
         jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).vector
         np.subtract(target.translation, self._translation, out=error[:3])
@@ -231,6 +231,6 @@ class RelativeFrameTask(FrameTask):
         np.dot(back, linear, out=drift[:3])
         np.dot(back, angular, out=drift[3:])
 
-        target = self._target
+        target = self._target.value
         np.subtract(target.translation, np.dot(back, offset), out=error[:3])
         error[3:] = pin.log3(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))

@@ -43,10 +43,10 @@ class JointTask(Task):
             self._resize(robot.na)
         self._columns = joint_columns(robot, self._joints)
         super().bind(robot)
-        if not self.accepted:
-            self._target = self.present(robot)
+        if not self._target.settled:
+            self._target.value = self.present(robot)
             if self._pending is not None:
-                self._target = self.checked(self._pending)
+                self._target.value = self.checked(self._pending)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -56,22 +56,22 @@ class JointTask(Task):
     @property
     def target(self) -> Array:
         """Targets, shape (dim,), `unit`, read-only; assign an array, or joint name → target for some joints."""
-        if self._target is None:
+        if self._target.value is None:
             raise InputError(f"task '{self.name}' has no target before it is added to a controller")
-        return read_only(self._target)
+        return read_only(self._target.value)
 
     @target.setter
     def target(self, value: JointValues) -> None:
-        if not self.accepted:
+        if not self._target.settled:
             self._pending = value
-        if self._target is not None:
+        if self._target.value is not None:
             Task.target.fset(self, value)  # type: ignore[attr-defined]
 
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
         """Return targets after a check, shape (dim,); those that are not given are those of `others`, or stay."""
         if not isinstance(value, Mapping):
             return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
-        changed = np.array(self._target if others is None else others)
+        changed = np.array(self._target.value if others is None else others)
         for joint, target in value.items():
             changed[self._row(joint)] = finite_scalar(f"target of joint '{joint}' ({self.unit})", target)
         return changed

@@ -88,7 +88,7 @@ class MomentumTask(Task):
         """
         robot, base, bias = self.robot, self._base, self.robot.bias
         jacobian[:] = self._map
-        np.subtract(self._target, self._momentum.vector, out=error)
+        np.subtract(self._target.value, self._momentum.vector, out=error)
         if self._bolted is not None:  # a bolted base has no rows in the bias
             data, none = self._bolted
             drift[:] = pin.computeCentroidalMomentumTimeVariation(

@@ -10,21 +10,20 @@ from numpy.typing import ArrayLike
 
 from wbc.base.numbers import Array, non_negative
 from wbc.core.qp.move import Coordinates
-from wbc.core.qp.task import GainOptions
+from wbc.core.qp.task import GainOptions, SelectionTask
 from wbc.core.robot import Robot
 from wbc.tasks.motion.joints import JointTask, JointValues
 
 
-class PostureTask(JointTask):
+class PostureTask(JointTask, SelectionTask):
     """Bring joints to given positions, as far as the other tasks leave them free.
 
     Error and residual are in rad and rad/s² (m and m/s² for sliding joints); the weight is a cost per (rad/s²)².
     Weight 0.1 and stiffness 20 1/s² by default.
     """
 
-    __slots__ = ("_factor", "_factors", "_positions")
+    __slots__ = ("_factor", "_factors", "_positions", "columns")
     unit = "rad"
-    kind = "selection"
     reads = "kinematics"
     usual = {"weight": 0.1, "stiffness": 20.0}
 
@@ -91,7 +90,7 @@ class PostureTask(JointTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill target − measured; see `Task.evaluate`."""
-        np.subtract(self._target, self.robot.q[self._positions], out=error)
+        np.subtract(self._target.value, self.robot.q[self._positions], out=error)
 
 
 class _Joints(Coordinates):

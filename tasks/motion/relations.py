@@ -15,7 +15,7 @@ from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import NonNegative, Number
 from wbc.core.qp.axes import joint_columns
 from wbc.core.qp.move import Coordinates
-from wbc.core.qp.task import GainOptions, Task
+from wbc.core.qp.task import GainOptions, SelectionTask, Task
 from wbc.core.robot import Robot
 
 NEAREST = 1e-3
@@ -84,7 +84,7 @@ class DistanceTask(_Number):
         rates = [pin.getFrameClassicalAcceleration(model, data, each, _WORLD).linear for each in (one, other)]
         across = speeds[0] - speeds[1]
         drift[0] = unit @ (rates[0] - rates[1]) + (across @ across - (unit @ across) ** 2) / distance
-        error[0] = self._target[0] - distance
+        error[0] = self._target.value[0] - distance
 
 
 class JointCouplingTask(_Number):
@@ -131,7 +131,7 @@ class JointCouplingTask(_Number):
         jacobian[:] = 0.0
         jacobian[0, self._columns] = self._values
         drift[:] = 0.0
-        error[:] = self._target - self.present(self.robot)
+        error[:] = self._target.value - self.present(self.robot)
 
 
 class ManipulabilityTask(_Number):
@@ -189,7 +189,7 @@ class ManipulabilityTask(_Number):
     @property
     def reached(self) -> bool:
         """True while the manipulability is within a hundredth of its target."""
-        return bool(abs(self.present(self.robot) - self._target)[0] <= 0.01 * self._target[0])
+        return bool(abs(self.present(self.robot) - self._target.value)[0] <= 0.01 * self._target.value[0])
 
     def _gradient(self, jacobian: Array) -> tuple[float, Array]:
         """Return the manipulability w and its derivative w · tr(J⁺ ∂J/∂q), of rows of a frame, shape (6, n).
@@ -220,7 +220,7 @@ class ManipulabilityTask(_Number):
         size, gradient = self._gradient(pin.getFrameJacobian(model, robot.data, self._id, _WORLD)[:, columns])
         jacobian[:] = 0.0
         jacobian[0, columns] = gradient
-        error[0], drift[0] = self._target[0] - size, 0.0
+        error[0], drift[0] = self._target.value[0] - size, 0.0
         speed = float(np.abs(v[columns]).max())
         if speed > ROUNDING:
             step = 1e-5 / speed
@@ -232,12 +232,11 @@ class ManipulabilityTask(_Number):
             drift[0] = (ends[0] - ends[1]) / (2.0 * step)
 
 
-class LowAccelerationTask(Task):
+class LowAccelerationTask(SelectionTask):
     """Keep velocities as they are: no acceleration in a controller, in inverse kinematics those of the last step."""
 
-    __slots__ = ()
+    __slots__ = ("columns",)
     unit = "rad/s"
-    kind = "selection"
     reads = "kinematics"
     of_velocity = True
     usual = {"weight": 1e-3}

@@ -123,7 +123,7 @@ class StabilizerTask(CoMTask):
     @target.setter
     def target(self, value: ArrayLike) -> None:
         CoMTask.target.fset(self, value)  # type: ignore[attr-defined]
-        self._aim = np.array(self._target), np.zeros(3), np.zeros(3)
+        self._aim = np.array(self._target.value), np.zeros(3), np.zeros(3)
 
     @property
     def stabilizer(self) -> Stabilizer:
@@ -204,7 +204,7 @@ class StabilizerTask(CoMTask):
         if not self._stands:
             return
         if self._aim is None:
-            self._aim = np.array(self._target), np.zeros(3), np.zeros(3)
+            self._aim = np.array(self._target.value), np.zeros(3), np.zeros(3)
         target, velocity, acceleration = self._aim
         ground = 0.5 * float(self._places[0].translation[2] + self._places[1].translation[2])
         rest = Pendulum.at_rest(target, ground)

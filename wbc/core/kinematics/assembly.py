@@ -37,7 +37,7 @@ from wbc.core.qp.assembly import saturated
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Rows
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import SelectionTask, Task
 from wbc.core.robot import Robot
 
 _NONE = np.zeros((0, 0))
@@ -99,9 +99,9 @@ class VelocityAssembly:
         for task in (task for level in levels for task in level):
             task.detach()
         hard = [task for task in first if task.hard]
-        hard.sort(key=lambda task: task.kind == "selection")
-        soft = [task for task in first if task.kind == "motion" and not task.hard]
-        selections = [task for task in first if task.kind == "selection" and not task.hard]
+        hard.sort(key=lambda task: isinstance(task, SelectionTask))
+        soft = [task for task in first if not (isinstance(task, SelectionTask) or task.hard)]
+        selections = [task for task in first if isinstance(task, SelectionTask) and not task.hard]
         firm = [contact for contact in contacts if contact.motion_weight is None]
         yielding = [contact for contact in contacts if contact.motion_weight is not None]
 
@@ -187,7 +187,7 @@ class VelocityAssembly:
             task.attach(view)
             self._bounded.append((task, rows))
             jacobian = None if matrix is None else matrix[rows.start - first : rows.stop - first]
-            if task.kind == "selection":
+            if isinstance(task, SelectionTask):
                 self._selection.append((task, view))
                 if task.of_velocity:
                     self._kept.append((task.columns, self._targets[rows]))
@@ -204,7 +204,7 @@ class VelocityAssembly:
             at = rows.stop
         return at
 
-    def _place_diagonal(self, task: Task, rows: slice, weight: Array) -> None:
+    def _place_diagonal(self, task: SelectionTask, rows: slice, weight: Array) -> None:
         """Place a soft selection on the diagonal."""
         p, columns, target = self.problem, task.columns, self._targets[rows]
         self._selected.append((columns, rows))
@@ -334,7 +334,7 @@ class VelocityAssembly:
         """Return the length of the gradient of the cost of a task, and its share of the greatest for such an error."""
         rows = self.places[task.name]
         weighted = self._rows.weight[rows] * self._rows.error[rows]
-        if task.kind == "selection":
+        if isinstance(task, SelectionTask):
             return float(np.linalg.norm(weighted)), 1.0
         n_first = self.problem.target.size
         inside = rows.stop <= n_first

@@ -20,7 +20,7 @@ from wbc.core.limits.base import Limit
 from wbc.core.qp.diagnosis import violated_groups
 from wbc.core.qp.items import Item, Items, ItemT
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import Task, VariableTask
 from wbc.core.robot import Robot
 
 SOLVER = SolverSettings(tolerance=1e-9, relaxation=1e6)
@@ -113,7 +113,7 @@ class InverseKinematics(Items):
     def _check_together(self, new: Sequence[Item]) -> None:
         for item in new:
             if isinstance(item, Task):
-                if item.kind == "variables":
+                if isinstance(item, VariableTask):
                     raise InputError(
                         f"{item!r} is on forces or torques: it has no place in inverse kinematics"
                     )

@@ -20,7 +20,7 @@ from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.solution import ReachResult
 from wbc.core.qp.solver import Status
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import SelectionTask, Task
 from wbc.core.robot import Robot
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6
@@ -158,4 +158,4 @@ class Search:
 
 def _counts(task: Task) -> bool:
     """Return true for a task whose target is to be reached: not for postures, which only choose."""
-    return task.hard or (task.kind == "motion" and not task.idle and not task.of_velocity)
+    return task.hard or (not isinstance(task, SelectionTask) and not task.idle and not task.of_velocity)

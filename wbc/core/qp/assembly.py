@@ -38,7 +38,7 @@ from wbc.core.qp.motion import Rows
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Layout
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import SelectionTask, Task, VariableTask
 from wbc.core.robot import Robot
 
 logger = logging.getLogger(__name__)
@@ -120,9 +120,9 @@ class Assembly:
         for task in tasks:
             task.detach()
         self.listening = [t for t in tasks if getattr(t.observe, "__func__", None) is not Task.observe]
-        motion = [t for t in tasks if t.kind == "motion"]
-        selection = [t for t in tasks if t.kind == "selection"]
-        variable = [t for t in tasks if t.kind == "variables"]
+        selection = [t for t in tasks if isinstance(t, SelectionTask)]
+        variable = [t for t in tasks if isinstance(t, VariableTask)]
+        motion = [t for t in tasks if not isinstance(t, (SelectionTask, VariableTask))]
         hard_first = [t for t in (*selection, *variable) if t.hard]
         hard_motion = [t for t in motion if t.hard]
         soft = [*(t for t in motion if not t.hard), *(t for t in variable if not t.hard)]
@@ -166,8 +166,8 @@ class Assembly:
 
         self._slots: list[_ContactSlot] = []
         self._motion: list[tuple[Task, Array, Array, Array]] = []
-        self._variable: list[tuple[Task, Array, Array]] = []
-        self._selection: list[tuple[Task, Rows, Array, Array, Array | None]] = []
+        self._variable: list[tuple[VariableTask, Array, Array]] = []
+        self._selection: list[tuple[SelectionTask, Rows, Array, Array, Array | None]] = []
         self._row_blocks: list[tuple[Limit, Array, Array, Array]] = []
 
         self._place_hard_first(hard_first, hard_rows.start)
@@ -177,7 +177,7 @@ class Assembly:
         self._place_tasks(hard_motion, hard_motion_rows.start)
         self._place_tasks(soft, first_soft)
         for task in hard_first:
-            if task.kind == "variables":
+            if isinstance(task, VariableTask):
                 rows = self._places[task.name]
                 self._variable.append((task, p.rows[rows], p.target[rows]))
         self._variable = [each for each in self._variable if self._bound(each[0])]
@@ -280,15 +280,15 @@ class Assembly:
             view = self._view(rows)
             task.attach(view)
             self._bounded.append((task, slice(rows.start - self._start, rows.stop - self._start)))
-            if task.kind == "motion":
-                self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
-            elif task.kind == "variables":
+            if isinstance(task, VariableTask):
                 self._variable.append((task, p.rows[rows], p.target[rows]))
+            else:
+                self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
             if task.hard:
                 p.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
 
-    def _place_selections(self, tasks: Sequence[Task]) -> None:
+    def _place_selections(self, tasks: Sequence[SelectionTask]) -> None:
         """Place the selections: soft ones on the diagonal, their residuals after all rows; hard ones as equalities."""
         p, at = self.problem, 0
         for task in tasks:
@@ -318,7 +318,7 @@ class Assembly:
             self._limit_names += [limit.name] * limit.dim
             at = rows.stop
 
-    def _bound(self, task: Task) -> bool:
+    def _bound(self, task: VariableTask) -> bool:
         """Bind a task on all variables; return False, and leave its rows empty, where its contact is not there."""
         try:
             task.bind_problem(self.problem)

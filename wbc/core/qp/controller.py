@@ -22,7 +22,7 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import Task, fill_guarded
+from wbc.core.qp.task import VariableTask, fill_guarded
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
@@ -88,7 +88,7 @@ class Controller(Items):
     def _check_together(self, new: Sequence[Item]) -> None:
         """Refuse tasks on all variables that cannot be bound to the QP, or evaluated: they would fail at every tick."""
         contacts = [*self._contacts, *(item for item in new if isinstance(item, Contact))]
-        tasks = [item for item in new if isinstance(item, Task) and item.kind == "variables"]
+        tasks = [item for item in new if isinstance(item, VariableTask)]
         tasks = [task for task in tasks if task.waits_for() in (None, *contacts)]
         if not tasks:
             return

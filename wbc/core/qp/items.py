@@ -17,7 +17,7 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.task import Task, evaluated
+from wbc.core.qp.task import Task, VariableTask, evaluated
 from wbc.core.robot import Robot
 
 Item = Task | Contact | Limit
@@ -86,7 +86,7 @@ class Items:
             self._list_of(each).append(each)
             each._owner = weakref.ref(self)
             if isinstance(each, Task):
-                each.accepted = True
+                each._target.settled = True
         self._dirty = True
         return (item, *items) if items else item
 
@@ -106,7 +106,7 @@ class Items:
                 raise InputError(f"there are {item.name} already; remove them first")
         if _owner(item) is not None:
             raise InputError(f"{item!r} belongs to another controller; remove it there, or make a second one")
-        if isinstance(item, Task) and item.accepted and item._robot is not self.robot:
+        if isinstance(item, Task) and item._target.settled and item._robot is not self.robot:
             raise InputError(f"{item!r} has been bound to another robot; make a second one")
 
     def _bind(self, item: Item) -> None:
@@ -114,7 +114,11 @@ class Items:
         item.bind(self.robot)
         if isinstance(item, Task) and item._robot is None:
             raise InputError(f"{item!r} has not been bound: its bind must call super().bind(robot) first")
-        if isinstance(item, Task) and item.kind != "variables" and type(item).observe is Task.observe:
+        if (
+            isinstance(item, Task)
+            and not isinstance(item, VariableTask)
+            and type(item).observe is Task.observe
+        ):
             evaluated(item)  # one that reads sensors has none yet
         if isinstance(item, Limit):
             name, dim = getattr(item, "name", None), getattr(item, "dim", None)

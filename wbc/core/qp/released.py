@@ -21,7 +21,7 @@ from wbc.base.errors import InputError
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, finite_array
 from wbc.core.qp.axes import distinct_joints, joint_columns
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import Robot
 
 WEIGHT = 1e5
@@ -34,7 +34,7 @@ RESPONSE = 0.05
 """Time t in which servos follow a target, s, where the other one does not say."""
 
 
-class ReleasedJoints(Task):
+class ReleasedJoints(SelectionTask):
     """Joints that somebody else moves.
 
     Attributes:
@@ -44,7 +44,6 @@ class ReleasedJoints(Task):
     """
 
     unit = "rad"
-    kind = "selection"
 
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
         """Take the names; an `InputError` for a joint of a leg, an `UnknownNameError` for one that there is not."""

@@ -15,20 +15,17 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Literal, Self, TypedDict, Unpack
+from typing import Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.base.checked import checked as checked_arguments
 from wbc.base.errors import InputError, WbcError, shown, unknown_name
-from wbc.base.numbers import Array, finite_array, whole_number
-from wbc.base.settings import Positive
+from wbc.base.numbers import Array, whole_number
 from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
-from wbc.core.qp.motion import RATE, Motion, Rows, read_only
-from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
+from wbc.core.qp.motion import RATE, Rows, read_only
 from wbc.core.qp.problem import Problem
+from wbc.core.qp.target import Targeted
 from wbc.core.robot import Reads, Robot
 from wbc.core.signals import Measurement
 
@@ -91,8 +88,8 @@ class MotionOptions(GainOptions, total=False):
     joints: str | Sequence[str] | None
 
 
-class Task(Motion):
-    """Base of all tasks.
+class Task(Targeted):
+    """Base of all tasks: rows over the accelerations, unless it is a `SelectionTask` or a `VariableTask`.
 
     A task of your own has `evaluate`, which fills its rows, and `bind`, which looks names up. `present` and `checked`
     give it a target that is checked, moved and followed: a number for each axis unless they say otherwise.
@@ -102,31 +99,22 @@ class Task(Motion):
         dim: Number of rows; fixed once the task has been added to a controller.
         unit: Unit of the error, with a bar between those of position and rotation; the residual is in `unit`/s² for
             motion tasks.
-        kind: "motion": rows over the accelerations. "selection": rows that select the coordinates `columns`, which cost
-            nothing but a diagonal; `evaluate` fills the error alone. "variables": rows over all variables of the QP,
-            matrix · x = reference, for torques and wrenches.
         usual: Options of the tasks of a class where none are given.
         of_velocity: True of a class whose error is one of a velocity: in inverse kinematics its target is what the
             velocities make of the rows, whatever `rate` is.
         reads: State of the robot that the rows of a class need in inverse kinematics.
-        columns: Velocity coordinates that a selection has, distinct, shape (dim,) or a slice.
         spared_acceleration: Accelerations of the coordinates in `spared` as they are expected, shape (n,).
         idle: True while the weight is zero: the rows are left as they were, and cost no time.
-        accepted: True once a controller has taken the task; from then on its target stays.
-        held_by: What to use instead of assigning a target that another part sets at every tick; None where it is free.
     """
 
     __slots__ = (
-        "_full", "_hard", "_keep", "_linear_rows", "_move", "_n_rows", "_only_joints", "_spared", "_taken", "_target",
-        "_unused", "accepted", "columns", "dim", "held_by", "idle", "spared_acceleration",
+        "_full", "_hard", "_keep", "_linear_rows", "_n_rows", "_only_joints", "_spared", "_unused", "dim", "idle",
+        "spared_acceleration",
     )  # fmt: skip
 
-    unit: ClassVar[str] = "m"
-    kind: ClassVar[Literal["motion", "selection", "variables"]] = "motion"
     usual: ClassVar[MotionOptions] = {}
     of_velocity: ClassVar[bool] = False
     reads: ClassVar[Reads] = "all"
-    columns: slice | NDArray[np.intp]
 
     def __init__(self, name: str, rows: int | Sequence[str], /, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; gains can be changed at any time.
@@ -155,13 +143,9 @@ class Task(Motion):
         self._only_joints = None if joints is None else distinct_joints(joints)
         self._unused: NDArray[np.intp] | None = None
         self._full: tuple[Array, Array, Array] | None = None  # rows of all axes, where some are chosen
-        self._spared = np.zeros(0, dtype=np.intp)
+        self._spared: NDArray[np.intp] | None = None
         self.spared_acceleration = np.zeros(0)
-        self._target: Any = None
-        self._taken = False  # the target is what was present when the task was bound
-        self._move: Move | None = None
-        self.held_by: str | None = None
-        self._hard = self.idle = self.accepted = False
+        self._hard = self.idle = False
         super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
         self.rate = given.pop("rate", RATE)
         self.weight = given.pop("weight", 1.0)
@@ -233,12 +217,9 @@ class Task(Motion):
     def saturate(self, error: Array) -> None:
         """Shorten an error, shape (dim,), `unit`, that is beyond the bound to it, in its own direction.
 
-        Positions and rotations are shortened each by themselves, and so is every row of a selection.
+        Positions and rotations are shortened each by themselves.
         """
         bound = self._rows.bound
-        if self.kind == "selection":
-            np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
-            return
         for _, part in self._parts():
             over = float((abs(error[part]) / bound[part]).max())
             if over > 1.0:
@@ -251,185 +232,8 @@ class Task(Motion):
 
     @property
     def residual_unit(self) -> str:
-        """Unit of the residual: that of an acceleration of the error, or of the variables themselves."""
-        return (
-            self.unit if self.kind == "variables" else "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
-        )
-
-    # ---- target ---------------------------------------------------------------------------------------------------
-
-    def present(self, robot: Robot) -> Any:
-        """Return the target at which the present error is zero, as a copy; zero unless a task says otherwise."""
-        return np.zeros(self._n_rows)
-
-    def checked(self, value: Any) -> Any:
-        """Return a target after a check, as a copy: a number for each of all axes unless a task says otherwise."""
-        return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self._n_rows,))
-
-    @property
-    def target(self) -> Any:
-        """Target, in the form and unit of the constructor, read-only or a copy; assign one, or see `move_to`."""
-        target = self.present(self.robot) if self._target is None else self._target
-        return target.copy() if isinstance(target, pin.SE3) else read_only(target)
-
-    @target.setter
-    def target(self, value: Any) -> None:
-        target = self.checked(value)
-        self._take_over()
-        self._taken = False
-        self._target = target
-
-    def follow(self, target: Any, velocity: Array | None = None, acceleration: Array | None = None) -> None:
-        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
-
-        Args:
-            target: The target; kept, not copied.
-            velocity: Its velocity along the task's axes, shape (dim,), `unit`/s; unchanged when None.
-            acceleration: Its acceleration along them, shape (dim,), `unit`/s²; unchanged when None.
-        """
-        self._target = target
-        rates = self._feedforward()
-        if velocity is not None:
-            rates[0][:] = velocity
-        if acceleration is not None:
-            rates[1][:] = acceleration
-
-    @property
-    def feedforward_velocity(self) -> Array:
-        """Velocity of the target, shape (dim,), `unit`/s, read-only."""
-        return read_only(self._feedforward()[0])
-
-    @feedforward_velocity.setter
-    def feedforward_velocity(self, value: ArrayLike) -> None:
-        velocity = finite_array(f"feed-forward velocity of task '{self.name}'", value, (self.dim,))
-        self._take_over()
-        self._feedforward()[0][:] = velocity
-
-    @property
-    def feedforward_acceleration(self) -> Array:
-        """Acceleration of the target, shape (dim,), `unit`/s², read-only."""
-        return read_only(self._feedforward()[1])
-
-    @feedforward_acceleration.setter
-    def feedforward_acceleration(self, value: ArrayLike) -> None:
-        acceleration = finite_array(f"feed-forward acceleration of task '{self.name}'", value, (self.dim,))
-        self._take_over()
-        self._feedforward()[1][:] = acceleration
-
-    def _feedforward(self) -> tuple[Array, Array]:
-        """Return the arrays of velocity and acceleration of the target, each of shape (dim,)."""
-        return self._rows.velocity, self._rows.acceleration
-
-    def _take_over(self) -> None:
-        """End a move, or refuse a target that another part sets."""
-        if self.held_by is not None:
-            raise InputError(
-                f"the target of task '{self.name}' is set at every tick by another part: use {self.held_by}"
-            )
-        self._stop()
-
-    # ---- a target that moves --------------------------------------------------------------------------------------
-
-    @checked_arguments
-    def move_to(
-        self,
-        target: Any,
-        *,
-        duration: Annotated[Positive, "s"] | None = None,
-        speed: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
-    ) -> None:
-        """Move the target to another one on a minimum jerk trajectory, from the next tick on.
-
-        A move goes on from where the target is, with its present velocity, and sets target, feed-forward velocity and
-        acceleration at every tick. Whatever is assigned to one of these ends it.
-
-        Args:
-            target: As it is assigned to `target`.
-            duration: s; the least within the limits when None.
-            speed: Greatest speed of the target, `unit`/s; for a pose a pair (linear, angular), for joints that of each.
-                0.2 m/s and 1 rad/s when None and no duration is given.
-            acceleration: Greatest acceleration, `unit`/s², as `speed`; reaches that speed in 0.2 s when None and no
-                duration is given.
-        """
-        self.move_through([target], duration=duration, speed=speed, acceleration=acceleration)
-
-    @checked_arguments
-    def move_through(
-        self,
-        targets: Sequence[Any],
-        *,
-        duration: Annotated[Positive, "s"] | None = None,
-        speed: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
-    ) -> None:
-        """Move the target through others, without a stop, to rest at the last after `duration`; see `move_to`.
-
-        A rotation between two of the targets is the shorter turn.
-        """
-        owner = None if self._owner is None else self._owner()
-        if owner is None:
-            raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
-        if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
-            raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
-        if self.held_by is not None:
-            self._take_over()
-        rates: tuple[Array | None, Array | None] = (None, None)
-        if self._move is not None:  # to where the target is at the next tick
-            now = self._move.now()
-            self._put(*now)
-            rates = now[1:]
-        if duration is None and speed is None:
-            usual = [USUAL_SPEED[unit] for unit in self.unit.split("|") if unit in USUAL_SPEED]
-            speed = usual[0] if len(usual) == 1 else usual or None
-        limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
-        self._move = Move(self._coordinates(), targets, rates, **limits)
-        owner.move(self)
-
-    def _coordinates(self) -> Coordinates:
-        """Return coordinates of targets, from the present one on."""
-        return coordinates(self.target, self.checked)
-
-    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        """Set the target of one tick of a move, and its rates along all axes."""
-        self.follow(target, np.asarray(velocity)[self._keep], np.asarray(acceleration)[self._keep])
-
-    def go_on_from(self, before: Self) -> None:
-        """Take target, rates and move of another task of the same kind and axes over from it; its own move ends.
-
-        Args:
-            before: That task, which rests then.
-        """
-        owner = None if self._owner is None else self._owner()
-        if owner is None:
-            raise InputError(
-                f"task '{self.name}' goes on from another one once a controller has it: add it first"
-            )
-        self.follow(before.target, before.feedforward_velocity, before.feedforward_acceleration)
-        self._move, before._move = before._move, None
-        if self._move is not None:
-            owner.move(self)
-
-    @property
-    def moving(self) -> bool:
-        """True while the target moves."""
-        return self._move is not None
-
-    def move_on(self, dt: float) -> bool:
-        """Move a target that is on its way on by one tick of dt, s; return True if it is still on its way."""
-        if self._move is None:
-            return False
-        self._put(*self._move.now())
-        if not self._move.advance(dt):
-            self._move = None
-        return self._move is not None
-
-    def _stop(self) -> None:
-        """End a move, if there is one, where the target is."""
-        if self._move is not None:
-            still = np.zeros(self._move.coordinates.start.size)
-            self._move = None
-            self._put(self.target, still, still)
+        """Unit of the residual: that of an acceleration of the error."""
+        return "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
 
     @property
     def velocity(self) -> Array:
@@ -454,9 +258,7 @@ class Task(Motion):
         return all(off <= NEAR[unit] and speed <= SLOW[unit] for (unit, _), off, speed in sizes)
 
     def _sizes(self, rows: Array) -> list[float]:
-        """Length of each part of some rows; of a selection the greatest component."""
-        if self.kind == "selection":
-            return [float(abs(rows).max())]
+        """Length of each part of some rows."""
         return [float(np.linalg.norm(rows[part])) for _, part in self._parts()]
 
     # ---- what a controller calls ----------------------------------------------------------------------------------
@@ -474,19 +276,8 @@ class Task(Motion):
         self._unused = other_columns(robot, self._only_joints)
         if self._n_rows != self.dim:
             self._full = np.zeros((self._n_rows, robot.nv)), np.zeros(self._n_rows), np.zeros(self._n_rows)
-        if self._target is None or (self._taken and not self.accepted):
-            self._target = self.present(robot)
-            self._taken = True
-
-    def bind_problem(self, problem: Problem) -> None:  # noqa: B027 (optional)
-        """Look up contacts or torque rows of a task on variables; called whenever the layout of the QP has changed.
-
-        A task whose contact is not in the QP raises an `UnknownNameError`, and has no effect while it is not.
-        """
-
-    def waits_for(self) -> object | None:
-        """Return the contact object of the task, which may be added after it; None where nothing may."""
-        return None
+        if self._target.open:
+            self._target.value = self._target.present = self.present(robot)
 
     def keeps(self) -> Sequence[object]:
         """Return the contact objects that must not be removed before the task."""
@@ -503,10 +294,9 @@ class Task(Motion):
         """Fill the rows from the present state of `self.robot`, those of all axes of the task.
 
         Args:
-            jacobian: To fill: velocity of the task per generalised velocity, shape (rows, nv); of a task on variables
-                its matrix, shape (dim, number of variables).
-            error: To fill: target − measured, shape (rows,); of a task on variables its reference.
-            drift: To fill: task acceleration at zero generalised acceleration, J̇·v, shape (rows,); of a motion alone.
+            jacobian: To fill: velocity of the task per generalised velocity, shape (rows, nv).
+            error: To fill: target − measured, shape (rows,).
+            drift: To fill: task acceleration at zero generalised acceleration, J̇·v, shape (rows,).
         """
 
     def fill(self, jacobian: Array, error: Array, drift: Array) -> None:
@@ -516,7 +306,7 @@ class Task(Motion):
         else:
             self.evaluate(*self._full)
             jacobian[:], error[:], drift[:] = (rows[self._keep] for rows in self._full)
-        if self._spared.size:
+        if self._spared is not None:
             drift += jacobian[:, self._spared].dot(self.spared_acceleration)
             self._leave_out(self._spared, jacobian, drift)
         if self._unused is not None:
@@ -535,11 +325,11 @@ class Task(Motion):
         carries it. Assigning them sets their expected accelerations to zero. The motion of joints that the option
         `joints` leaves out counts as well, with no acceleration expected.
         """
-        return self._spared
+        return np.zeros(0, dtype=np.intp) if self._spared is None else self._spared
 
     @spared.setter
     def spared(self, value: NDArray[np.intp]) -> None:
-        self._spared = value
+        self._spared = value if len(value) else None
         self.spared_acceleration = np.zeros(len(value))
 
     def attach(self, rows: Rows) -> None:
@@ -565,10 +355,61 @@ class Task(Motion):
         return f"{type(self).__name__}('{self.name}', dim={self.dim}{', hard' if self.hard else ''})"
 
 
+class SelectionTask(Task):
+    """Base of tasks whose rows select single coordinates: they cost the QP nothing but a diagonal.
+
+    `evaluate` fills the error alone. Every row is a part of the error by itself.
+
+    Attributes:
+        columns: Velocity coordinates of the rows, distinct, shape (dim,) or a slice; `bind` sets them.
+    """
+
+    __slots__ = ()
+    columns: slice | NDArray[np.intp]
+
+    def saturate(self, error: Array) -> None:
+        """Bring each component of an error, shape (dim,), `unit`, within its bound."""
+        bound = self._rows.bound
+        np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
+
+    def _sizes(self, rows: Array) -> list[float]:
+        """Greatest component of some rows."""
+        return [float(abs(rows).max())]
+
+
+class VariableTask(Task):
+    """Base of tasks on torques and wrenches: rows over all variables of the QP, matrix · x = reference.
+
+    `evaluate` fills the matrix, shape (dim, number of variables), in place of the Jacobian, and the reference, shape
+    (dim,), in place of the error.
+    """
+
+    __slots__ = ()
+
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residual: that of the variables."""
+        return self.unit
+
+    def bind_problem(self, problem: Problem) -> None:  # noqa: B027 (optional)
+        """Look up contacts or torque rows; called whenever the layout of the QP has changed.
+
+        A task whose contact is not in the QP raises an `UnknownNameError`, and has no effect while it is not.
+        """
+
+    def waits_for(self) -> object | None:
+        """Return the contact object of the task, which may be added after it; None where nothing may."""
+        return None
+
+    def fill(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `evaluate`."""
+        self.evaluate(jacobian, error, drift)
+
+
 def fill_guarded(task: Task, *rows: Array) -> None:
     """Fill the rows of a task; whatever a task of one's own raises is an `InputError`."""
     try:
-        (task.evaluate if task.kind == "variables" else task.fill)(*rows)
+        task.fill(*rows)
     except WbcError:
         raise
     except Exception as failure:
@@ -582,11 +423,11 @@ def evaluated(task: Task) -> tuple[Array, Array, Array]:
 
     Rows that cannot be evaluated, move with no joint, or have numbers that are not finite are an `InputError`.
     """
-    if task.kind == "variables":
+    if isinstance(task, VariableTask):
         raise InputError(f"task '{task.name}' is on variables of the QP: it has neither error nor speed")
     jacobian, error, drift = np.zeros((task.dim, task.robot.nv)), np.zeros(task.dim), np.zeros(task.dim)
     fill_guarded(task, jacobian, error, drift)
-    if task.kind == "selection":
+    if isinstance(task, SelectionTask):
         jacobian = np.eye(task.robot.nv)[task.columns]
     for what, rows in (("Jacobian", jacobian), ("error", error), ("drift", drift)):
         if not np.isfinite(rows).all():
