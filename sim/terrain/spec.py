@@ -136,7 +136,7 @@ class Terrain:
     @property
     def _layout_key(self) -> str:
         """Text of everything that has a layout of its own: family, amplitude in whole nm, parameters."""
-        values = {f.name: _jsonable(getattr(self.parameters, f.name)) for f in fields(self.parameters)}
+        values = {f.name: _as_text(getattr(self.parameters, f.name)) for f in fields(self.parameters)}
         return json.dumps([self.name, round(1e9 * self.amplitude), values], sort_keys=True)
 
     def _check_size(self) -> None:
@@ -308,7 +308,7 @@ class Terrain:
             "amplitude_m": self.amplitude,
             "seed": self.seed,
             "parameters": {
-                f.name: _jsonable(getattr(self.parameters, f.name)) for f in fields(self.parameters)
+                f.name: _as_text(getattr(self.parameters, f.name)) for f in fields(self.parameters)
             },
             "start_m": self.start,
             "length_m": self.length,
@@ -321,16 +321,14 @@ class Terrain:
             "nodes": None if map_ is None else list(map_.z.shape),
             "cell_m": None if map_ is None else list(map_.step),
             "height_field_bytes": 0 if map_ is None else 4 * map_.z.size,
-            "smallest_feature_m": _jsonable(self._feature),
+            "smallest_feature_m": self._feature if math.isfinite(self._feature) else None,
             **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
             "fingerprint": self.fingerprint(),
         }
 
 
-def _jsonable(value: Any) -> Any:
-    """Return finite numbers, text and truth values as they are, an infinite number as None, the rest as text."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
+def _as_text(value: Any) -> Any:
+    """Return numbers, text and truth values as they are, the rest, such as a map of heights, as short text."""
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 

@@ -16,6 +16,7 @@ from wbc.base.files import (
     BESIDE,
     FileError,
     check_hash,
+    check_target,
     decoding,
     file_hash,
     replacing,
@@ -108,3 +109,23 @@ def test_what_is_read_is_a_file_of_a_size_and_what_was_meant(old: Path) -> None:
     check_hash(old, file_hash(old))
     with pytest.raises(InputError, match="changed"):
         check_hash(old, "1234")
+
+
+def test_a_file_to_write_is_checked_before_work_begins(tmp_path: Path) -> None:
+    """One check for logs, pictures, tables and films: ending, folder, permission, and not one of the inputs."""
+    read, log = tmp_path / "read.csv", tmp_path / "log.arrow"
+    read.write_text(OLD)
+    for bad, rule in (
+        (tmp_path / "a.txt", "must end in one of .csv, .json"),
+        (tmp_path / "no" / "a.csv", "no folder"),
+        (tmp_path / ("x" * 300 + ".csv"), "cannot write a table"),
+        (read, "it is read, too"),
+    ):
+        with pytest.raises(InputError, match=re.escape(rule)):
+            check_target("a table", bad, (".csv", ".json"), [None, f"source={read}"])
+    folder = tmp_path / "folder.csv"
+    folder.mkdir()
+    with pytest.raises(InputError, match="it is a folder"):
+        check_target("a table", folder, (".csv",))
+    assert check_target("the log", str(log)) == log and not log.exists()
+    assert check_target("a table", read, (".csv",)) == read and read.read_text() == OLD

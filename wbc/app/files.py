@@ -1,4 +1,4 @@
-"""Files that a command reads, and checks of those that it writes before it begins."""
+"""Objects in JSON files that a command reads, and pictures that it writes."""
 
 from __future__ import annotations
 
@@ -7,30 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from wbc.base.errors import InputError
-from wbc.base.files import check_writable, read_json, same_file
+from wbc.base.files import check_target, read_json
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
-
-
-def check_target(
-    what: str, path: str | Path, endings: tuple[str, ...], inputs: Iterable[str | Path | None] = ()
-) -> Path:
-    """Return the path of a file to write, `what` in messages, after a check; an existing file stays unchanged."""
-    target = Path(path)
-    if target.suffix.lower() not in endings:
-        raise InputError(f"the name of {what} must end in one of {', '.join(endings)}, got '{target.name}'")
-    if not target.parent.is_dir():
-        raise InputError(f"no folder {target.parent} to write {target.name} into")
-    try:
-        check_writable(target)
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot write {target}: {getattr(error, 'strerror', None) or error}") from error
-    for given in inputs:
-        # The value of a setting may be a file; a file may have an equals sign in its name.
-        named = () if given is None else (str(given), str(given).partition("=")[2])
-        if any(name and same_file(target, name) for name in named):
-            raise InputError(f"cannot write {what} to {target}: it is read, too; choose another name")
-    return target
 
 
 def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

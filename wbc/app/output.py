@@ -5,16 +5,15 @@ from __future__ import annotations
 import functools
 import json
 import logging
-import math
 import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, ParamSpec
 
+from pydantic_core import to_jsonable_python
 from rich.console import Console
 
 from wbc.app.arguments import with_options
@@ -58,7 +57,9 @@ class Report:
     failure: WbcError | None = None
 
     def __str__(self) -> str:
-        return json.dumps(_plain(self.data), allow_nan=False) if self.as_json else printable(self.text)
+        if not self.as_json:
+            return printable(self.text)
+        return json.dumps(to_jsonable_python(self.data, inf_nan_mode="null"))  # NaN and infinity as null
 
 
 def facts_text(facts: Mapping[str, Any], group: str = "") -> str:
@@ -144,16 +145,3 @@ def _message_alone(message: Warning | str, *where: object, **line: object) -> st
 def progress_console() -> Console:
     """Return the console for progress bars, on stderr."""
     return Console(stderr=True)
-
-
-def _plain(value: Any) -> Any:
-    """Return values that JSON knows: tuples as lists, paths as text, NaN and infinity as null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Path):
-        return str(value)
-    return value

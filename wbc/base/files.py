@@ -12,7 +12,7 @@ import re
 import stat
 import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -188,7 +188,40 @@ def _new_file(target: Path) -> Path:
     return new
 
 
-def check_writable(path: Path) -> None:
+def check_target(
+    what: str,
+    path: str | Path,
+    endings: tuple[str, ...] = (),
+    inputs: Iterable[str | Path | None] = (),
+) -> Path:
+    """Return the path of a file to write, `what` in messages, after a check; an existing file stays unchanged.
+
+    Args:
+        what: Noun with its article, such as "a picture".
+        path: The path.
+        endings: Endings of its name that are allowed; any where there are none.
+        inputs: Files, and settings as name=value that may name one, that are read and must not be written.
+    """
+    target = Path(path)
+    if endings and target.suffix.lower() not in endings:
+        raise InputError(f"the name of {what} must end in one of {', '.join(endings)}, got '{target.name}'")
+    if not os.path.isdir(target.parent):  # names that are too long are none
+        raise InputError(f"no folder {target.parent} to write {what} {target.name} into")
+    try:
+        _check_writable(target)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"cannot write {what} {target}: {getattr(error, 'strerror', None) or error}"
+        ) from error
+    for given in inputs:
+        # The value of a setting may be a file; a file may have an equals sign in its name.
+        named = () if given is None else (str(given), str(given).partition("=")[2])
+        if any(name and same_file(target, name) for name in named):
+            raise InputError(f"cannot write {what} to {target}: it is read, too; choose another name")
+    return target
+
+
+def _check_writable(path: Path) -> None:
     """Raise an `OSError` if a file cannot be written with `replacing`; nothing is changed.
 
     A name that no file can have is a `ValueError`.

@@ -10,10 +10,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from wbc import robots
-from wbc.app.files import check_target
 from wbc.app.live import LiveView, with_changes
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
+from wbc.base.files import check_target
 from wbc.base.settings import Positive, settings, to_json
 from wbc.core.robot import Robot
 from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion

@@ -9,11 +9,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from wbc.app.files import PICTURES, check_target
+from wbc.app.files import PICTURES
 from wbc.app.log.reader import Log
 from wbc.app.log.writer import MAGIC
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
+from wbc.base.files import check_target
 from wbc.base.settings import settings, usable_path
 
 logger = logging.getLogger(__name__)

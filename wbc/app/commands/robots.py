@@ -7,9 +7,9 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.files import check_target
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
+from wbc.base.files import check_target
 from wbc.base.numbers import finite_scalar
 from wbc.base.settings import Positive, settings
 from wbc.robots import files, load, names

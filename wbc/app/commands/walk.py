@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from wbc.app.arguments import Fields
-from wbc.app.files import check_target, read_object
+from wbc.app.files import read_object
 from wbc.app.live import LiveDrive, ending, with_changes
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
@@ -22,7 +22,7 @@ from wbc.app.repeat import RepeatWalk, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
 from wbc.base.changes import read_changes, setting_names
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.files import read_toml
+from wbc.base.files import check_target, read_toml
 from wbc.base.numbers import finite_scalar
 from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences

@@ -24,7 +24,7 @@ from pyarrow import ipc
 from wbc.app.log.header import KEY, encode
 from wbc.app.log.signals import Kind, Signals
 from wbc.base.errors import InputError
-from wbc.base.files import BESIDE, FileError, check_writable
+from wbc.base.files import BESIDE, FileError, check_target, parsing
 from wbc.base.numbers import Array
 
 ROWS = 256
@@ -228,19 +228,10 @@ def _take_lock(file: int, kind: int, path: Path) -> None:
 
 def check_path(path: str | Path) -> Path:
     """Return the path of a log to be written; `InputError` for no such folder, or a file that is not a log."""
-    target = Path(path)
-    if not os.path.isdir(target.parent):  # names that are too long are none
-        raise InputError(f"no folder {target.parent} to write the log {target.name} into")
-    try:
-        check_writable(target)
-        start = b""
-        if target.exists():
-            with target.open("rb") as file:
-                start = file.read(len(MAGIC))
-    except (OSError, ValueError) as error:
-        raise InputError(
-            f"cannot write the log {target}: {getattr(error, 'strerror', None) or error}"
-        ) from error
+    target, start = check_target("the log", path), b""
+    if target.exists():
+        with parsing(target, "log"), target.open("rb") as file:
+            start = file.read(len(MAGIC))
     if start and start != MAGIC:
         raise InputError(f"{target} is there already and is no log; choose another name")
     return target

@@ -9,8 +9,8 @@ from pathlib import Path
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from wbc.app.files import PICTURES, check_target
-from wbc.base.files import replacing, save_figure
+from wbc.app.files import PICTURES
+from wbc.base.files import check_target, replacing, save_figure
 
 DPI = 130
 

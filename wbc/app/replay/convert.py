@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.app.files import check_target
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
@@ -21,7 +20,7 @@ from wbc.app.view.marks import Mark, changes, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.files import replacing
+from wbc.base.files import check_target, replacing
 from wbc.base.settings import Positive
 
 RATE = 30.0

@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from wbc.app.files import check_target
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError
-from wbc.base.files import replacing
+from wbc.base.files import check_target, replacing
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 

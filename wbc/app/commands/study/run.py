@@ -13,10 +13,9 @@ from cyclopts import Parameter
 from rich.progress import Progress, TextColumn
 
 from wbc.app.commands.study.show import PartOptions, StudyFile, entries_of
-from wbc.app.files import check_target
 from wbc.app.output import Output, Report, progress_console, reports
 from wbc.base.errors import InputError, unknown_name
-from wbc.base.files import write_text
+from wbc.base.files import check_target, write_text
 from wbc.base.settings import Count, Positive, settings
 from wbc.sim.studies.journal import Entry, Journal, canonical, check_journal_path, read_journal
 from wbc.sim.studies.provenance import differences

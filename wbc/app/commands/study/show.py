@@ -10,10 +10,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from wbc.app.files import check_target, read_object
+from wbc.app.files import read_object
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
-from wbc.base.files import replacing, write_text
+from wbc.base.files import check_target, replacing, write_text
 from wbc.base.settings import settings, to_json
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.study import Study, left_out
