@@ -1,11 +1,11 @@
-"""Random drives with pushes, plans and stands of a robot whose law changes: falls in half an hour.
+"""Random drives with pushes, plans and stands of a robot whose kind of steps changes: falls in half an hour.
 
     python benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of each robot
     python benchmarks/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
     python benchmarks/auto_drives.py --journal drives.jsonl --table
 
-A drive is two minutes on the flat floor by `law="auto"`: every few seconds another order (a velocity, a goal, a plan of
-footsteps, a stand), and every ten seconds a push of 0.085 Ns/kg from any side. All draws follow from its seed. Every
+A drive is two minutes on the flat floor in torque control: every few seconds another order (a velocity, a goal, a plan
+of footsteps, a stand), and every ten seconds a push of 0.085 Ns/kg from any side. All draws follow from its seed. Every
 drive is a line of the journal; an interrupted program goes on where it stopped.
 """
 
@@ -46,9 +46,9 @@ class RandomOrders(TrialHook):
         """Draw all orders from a seed."""
         self._random = random.Random(seed)
         self._kind, self._until = "stand", 2.0
-        self._law = ""
+        self._kind_before = ""
         self.counts = dict.fromkeys(("velocity", "goal", "plan", "stand", "refused", "changes"), 0)
-        self.ticks = {"lipm": 0, "stepping": 0}
+        self.ticks = {"planned": 0, "free": 0}
 
     def before(self, trial: Any) -> None:
         """Give an order when the last one is over: after its time, or once the robot is there and stands."""
@@ -91,11 +91,11 @@ class RandomOrders(TrialHook):
         self.counts["plan"] += 1
 
     def tick(self, tick: TrialTick) -> None:
-        """Count by which law the robot goes."""
+        """Count the kinds of steps."""
         walking = tick.walking
-        self.ticks[walking.law] += 1
-        self.counts["changes"] += walking.law != self._law != ""
-        self._law = walking.law
+        self.ticks[walking.step_kind] += 1
+        self.counts["changes"] += walking.step_kind != self._kind_before != ""
+        self._kind_before = walking.step_kind
 
 
 def drive(robot: str, seed: int, impulse: float) -> dict[str, Any]:
@@ -108,13 +108,13 @@ def drive(robot: str, seed: int, impulse: float) -> dict[str, Any]:
     stand = ((0.0, 0.0, 0.0, 0.0), (SECONDS, 0.0, 0.0, 0.0))
     orders = RandomOrders(seed)
     spec = WalkSpec(
-        robot=robot, law="auto", seed=seed, plan=WalkPlan(drive=stand), pushes=pushes, **ROBOTS[robot]
+        robot=robot, mode="torque", seed=seed, plan=WalkPlan(drive=stand), pushes=pushes, **ROBOTS[robot]
     )
     trial = WalkTrial(spec)
     trial.scenario.append(orders)
     result = trial.run()
     shares = {
-        law: round(count / max(sum(orders.ticks.values()), 1), 3) for law, count in orders.ticks.items()
+        kind: round(count / max(sum(orders.ticks.values()), 1), 3) for kind, count in orders.ticks.items()
     }
     return {
         "robot": robot, "seed": seed, "impulse": impulse, "outcome": result.outcome, "seconds": result.seconds,

@@ -121,8 +121,8 @@ def row(name: str) -> dict[str, Any]:
         register(name, lambda: description)
     result |= {"kg": round(description.robot().mass, 1), "joints": len(description.joint_names)}
     result["stands"] = _stands(name)
-    for column, law in (("LIPM", "lipm"), ("stepping", "stepping")):
-        result[column] = _walks(name, law)
+    for column, mode in (("LIPM", "position"), ("stepping", "torque")):
+        result[column] = _walks(name, mode)
     return result
 
 
@@ -141,12 +141,14 @@ def _stands(name: str) -> str:
     return "; ".join(said) or "yes"
 
 
-def _walks(name: str, law: Any) -> str:
+def _walks(name: str, mode: Any) -> str:
     try:
-        result = walk(WalkSpec(robot=name, foot="flat", terrain="flat", law=law, plan=WalkPlan()))
+        result = walk(WalkSpec(robot=name, foot="flat", terrain="flat", mode=mode, plan=WalkPlan()))
     except WbcError as error:
         return f"refused: {error}"
-    steps = f"{result.steps_done}/{result.steps_planned}" if law == "lipm" else f"{result.steps_done} steps"
+    steps = (
+        f"{result.steps_done}/{result.steps_planned}" if mode == "position" else f"{result.steps_done} steps"
+    )
     way = f"{steps}, {result.distance:.2f} m"
     worst = f"{result.peak_torque_joint} at {100 * result.peak_torque_ratio:.0f} % of its torque"
     failed = f", {result.failures} ticks failed" if result.failures else ""

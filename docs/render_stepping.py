@@ -17,8 +17,9 @@ from matplotlib.patches import Polygon
 import wbc
 from wbc.base.numbers import Array
 from wbc.sim import make_terrain
-from wbc.walking import SteppingControl
+from wbc.walking import WalkingControl, WalkingControlSettings
 from wbc.walking.contact import Event
+from wbc.walking.stepping.source import SteppingWalk
 
 SEED, AMPLITUDE, SPEED = 7, 0.04, 0.4
 """Of the ground, highest stone (m) and commanded velocity (m/s)."""
@@ -58,7 +59,8 @@ def steps_of_a_walk(count: int) -> list[Step]:
     description = wbc.load_robot("g1")
     ground = make_terrain("stones", amplitude=AMPLITUDE, seed=SEED)
     plant = wbc.Plant(description, terrain=ground, noise="realistic", seed=3, control_period=0.002)
-    walking = SteppingControl(description.robot(), plant.control_period)
+    settings = WalkingControlSettings(mode="torque")
+    walking = WalkingControl(description.robot(), None, plant.control_period, settings)
     walking.velocity = (SPEED, 0.0, 0.0)
     robot = walking.control.observer.robot
     steps: list[Step] = []
@@ -82,6 +84,7 @@ def steps_of_a_walk(count: int) -> list[Step]:
             )
             rows, planned = [], []
         elif now.landing is not None:
+            assert isinstance(walking.source, SteppingWalk)
             gait = walking.source.gait
             rows.append((*gait.dcm[:2], *gait.contact[:2], now.landing.x, now.landing.y))
             planned.append(now.duration)

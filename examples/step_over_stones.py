@@ -13,7 +13,7 @@ from _common import parse, report, upright
 
 import wbc
 from wbc.sim import make_terrain
-from wbc.walking import SteppingControl
+from wbc.walking import WalkingControl, WalkingControlSettings
 
 DURATION = 0.1
 """Duration of the push, s."""
@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     stones = make_terrain("stones", amplitude=options.amplitude, seed=options.seed)
     plant = wbc.Plant(description, terrain=stones, noise="realistic", seed=3, control_period=0.002)
     robot = description.robot()
-    walking = SteppingControl(robot, plant.control_period)
+    walking = WalkingControl(robot, None, plant.control_period, WalkingControlSettings(mode="torque"))
     force = [0.0, options.impulse * robot.mass / DURATION, 0.0]  # to the left
     start, pushed = float(plant.truth().com[0]), False
     walking.velocity = (0.3, 0.0, 0.0)  # forward m/s, left m/s, turn rad/s

@@ -24,7 +24,7 @@ from task import COMMANDS, DURATION, FLOOR, SECONDS, MovingArms, Teleoperator, p
 
 import wbc
 from wbc.sim import Machine, MujocoLoop
-from wbc.walking import SteppingControl, SteppingControlSettings
+from wbc.walking import WalkingControl, WalkingControlSettings
 
 PERIOD = 0.002
 """Control period, s."""
@@ -44,7 +44,7 @@ class Setup:
     own_arms: bool = False  # the walk has the arms as well, and nobody else moves them
     punched: bool = True
     seconds: float = SECONDS
-    settings: SteppingControlSettings | None = None
+    settings: WalkingControlSettings | None = None
 
 
 class Tour:
@@ -76,13 +76,12 @@ class Tour:
         self.arms = MovingArms(run, robot)
         self.loop.reset(standing(robot))
         robot.update(standing(robot), np.zeros(robot.nv))
-        settings = setup.settings or SteppingControlSettings(mode=setup.mode)
+        settings = setup.settings or WalkingControlSettings(mode=setup.mode, step_kind="free")
         observer = None
         if setup.delay > 0.0:
-            usual = SteppingControl(robot.clone(), PERIOD).control.observer.settings
-            stated = {"measurement_delay": setup.delay, "command_delay": setup.delay}
-            observer = wbc.Observer(robot, dataclasses.replace(usual, **stated), adopt=True)
-        self.walking = SteppingControl(robot, PERIOD, settings, observer=observer)
+            stated = wbc.ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)
+            observer = wbc.Observer(robot, stated, adopt=True)
+        self.walking = WalkingControl(robot, None, PERIOD, settings, observer=observer)
         self.operator = Teleoperator(run, LIMITS)
         self.punches = punches(run) if setup.punched else []
         self.given = 0  # punches

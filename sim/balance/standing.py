@@ -21,7 +21,8 @@ from wbc.sim.plant.truth import GroundTruth
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.spec import TrialResult, TrialSpec
 from wbc.tasks.balance import BalanceGains, balance_controller
-from wbc.walking.stepping.control import OBSERVER, SteppingControl, SteppingControlSettings
+from wbc.walking.control import WalkingControl
+from wbc.walking.settings import WalkingControlSettings
 
 Feedback = Literal["open", "closed"]
 
@@ -41,8 +42,8 @@ class StandSpec(TrialSpec):
         feedback: In position control, whether the controller sees the robot as commanded (open) or as estimated
             (closed).
         gains: Weights and gains of the controller.
-        steps: Whether the robot may step: none keeps its feet in place with the balance controller, allowed stands with
-            the stepping walk, which steps out of a push; in torque (the default then) or hybrid control.
+        steps: Whether the robot may step: none keeps its feet in place with the balance controller, allowed takes free
+            steps out of a push; in torque (the default then) or hybrid control.
     """
 
     kind: ClassVar[str] = "stand"
@@ -104,12 +105,11 @@ class StandTrial(Trial):
     def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = (), *, visuals: bool = False) -> None:
         """Build robot, plant (see it for `visuals`) and controller; `scenario` are hooks that act, such as pushes."""
         self.spec = spec
-        robot, plant, observer = spec.build(OBSERVER if spec.steps == "allowed" else None, visuals=visuals)
+        robot, plant, observer = spec.build(visuals=visuals)
         self.control: PositionControl | TorqueControl
         if spec.steps == "allowed":
-            walking: Any = SteppingControl(
-                robot, spec.period, SteppingControlSettings(mode=spec.chosen), observer=observer
-            )
+            settings = WalkingControlSettings(mode=spec.chosen, step_kind="free")
+            walking: Any = WalkingControl(robot, None, spec.period, settings, observer=observer)
             self.control = walking.control
         else:
             controller = balance_controller(robot, spec.period, spec.gains)

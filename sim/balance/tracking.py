@@ -19,7 +19,7 @@ from wbc.motion import MotionClip, MotionSource, tracking_settings
 from wbc.sim.trial.falls import BodyLimits, FallSettings
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.spec import TrialResult, TrialSpec
-from wbc.walking.walking_control import WalkingControl
+from wbc.walking.control import WalkingControl
 
 LOADED = 0.05
 """Load of a sole that stands, over the weight: with less it may move, and is about to lift."""

@@ -37,7 +37,7 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
 from wbc.sim.trial.threads import one_thread
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan
 
 Look = Callable[[], None]
@@ -129,7 +129,7 @@ class Trial:
             limits: Limits of the body in the fall test; those of a standing robot when None.
             scenario: Hooks that act.
         """
-        if isinstance(walking, ReferenceControl) and abs(walking.dt - plant.control_period) > ROUNDING:
+        if isinstance(walking, WalkingControl) and abs(walking.dt - plant.control_period) > ROUNDING:
             raise InputError(
                 f"the control is made for a period of {1e3 * walking.dt:g} ms, and the plant advances by "
                 f"{1e3 * plant.control_period:g} ms: give both the same control_period"

@@ -16,7 +16,7 @@ from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import Event, GaitPhase
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import WalkingControl
 from wbc.walking.source import Progress, Reference
 
 EXCURSION = 0.06
@@ -74,7 +74,7 @@ class _Moment(NamedTuple):
 class WalkMeter(TrialHook):
     """The figures of one walk."""
 
-    def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
+    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
         """Begin without any tick."""
         self._plant, self._walking = plant, walking
         self._zmp: list[float] = []

@@ -15,7 +15,7 @@ from wbc.base.settings import Angle, Count, Number, settings
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.loop import Trial, TrialHook
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import Place, climb_stairs, moved, turn_in_place, walk_distance, walk_velocity
@@ -25,7 +25,7 @@ from wbc.walking.source import VelocityLimits
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
 
-FASTER = "; steps as they go walk faster: law='stepping', or wbc walk --gait stepping"
+FASTER = "; free steps walk faster: mode='torque', or wbc walk --mode torque"
 """Advice for a velocity that planned steps do not give."""
 
 BESIDE = 0.45
@@ -35,7 +35,7 @@ STRAIGHT = 0.02
 """Greatest heading against stairs, rad: over three treads the feet come off the middle by millimetres."""
 
 STEP_TIME, PIECE = 0.8, 0.25
-"""Time of a step of a walk that steps as it goes, at most, and length of the pieces of a drive, s: for its way."""
+"""Time of a free step, at most, and length of the pieces of a drive, s: for its way."""
 
 MOST_PIECES = 20_000
 """Greatest number of pieces of a drive whose way is looked at."""
@@ -135,7 +135,7 @@ class WalkPlan:
         return replace(start, steps=self.footsteps)
 
     def way(self, start: Place, gait: Gait, *, planned: bool) -> list[tuple[float, float]]:
-        """Return places that the middle of the robot passes, m; of a walk that steps as it goes, the furthest likely.
+        """Return places that the middle of the robot passes, m; of a walk with free steps, the furthest likely.
 
         Args:
             start: Place (m) and heading (rad) at the start.
@@ -169,7 +169,7 @@ def planned_limits(drive: DriveSettings) -> VelocityLimits:
 
 
 def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, advice: str) -> None:
-    """Raise an `InputError` for a velocity that the law of a walk does not give, which is named, with an advice."""
+    """Raise an `InputError` for a velocity that the steps of a walk do not give, which is named, with an advice."""
     x, y, turn = velocity
     if not (-limits.back <= x <= limits.forward and abs(y) <= limits.aside and abs(turn) <= limits.turn):
         raise InputError(
@@ -222,7 +222,7 @@ def check_drive(rows: Sequence[Sequence[float]]) -> None:
 class Drive(TrialHook):
     """Commanded velocities of a walk, row by row."""
 
-    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: ReferenceControl) -> None:
+    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: WalkingControl) -> None:
         """Begin with the first row of `WalkPlan.drive`; None for a walk along a plan."""
         self._pending, self._walking = list(rows or ()), walking
 

@@ -20,14 +20,13 @@ from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plans import FASTER, WalkPlan, check_velocity, planned_limits
-from wbc.sim.walks.settings import AnyTrialSettings, AutoTrialSettings
+from wbc.sim.walks.settings import TrialSettings
+from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import check_plan
 from wbc.walking.plans.size import sized
-from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
-from wbc.walking.walking_control import WalkingControl
+from wbc.walking.stepping.source import SteppingWalk
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +34,17 @@ class PreparedWalk:
     """Everything that follows from a spec without a simulator.
 
     Attributes:
-        way: Footsteps that lead to the goal: those of the plan; a stepping walk takes the last ones as its goal, unless
-            footsteps or stairs are given.
+        way: Footsteps that lead to the goal: those of the plan; a walk with free steps takes the last ones as its goal,
+            unless footsteps or stairs are given.
         orders: Velocities over time, as rows of `WalkPlan.drive`; None for a walk along a plan or to a goal.
     """
 
     plant_description: RobotDescription  # the robot on its own soles, for the plant
     controller_description: RobotDescription  # the robot on the feet of the walk, for the controller
     foot: Foot
-    settings: AnyTrialSettings
+    settings: TrialSettings
     configuration: Array  # configuration of the controller's robot at the start, shape (nq,)
-    plan: FootstepPlan  # footsteps, with timings on the grid of the control period; none of a stepping walk to a goal
+    plan: FootstepPlan  # footsteps, with timings on the grid of the control period; none of free steps to a goal
     way: FootstepPlan
     orders: tuple[tuple[float, float, float, float], ...] | None
     nominal_time: float  # duration of the walk as planned, s
@@ -84,7 +83,7 @@ def prepare(
     foot: Foot,
     plan: WalkPlan,
     gait: Gait,
-    settings: AnyTrialSettings,
+    settings: TrialSettings,
     period: float,
     start: tuple[float, float, float],
     extent: tuple[float, float, float, float] | None,
@@ -103,46 +102,40 @@ def prepare(
     notes += more
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
-    planned: WalkingControlSettings | SteppingControlSettings
-    planned = settings.lipm if isinstance(settings, AutoTrialSettings) else settings
-    if isinstance(settings, AutoTrialSettings) and not (steps.climbs and plan.drive is None):
-        planned = settings.stepping
-    if isinstance(planned, SteppingControlSettings):
-        stepping = SteppingControl(model, period, planned)
-        if plan.velocity is not None:
-            check_velocity(plan.velocity, stepping.velocity_limits, f"steps of '{model.name}'", "")
-        orders, time = _orders(plan, steps, stepping)
-        given = plan.footsteps is not None or plan.stairs is not None
-        if given:
-            check_plan(steps, model, extent=extent)
-        walked = steps if given else replace(steps, steps=())
-        return PreparedWalk(
-            plant_description, description, foot, settings, q, walked, steps, orders, time, notes
-        )
-    if plan.velocity is not None:
-        check_velocity(plan.velocity, planned_limits(planned.drive), "planned steps", FASTER)
+    free = "free" in settings.kinds and (
+        settings.step_kind == "free" or plan.drive is not None or not steps.climbs
+    )
+    given = plan.footsteps is not None or plan.stairs is not None
+    walked = steps if given or not free else replace(steps, steps=())
+    if plan.velocity is not None and not free:
+        check_velocity(plan.velocity, planned_limits(settings.drive), "planned steps", FASTER)
     try:
-        walking = WalkingControl(model, steps, period, planned, law="lipm", extent=extent)
-        check_plan(steps, model, walking.walk.reach, extent)
+        walking = WalkingControl(model, walked, period, settings, extent=extent)
     except InputError as error:
-        if plan.velocity is None:
+        if plan.velocity is None or free:
             raise
         raise InputError(f"{error}{FASTER}") from None
-    cycle = step_gait.single_support + step_gait.double_support
-    swings = len(steps) * cycle - step_gait.double_support
-    time = step_gait.initial_double_support + swings + step_gait.final_double_support
-    if plan.drive is not None:
-        time = plan.drive[-1][0] + 2.0 * cycle + step_gait.final_double_support
-    return PreparedWalk(
-        plant_description, description, foot, settings, q, steps, steps, plan.drive, time, notes
-    )
+    if isinstance(walking.source, SteppingWalk):
+        if plan.velocity is not None:
+            check_velocity(plan.velocity, walking.velocity_limits, f"steps of '{model.name}'", "")
+        orders, time = _orders(plan, steps, walking.source)
+        if given:
+            check_plan(steps, model, extent=extent)
+    else:
+        check_plan(steps, model, walking.walk.reach, extent)
+        cycle = step_gait.single_support + step_gait.double_support
+        swings = len(steps) * cycle - step_gait.double_support
+        orders, time = plan.drive, swings + step_gait.initial_double_support + step_gait.final_double_support
+        if plan.drive is not None:
+            time = plan.drive[-1][0] + 2.0 * cycle + step_gait.final_double_support
+    return PreparedWalk(plant_description, description, foot, settings, q, walked, steps, orders, time, notes)
 
 
 def _orders(
-    plan: WalkPlan, way: FootstepPlan, walking: SteppingControl
+    plan: WalkPlan, way: FootstepPlan, source: SteppingWalk
 ) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
-    """Return the velocities of a stepping walk, None for the goal at the end of `way`, and its nominal time, s."""
-    gait = walking.source.gait
+    """Return the velocities of a walk with free steps, None for the goal at the end of `way`, and its time, s."""
+    gait = source.gait
     s, shift = gait.settings, gait.constants.shift_time
     pause = shift + 8.0 * s.slow_time  # to set off and to stop
     orders = plan.drive

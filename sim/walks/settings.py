@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import Literal
+from typing import Any, Literal
 
 from wbc.base.changes import Changes, changed, normal_changes
 from wbc.base.errors import InputError, choose
@@ -23,7 +24,6 @@ from wbc.walking.lipm.phases import PhaseSettings
 from wbc.walking.lipm.preview import PreviewSettings
 from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
 
 PRESETS = ("default", "frizza", "no_bias")
 """Names of presets: the best settings on all soles, the law of the paper, and the same without bias estimate, with the
@@ -35,10 +35,6 @@ estimator takes its place (sections II-C and IV-B, Table II)."""
 
 Eyes = Literal["none", "depth", "toes"]
 """Eyes of a walk: none, a depth camera, or range sensors at the toes."""
-
-Law = Literal["lipm", "stepping", "auto"]
-"""Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each as it goes,
-"auto" changes between them while the robot stands."""
 
 DERIVED = {
     "mode": "the option 'mode'",
@@ -81,15 +77,16 @@ class TrialSettings(Surroundings, WalkingControlSettings):
     def preset(name: str) -> TrialSettings:
         """Return settings by name.
 
-        "no_bias" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift on
-        time whatever their load, no step adjustment, an upright trunk, no bias estimated. "frizza" is the paper's: the
-        same with mc_rtc's estimator of the DCM's bias and the gains of `PAPER_GAINS`. Touch-downs are detected as in
-        "default": a walk over unknown ground needs it.
+        "no_bias" is the plain law: planned steps, position servos without feed-forward, gains and costs of mc_rtc, feet
+        that lift on time whatever their load, no step adjustment, an upright trunk, no bias estimated. "frizza" is the
+        paper's: the same with mc_rtc's estimator of the DCM's bias and the gains of `PAPER_GAINS`. Touch-downs are
+        detected as in "default": a walk over unknown ground needs it.
         """
         if choose("gains", name, PRESETS) == "default":
             return TrialSettings()
         paper, plain = name == "frizza", StabilizerGains.mc_rtc()
         return TrialSettings(
+            step_kind="planned",
             feedforward=False,
             gains=replace(plain, **PAPER_GAINS) if paper else plain,
             distribution=DistributionSettings.mc_rtc(),
@@ -103,53 +100,46 @@ class TrialSettings(Surroundings, WalkingControlSettings):
         )
 
 
-@settings
-class SteppingTrialSettings(Surroundings, SteppingControlSettings):
-    """Settings of a simulated stepping walk: those of the controller, and those of what surrounds it."""
-
-    observer: ObserverSettings = OBSERVER
-
-
-@settings
-class AutoTrialSettings(Surroundings):
-    """Settings of a simulated walk whose law changes: those of the controller, and those of what surrounds it.
-
-    Attributes:
-        mode: "torque" or "hybrid": a stepping walk on stiff servos has other references.
-        lipm: Settings of the law that plans; its arms, safety and solver count for both.
-        stepping: Settings of the law that decides steps as they go.
-    """
-
-    mode: Mode = "torque"
-    lipm: WalkingControlSettings = field(default_factory=WalkingControlSettings)
-    stepping: SteppingControlSettings = field(default_factory=SteppingControlSettings)
-
-    def __post_init__(self) -> None:
-        if self.mode == "position":
-            raise InputError("a walk whose law changes is in torque or hybrid control, got mode 'position'")
-
-
-AnyTrialSettings = TrialSettings | SteppingTrialSettings | AutoTrialSettings
-
-
-def preset_of(law: Law, gains: str) -> AnyTrialSettings:
-    """Return the settings that a walk by a law of the steps begins with, by the name of a preset."""
-    if law == "lipm":
-        return TrialSettings.preset(gains)
-    choose(f"gains of a walk by the law '{law}'", gains, PRESETS[:1])
-    return SteppingTrialSettings() if law == "stepping" else AutoTrialSettings()
-
-
-def trial_settings(law: Law, preset: str, changes: Changes, mode: Mode, timestep: float) -> AnyTrialSettings:
+def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> TrialSettings:
     """Return a preset with changes that `checked_changes` returned."""
-    trial = changed(preset_of(law, preset), changes)
+    trial = changed(TrialSettings.preset(preset), changes)
     return replace(trial, mode=mode, physics=replace(trial.physics, timestep=timestep))
 
 
-def checked_changes(law: Law, preset: str, changes: Changes) -> Changes:
+def checked_changes(preset: str, changes: Changes) -> Changes:
     """Return changes in their normal form; what is a setting of its own elsewhere, or out of range, is refused."""
-    normal = normal_changes(preset_of(law, preset), changes)
+    normal = normal_changes(TrialSettings.preset(preset), changes)
     for path, _ in normal:
         if path in DERIVED:
             raise InputError(f"'{path}' is not a setting to be changed, it follows from {DERIVED[path]}")
     return normal
+
+
+OLD_PLACES = {
+    "lipm": (("", ""),),
+    "stepping": (("gait.", "stepping."), ("", "")),
+    "auto": (("lipm.", ""), ("stepping.gait.", "stepping."), ("stepping.", ""), ("", "")),
+}
+"""Law of the steps in specs of earlier versions → beginnings of the names of its settings, and those of today."""
+
+
+def without_law(spec: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the plain values of a spec of an earlier version, which names a law of the steps, as those of today."""
+    values = dict(spec)
+    law = values.pop("law", "lipm")
+    choose("law of an earlier version", law, OLD_PLACES)
+    changes = dict(values.get("changes") or {})
+    places = OLD_PLACES[law]
+    renamed = {
+        next(new + name[len(old) :] for old, new in places if name.startswith(old)): value
+        for name, value in changes.items()
+    }
+    stairs = "stairs" in (values.get("plan") or {})
+    mode = values.get("mode") or ("position" if law == "lipm" else "torque")
+    if law == "stepping" and (mode == "position" or stairs):
+        renamed["step_kind"] = "free"
+    if law == "lipm" and mode != "position" and values.get("gains", PRESETS[0]) == PRESETS[0]:
+        renamed["step_kind"] = "planned"
+    if law != "lipm":
+        values["mode"] = mode
+    return {**values, "changes": renamed} if renamed or "changes" in values else values

@@ -6,7 +6,7 @@ import copy
 from collections.abc import Mapping
 from dataclasses import field
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import PlainValidator
 
@@ -15,7 +15,6 @@ from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, file_hash
 from wbc.base.numbers import whole_number
 from wbc.base.settings import Angle, NonNegative, Number, Seed, settings
-from wbc.core.drive.control import Mode
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
@@ -28,13 +27,7 @@ from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import CONTROL_PERIOD, TrialSpec
 from wbc.sim.walks.plans import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
-from wbc.sim.walks.settings import (
-    AnyTrialSettings,
-    Eyes,
-    Law,
-    checked_changes,
-    trial_settings,
-)
+from wbc.sim.walks.settings import Eyes, TrialSettings, checked_changes, trial_settings, without_law
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
 from wbc.walking.plans.gait import Gait
 
@@ -81,13 +74,11 @@ class WalkSpec(TrialSpec):
         scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.
         noise_seed: Another seed for the errors of the sensors.
-        mode: Command of the drives; position if not given, hybrid on soft servos, torque if the law is not lipm.
+        mode: Command of the drives; position if not given, hybrid on soft servos. Under torques steps are free.
         machine: Delays, friction, payload and which sensors there are. The delays are stated to the observer
             unless settings state others ("observer.command_delay").
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
-        gait: Sizes and timings of steps of a LIPM walk.
-        law: lipm plans footsteps, stepping decides place and time of each as it goes, every 2 ms in any mode, auto
-            changes between them while the robot stands.
+        gait: Sizes and timings of planned steps.
         eyes: What the robot sees of the ground: none, depth (a camera) or toes (range sensors).
         gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
         changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
@@ -110,7 +101,6 @@ class WalkSpec(TrialSpec):
     noise_seed: Seed | None = None
     plan: WalkPlan = field(default_factory=WalkPlan)
     gait: Gait = field(default_factory=Gait)
-    law: Law = "lipm"
     eyes: Eyes = "none"
     gains: str = "default"
     changes: NamedValues = ()
@@ -134,7 +124,7 @@ class WalkSpec(TrialSpec):
         if self.scene is None and self.scene_params:
             raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")
         self.things()
-        store("changes", checked_changes(self.law, self.gains, self.changes))
+        store("changes", checked_changes(self.gains, self.changes))
         scheduling = checked_policy(
             self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, ground
         )
@@ -154,13 +144,23 @@ class WalkSpec(TrialSpec):
         found: tuple[str | None, Changes] = self._scheduling  # type: ignore[attr-defined]
         return found
 
-    def _usual_mode(self) -> Mode | None:
-        """Return the control mode when none is given."""
-        return super()._usual_mode() if self.law == "lipm" else "torque"
-
     def _usual_period(self) -> float:
-        """Return the control period when none is given, s: steps are decided anew every 2 ms on any drives."""
-        return super()._usual_period() if self.law == "lipm" else CONTROL_PERIOD["torque"]
+        """Return the control period when none is given, s: free steps are decided anew every 2 ms on any drives."""
+        free = dict(self.changes).get("step_kind") == "free"
+        return CONTROL_PERIOD["torque"] if free else super()._usual_period()
+
+    @property
+    def free(self) -> bool:
+        """True if the steps are decided as the robot goes; False for a walk with planned steps."""
+        kind = dict(self.changes).get("step_kind")
+        if kind is not None or self.gains != "default":
+            return kind == "free"
+        return self.chosen != "position" and self.plan.stairs is None
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the spec that `to_json` wrote, also of a version in which a walk had a law."""
+        return super().from_json(without_law(data) if "law" in data else data)
 
     def foot_design(self) -> Foot:
         """Return the foot."""
@@ -182,7 +182,7 @@ class WalkSpec(TrialSpec):
             ground.name == "flat" or self.plan.stairs is not None
         ):  # the floor has no end; stairs are where they are
             return ground
-        return fitted(ground, self.plan.way(self.start, self.gait, planned=self.law == "lipm"), params)
+        return fitted(ground, self.plan.way(self.start, self.gait, planned=not self.free), params)
 
     def things(self) -> Scene | None:
         """Return what stands on the ground."""
@@ -193,13 +193,13 @@ class WalkSpec(TrialSpec):
         """Least and greatest x, least and greatest y of the ground, m; None for the floor, which has no end."""
         return None if self.terrain == "flat" else self.ground().extent
 
-    def settings(self) -> AnyTrialSettings:
+    def settings(self) -> TrialSettings:
         """Return preset and changes as settings."""
         stated = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
         given = dict(self.changes)
         delays = {f"observer.{k}": v for k, v in stated.items() if v > 0.0 and f"observer.{k}" not in given}
         changes = as_changes({**given, **delays})
-        return trial_settings(self.law, self.gains, changes, self.chosen, self.timestep)
+        return trial_settings(self.gains, changes, self.chosen, self.timestep)
 
     def prepare(self) -> PreparedWalk:
         """Return everything that does not depend on seeds; built once for all specs that differ in seeds alone."""

@@ -12,7 +12,7 @@ from wbc.feet.sensing.scan import Profile
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.tasks.scheduling.record import StepStiffness
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import WalkingControl
 
 
 class StiffnessMeter(TrialHook):
@@ -23,7 +23,7 @@ class StiffnessMeter(TrialHook):
     estimated pose.
     """
 
-    def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
+    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
         """Begin without any step; the controller has a `StiffnessScheduler`."""
         assert walking.stiffness is not None
         self._plant, self._walking, self._task = plant, walking, walking.stiffness

@@ -32,15 +32,13 @@ from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.plans import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
 from wbc.sim.walks.result import WalkResult, WallClock, identity, objective
-from wbc.sim.walks.settings import AnyTrialSettings, AutoTrialSettings, SteppingTrialSettings
+from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter
 from wbc.sim.walks.stiffness_policy import make_policy
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.walking.control import ReferenceControl
-from wbc.walking.stepping.control import SteppingControl
-from wbc.walking.walking_control import WalkingControl
+from wbc.walking.control import WalkingControl
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 LEAST_WAY = 0.05
@@ -116,11 +114,11 @@ class WalkTrial(Trial):
             robot = prepared.robot()
             plant = _plant(spec, prepared, robot, visuals)
             scheduler = _scheduler(spec, prepared, robot, policy)
-            walking, height = _walking(spec, prepared, robot, scheduler)
+            walking = _walking(spec, prepared, robot, scheduler)
         standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
-        lowering = 0.0 if height is None else max(0.0, standing_com - height)
+        lowering = max(0.0, standing_com - (walking.source.com_height or standing_com))
         com = plant.com_height - _ground(plant) - lowering
-        self.walking: ReferenceControl
+        self.walking: WalkingControl
         limits = prepared.settings.falls
         super().__init__(plant, walking, BodyLimits(com - limits.drop * robot.length_scale, limits.tilt))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
@@ -138,7 +136,7 @@ class WalkTrial(Trial):
                 walking.go_to(*self._arrival.goal)
 
     @property
-    def walker(self) -> ReferenceControl:
+    def walker(self) -> WalkingControl:
         """The controller."""
         return self.walking
 
@@ -235,26 +233,25 @@ def _ground(plant: Plant) -> float:
 
 def _walking(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, scheduler: StiffnessScheduler | None
-) -> tuple[ReferenceControl, float | None]:
-    """Return the controller of a robot that stands at the start, and the height of its CoM while it walks, m."""
+) -> WalkingControl:
+    """Return the controller of a robot that stands at the start."""
     settings = prepared.settings
-    stepping = isinstance(settings, (SteppingTrialSettings, AutoTrialSettings))
-    # Only a walk on torques needs more of the estimate than where its parts are and how they move.
-    observer = Observer(robot, settings.observer, adopt=spec.chosen != "position", dynamics=stepping)
+    # Planned steps need no more of the estimate than where its parts are and how they move.
+    observer = Observer(
+        robot, settings.observer, adopt=spec.chosen != "position", dynamics="free" in settings.kinds
+    )
     observer.reset(prepared.configuration)
     robot.update(prepared.configuration, np.zeros(robot.nv))
-    ground = None if spec.eyes == "none" else KnownGround(robot, settings.ground)
-    parts: dict[str, Any] = {"observer": observer, "stiffness": scheduler, "ground": ground}
-    if isinstance(settings, SteppingTrialSettings):
-        walking = SteppingControl(robot, spec.period, settings, **parts)
-        return walking, walking.source.gait.scale.height
-    if isinstance(settings, AutoTrialSettings):
-        lipm = replace(settings.lipm, mode=settings.mode)
-        parts |= {"extent": spec.extent, "stepping": settings.stepping}
-        auto = WalkingControl(robot, prepared.plan, spec.period, lipm, **parts)
-        return auto, auto.source.com_height
-    parts |= {"extent": spec.extent, "law": "lipm"}
-    return WalkingControl(robot, prepared.plan, spec.period, settings, **parts), settings.com_height
+    return WalkingControl(
+        robot,
+        prepared.plan,
+        spec.period,
+        settings,
+        observer=observer,
+        stiffness=scheduler,
+        extent=spec.extent,
+        ground=None if spec.eyes == "none" else KnownGround(robot, settings.ground),
+    )
 
 
 def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> Plant:
@@ -287,7 +284,7 @@ def _name(policy: PolicyLike) -> str:
     return str(getattr(policy, "__name__", type(policy).__name__))
 
 
-def _range_sensor(spec: WalkSpec, settings: AnyTrialSettings) -> RangeSensor | None:
+def _range_sensor(spec: WalkSpec, settings: TrialSettings) -> RangeSensor | None:
     """Return the range sensor under each toe; None for soles without a policy."""
     if spec.scheduling[0] is None:
         return None
@@ -297,7 +294,7 @@ def _range_sensor(spec: WalkSpec, settings: AnyTrialSettings) -> RangeSensor | N
     return sensor
 
 
-def _eyes(spec: WalkSpec, settings: AnyTrialSettings) -> tuple[DepthCamera | ToeSensors, ...]:
+def _eyes(spec: WalkSpec, settings: TrialSettings) -> tuple[DepthCamera | ToeSensors, ...]:
     """Return what sees the ground, perfectly with the sensor noise "none"."""
     if spec.eyes == "none":
         return ()

@@ -24,7 +24,7 @@ from wbc.feet import foot
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.balance import balance_controller
 from wbc.walking.contact import Event
-from wbc.walking.walking_control import WalkingControl
+from wbc.walking.control import WalkingControl
 
 
 def seen(

@@ -187,7 +187,7 @@ def test_command_draws_lists_and_refuses(
 
 
 class Marked(dict[str, Any]):
-    """A log of 6 ticks with two pushes and one change of the law."""
+    """A log of 6 ticks with two pushes and one change of the kind of steps."""
 
     time = np.arange(6.0)
 
@@ -195,21 +195,21 @@ class Marked(dict[str, Any]):
         return len(self.time)
 
     def texts(self, name: str) -> Any:
-        return np.array(["lipm"] * 4 + ["stepping"] * 2, dtype=object)
+        return np.array(["planned"] * 4 + ["free"] * 2, dtype=object)
 
 
 def test_pushes_and_changes_of_the_law_are_marked() -> None:
     force = np.zeros((6, 3))
     force[1:3, 1], force[5, 0] = 30.0, np.nan
     force[4, 0] = -10.0
-    log = Marked({"truth/push/force/x": 0, "truth/push/force": force, "walk/law": 0})
+    log = Marked({"truth/push/force/x": 0, "truth/push/force": force, "walk/step_kind": 0})
     axes = new_figure(4.0, 3.0).subplots()
     mark_events(axes, log, names=True)  # type: ignore[arg-type]
     assert [patch.get_x() for patch in axes.patches] == [1.0, 4.0]
     assert [patch.get_width() for patch in axes.patches] == [2.0, 1.0]
     assert axes.get_legend_handles_labels()[1] == ["push"]
     assert [line.get_xdata()[0] for line in axes.lines] == [4.0]
-    assert [text.get_text().strip() for text in axes.texts] == ["law stepping"]
+    assert [text.get_text().strip() for text in axes.texts] == ["free steps"]
 
 
 @pytest.mark.parametrize("name", ["plan", "balance"])

@@ -48,7 +48,7 @@ def run(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
     "words",
     [
         ["--distance", "0.5"],
-        pytest.param(["--gait", "stepping", "--seconds", "9", "--drive"], marks=pytest.mark.slow),
+        pytest.param(["--mode", "torque", "--seconds", "9", "--drive"], marks=pytest.mark.slow),
     ],
 )
 def test_an_end_by_interrupt_is_recorded_and_repeated(

@@ -126,18 +126,22 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert set(json.loads(capsys.readouterr().out)["arms"]) == {"flat"}
 
 
-def test_a_velocity_goes_to_the_law_that_gives_it_or_is_refused_with_that_advice(
+def test_a_velocity_goes_to_the_steps_that_give_it_or_is_refused_with_that_advice(
     spec_of: Callable[..., Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     fast = ("--velocity", "0.4", "0", "0")
-    assert spec_of(*fast)["law"] == "stepping"
-    assert spec_of("--robot", "g1", "--velocity", "0.25", "0", "0")["law"] == "stepping"
-    assert spec_of("--velocity", "0.25", "0", "0").get("law", "lipm") == "lipm"
+    assert spec_of(*fast)["mode"] == "torque"
+    assert spec_of("--robot", "g1", "--velocity", "0.25", "0", "0")["mode"] == "torque"
+    assert spec_of("--velocity", "0.25", "0", "0")["mode"] == "position"
     capsys.readouterr()
-    for words in ((*fast, "--gait", "lipm"), ("--velocity", "2", "0", "0"), ("--velocity", "0", "0.9", "0")):
+    for words in (
+        (*fast, "--mode", "position"),
+        ("--velocity", "2", "0", "0"),
+        ("--velocity", "0", "0.9", "0"),
+    ):
         assert main(["walk", *words]) == BAD_INPUT
         said = capsys.readouterr().err
-        assert "give velocities of at most" in said and ("--gait stepping" in said) == ("--gait" in words)
+        assert "give velocities of at most" in said and ("--mode torque" in said) == ("--mode" in words)
 
 
 def test_grounds_fit_what_is_asked(spec_of: Callable[..., Any]) -> None:

@@ -15,7 +15,7 @@ from wbc.core.drive.control import SafetySettings
 from wbc.core.estimation.falls import LASTING, SLOPE, FallDetector, FallReason
 from wbc.sim import Plant
 from wbc.sim.trial.falls import TrueFallDetector
-from wbc.walking import SteppingControl
+from wbc.walking import WalkingControl, WalkingControlSettings
 
 KINDS: dict[str, Any] = {
     "position": wbc.PositionControl,
@@ -140,7 +140,8 @@ def test_pushes_that_are_stepped_out_damp_nobody_and_all_falls_do(name: str) -> 
     torso = plant.robot.torso_frame
     for seed in range(12):
         plant.reset(seed=seed)
-        walking = SteppingControl(description.robot(), plant.control_period)
+        settings = WalkingControlSettings(mode="torque")
+        walking = WalkingControl(description.robot(), None, plant.control_period, settings)
         angle, impulse = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.4, 1.2) * plant.robot.mass
         low = said = math.inf
         while plant.time < 4.0 and plant.time < said + 0.5:

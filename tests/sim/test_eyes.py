@@ -241,7 +241,7 @@ def test_a_stepping_walk_lands_on_what_it_sees_and_is_blind_where_it_sees_nothin
 
         result, hook, _ = walked(
             listen,
-            law="stepping",
+            mode="torque",
             foot="rigid",
             plan=WalkPlan(distance=1.2),
             terrain_params={"ramp": 0.0},

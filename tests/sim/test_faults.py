@@ -23,7 +23,7 @@ from wbc.sim import Machine, TrialHook, WalkPlan, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import TrialTick
-from wbc.walking import SteppingControl
+from wbc.walking import WalkingControl, WalkingControlSettings
 
 QUICK = {
     ("encoder lost a turn", "hybrid"),
@@ -118,7 +118,8 @@ def test_nothing_is_doubted_of_good_sensors_of_a_robot_that_is_punched(seed: int
     """On any link, in any direction, in every other run while it walks; of a robot that falls, until then."""
     description, rng = load("g1"), np.random.default_rng(seed)
     plant = Plant(description, noise=noise, seed=seed, control_period=0.002)
-    walking = SteppingControl(description.robot(), plant.control_period)
+    settings = WalkingControlSettings(mode="torque")
+    walking = WalkingControl(description.robot(), None, plant.control_period, settings)
     monitor, times, found = walking.control.watch(), (0.5, 1.8, 3.1, 4.4), []
     walking.velocity = (0.3, 0.0, 0.0) if seed % 2 else None
     links = [

@@ -39,7 +39,7 @@ STAIRS = {
 DRIVE = ((0.0, 0.2, 0.0, 0.0), (1.5, 0.1, 0.05, 0.3), (3.0, 0.0, 0.0, 0.0))
 PUSH = WalkPush(time=2.0, impulse=0.1, direction=1.2)
 
-BEGINNINGS = {"stand hrp4_class": 60, "walk hrp4_class stones": 250, "walk g1 stepping": 300}
+BEGINNINGS = {"stand hrp4_class": 60, "walk hrp4_class stones": 250, "walk g1 free": 300}
 """Runs of which the default tests make the beginning, and how many commands of it."""
 
 
@@ -80,9 +80,7 @@ def walks() -> dict[str, Callable[[], Any]]:
             f"walk {robot} steered": functools.partial(walk, **common, drive=DRIVE, pushes=[PUSH]),
             f"walk {robot} torque": functools.partial(walk, **common, mode="torque", distance=0.2),
             f"walk {robot} hybrid": functools.partial(walk, **common, mode="hybrid", distance=0.2),
-            f"walk {robot} stepping": functools.partial(
-                walk, **common, **STONES, law="stepping", distance=0.5
-            ),
+            f"walk {robot} free": functools.partial(walk, **common, **STONES, mode="torque", distance=0.5),
         }
     soft = {"foot": "soft", "stiffness": 20.0, "seed": 4}
     return cases | {

@@ -21,11 +21,11 @@ from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
-from wbc.sim.walks.settings import Law
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.contact import Event
 from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.settings import Kind
 
 TWO_STEPS = WalkPlan(distance=0.1)
 QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)
@@ -193,8 +193,8 @@ def test_specs_are_values() -> None:
     [
         {"terrain": "stones"},
         {"terrain": "steps", "amplitude": 0.01},
-        {"law": "stepping"},
-        {"law": "auto"},
+        {"mode": "torque"},
+        {"changes": (("step_kind", "free"),)},
         {"robot": "g1"},
         {"foot": "variable"},
         {"foot": "soft", "stiffness": 5.0},
@@ -282,13 +282,13 @@ def test_the_limit_of_threads_is_taken_away_by_the_last_of_overlapping_trials() 
 
 
 @pytest.mark.parametrize("mode", ["position", "hybrid", "torque"])
-@pytest.mark.parametrize("law", ["lipm", "stepping", "auto"])
-def test_every_law_is_prepared_in_every_mode_that_it_has(law: Law, mode: Mode) -> None:
-    if law == "auto" and mode == "position":
-        with pytest.raises(InputError, match="position"):
-            WalkSpec(law=law, mode=mode)
-        return
-    assert WalkSpec(law=law, mode=mode, plan=WalkPlan(distance=0.5)).prepare().nominal_time > 0.0
+@pytest.mark.parametrize("kind", [None, "planned", "free"])
+def test_every_kind_of_steps_is_prepared_in_every_mode(kind: Kind | None, mode: Mode) -> None:
+    changes = () if kind is None else (("step_kind", kind),)
+    spec = WalkSpec(mode=mode, plan=WalkPlan(distance=0.5), changes=changes)
+    prepared = spec.prepare()
+    assert prepared.nominal_time > 0.0 and spec.free == (not prepared.plan.steps)
+    assert spec.free == (mode != "position" if kind is None else kind == "free")
 
 
 def test_changes_reach_the_controller() -> None:

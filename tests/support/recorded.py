@@ -20,11 +20,11 @@ from wbc.sim.terrain.spec import terrain
 from wbc.tasks.scheduling.policies import StiffnessDecision, SwingScan
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.walking_control import WalkingControl
 
 GAIT = Gait(single_support=0.6, double_support=0.2, initial_double_support=0.5, final_double_support=0.3)
 SECONDS = 3.0
@@ -40,8 +40,8 @@ def make_walk(mode: str = "position", velocity_ratio: float = 1.0) -> tuple[wbc.
     model = description.robot()
     model.velocity_limit *= velocity_ratio
     plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.15)
-    settings = WalkingControlSettings(mode="torque" if mode == "torque" else "position")
-    return plant, WalkingControl(model, plan, period, settings, law="lipm")
+    settings = WalkingControlSettings(mode="torque" if mode == "torque" else "position", step_kind="planned")
+    return plant, WalkingControl(model, plan, period, settings)
 
 
 def run(plant: wbc.Plant, walk: WalkingControl, seconds: float, *hooks: Hook) -> None:

@@ -13,19 +13,19 @@ from wbc.sim import Plant
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking import FootstepPlan, SteppingControl, WalkingControl
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.body import lowest_com
 from wbc.walking.plans.reach import leg_geometry
 
 DT = 0.005
 
 
-def standing(name: str = "hrp4_class", kind: str = "lipm") -> tuple[Plant, WalkingControl | SteppingControl]:
+def standing(name: str = "hrp4_class", kind: str = "lipm") -> tuple[Plant, WalkingControl]:
     plant = Plant(load_robot(name), noise="realistic", control_period=DT if kind == "lipm" else 0.002)
     robot = plant.description.robot()
     if kind == "lipm":
         return plant, WalkingControl(robot, FootstepPlan.standing(robot), DT)
-    return plant, SteppingControl(robot, plant.control_period)
+    return plant, WalkingControl(robot, None, plant.control_period, WalkingControlSettings(mode="torque"))
 
 
 def upright(plant: Plant) -> bool:

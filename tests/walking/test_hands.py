@@ -17,7 +17,7 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
 from wbc.tasks.stabilizer.zmp import zmp_offset
-from wbc.walking import FootstepPlan, HandSettings, SteppingControl, WalkingControl, WalkingControlSettings
+from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.hand import Hand, HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.motion import FOLLOW, Follower, MovingFrame
@@ -159,9 +159,11 @@ def test_a_hand_that_finds_no_surface_stops() -> None:
     assert hands.all["left_hand"].state is HandState.FREE
 
 
-def test_a_robot_that_balances_by_its_steps_says_which_control_counts_forces_on_hands() -> None:
-    walking = SteppingControl(load("g1").robot(), 0.005)
-    with pytest.raises(InputError, match=re.escape("whose forces a WalkingControl counts")):
+def test_a_robot_that_takes_free_steps_alone_says_that_they_count_no_forces_on_hands() -> None:
+    walking = WalkingControl(
+        load("g1").robot(), None, 0.005, WalkingControlSettings(mode="torque", step_kind="free")
+    )
+    with pytest.raises(InputError, match=re.escape("free steps alone count no forces")):
         walking.hands.press("left_hand", 5.0, DOWN)
 
 

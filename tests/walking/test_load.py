@@ -73,7 +73,7 @@ def test_a_load_that_is_there_from_the_start_is_found(robot: str, mode: Mode) ->
     for frame in model.frames.values():
         plant.load(frame, 1.5)
     settings = WalkingControlSettings(mode=mode, load=LoadSettings())
-    walking = WalkingControl(model, FootstepPlan.standing(model), dt, settings, law="lipm")
+    walking = WalkingControl(model, FootstepPlan.standing(model), dt, settings)
     trial = Trial(plant, walking)
     trial.advance(4.0)
     assert walking.load is not None and walking.load.mass == pytest.approx(3.0, abs=0.3)

@@ -10,7 +10,7 @@ import pytest
 
 import wbc
 from wbc.base.errors import InputError, UnknownNameError
-from wbc.walking import FootstepPlan, SteppingControl, WalkingControl, WalkingControlSettings
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 
 G1 = wbc.load_robot("g1")
 ARM = [
@@ -121,7 +121,7 @@ def test_measured_accelerations_are_low_passed_differences() -> None:
 
 def test_an_encoder_of_theirs_beyond_its_range_is_named_and_stops_nothing() -> None:
     plant, robot = wbc.Plant(G1, control_period=DT), G1.robot()
-    walk = SteppingControl(robot, DT)
+    walk = WalkingControl(robot, None, DT, WalkingControlSettings(mode="torque"))
     released = walk.release(ARM)
     assert released is not None
     joint = int(released.index[0])
@@ -151,7 +151,7 @@ def test_the_centre_of_mass_stays_though_an_arm_swings(told: bool) -> None:
     moved = {}
     for known in (True, False):
         plant, robot = wbc.Plant(G1, control_period=DT), G1.robot()
-        walk = SteppingControl(robot, DT)
+        walk = WalkingControl(robot, None, DT, WalkingControlSettings(mode="torque"))
         released = walk.release(ARM) if known else None
         index = np.array([robot.joint_index(name) for name in ARM])
         start, errors = plant.measure().joint_position[index], []

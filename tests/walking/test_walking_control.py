@@ -14,19 +14,19 @@ from wbc.core.signals import Measurement
 from wbc.robots import load
 from wbc.tasks import OrientationTask
 from wbc.tasks.stabilizer.lean import LeanMotion
+from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import WholeBody
-from wbc.walking.walking_control import WalkingControl
 
 DESCRIPTION = load("hrp4_class")
 DT = 0.005
 
 
 def standing(settings: WalkingControlSettings) -> tuple[Robot, WalkingControl]:
-    robot = DESCRIPTION.robot()
-    return robot, WalkingControl(DESCRIPTION.robot(), FootstepPlan.standing(robot), DT, settings, law="lipm")
+    robot, settings = DESCRIPTION.robot(), replace(settings, step_kind="planned")
+    return robot, WalkingControl(DESCRIPTION.robot(), FootstepPlan.standing(robot), DT, settings)
 
 
 def sensors(

@@ -39,11 +39,11 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     foot = f"{result.foot} feet" + (f" of {result.sole_stiffness:g} Nm/rad" if fixed else "")
     ground = result.terrain + (f", {1e3 * result.amplitude:.0f} mm" if result.amplitude else "")
     steps = f"{result.steps_done} of {result.steps_planned} steps"
-    if spec.law == "stepping":  # none are planned
+    if spec.free:  # none are planned
         steps = f"{result.steps_done} steps"
-    law = "" if spec.law == "lipm" else f"{spec.law} law, "
+    free = "free steps, " if spec.free else ""
     lines = [
-        f"{result.robot} on {foot}, {ground}, seed {result.seed}, {law}{spec.chosen} control, noise {spec.noise}"
+        f"{result.robot} on {foot}, {ground}, seed {result.seed}, {free}{spec.chosen} control, noise {spec.noise}"
     ]
     lines += [f"  note      {note}" for note in result.notes]
     if result.diverged is not None:

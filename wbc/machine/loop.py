@@ -18,7 +18,7 @@ from wbc.core.signals import Command, Control, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
 from wbc.tasks.behaviours import Program
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import WalkingControl
 
 LONGEST_WAIT = 1.0
 """Longest time without a measurement in a loop, s."""
@@ -112,7 +112,7 @@ class Restartable(Protocol):
 
 def drives_of(control: Control) -> DriveControl | None:
     """Return the control of the drives that a control is, or that a walk or program has; None of one's own."""
-    while isinstance(control, (Program, ReferenceControl)):
+    while isinstance(control, (Program, WalkingControl)):
         control = control.control
     return control if isinstance(control, DriveControl) else None
 

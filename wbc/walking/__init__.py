@@ -1,16 +1,18 @@
-"""Walking: sources of references (a LIPM walk, a stepping walk, a stand), and the control that follows them.
+"""Walking: one control, and the sources of references that it follows.
 
-source      what a control follows in every tick; another one derives from `ReferenceSource`
+control     the control: what is asked of a robot, and the tick
+source      what the control follows in every tick; another one derives from `ReferenceSource`
 plans       footsteps: plans, gait, reach of the legs, and who is asked for them while the robot walks
-lipm        law of planned footsteps: phases, preview control, step adjustment
-stepping    law of steps that are decided at every tick
-ground, swing, contact, tasks, balance, control    the same for both laws: what is known of the ground … the tick
-walking_control    the control with both laws
-body, hands, load, falls
+lipm        planned steps: phases, preview control, step adjustment
+stepping    free steps, which are decided as the robot goes
+ground, swing, contact, tasks    the same for both: what is known of the ground … the targets of the tasks
+balance     the stabilizer of planned steps
+body, hands, load
 """
 
 from wbc.core.drive.control import State
 from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.plans.footsteps import FootstepPlan
@@ -18,9 +20,8 @@ from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, StandSource
-from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
+from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.swing import FootMotion
-from wbc.walking.walking_control import WalkingControl
 
 __all__ = [
     # Control: a measurement in, a command out
@@ -33,15 +34,13 @@ __all__ = [
     "State",
     "Pendulum",
     "FootMotion",
-    # A walk that balances by its steps
-    "StepGait",
-    "SteppingControl",
-    "SteppingControlSettings",
+    "SteppingSettings",
     # Arms: hands that go to targets
     "LoadSettings",
     # Planning: footsteps, and the phases in which they are taken
     "FootstepPlan",
     "Gait",
+    "StepGait",
     "climb_stairs",
     "turn_in_place",
     "walk_distance",

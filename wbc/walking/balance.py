@@ -1,4 +1,4 @@
-"""Balance of a walk beside its steps: none, or the stabilizer and what is known of the pendulum's errors.
+"""Balance of planned steps: the stabilizer, and what is known of the pendulum's errors.
 
     state = balance.correct(state)                  DCM less its bias and the shift by hands; load in the hands
     reference = balance.update(reference, state)    hands, stabilizer, lean
@@ -17,11 +17,11 @@ import numpy as np
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, scalar
-from wbc.core.drive.control import FEET_AS_PLANNED, FEET_STEP, DriveControl, State
+from wbc.core.drive.control import DriveControl, State
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.tasks.stabilizer.pendulum import natural_frequency
-from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
@@ -33,11 +33,10 @@ from wbc.walking.tasks import WalkTasks
 
 
 class Balance:
-    """Balance by steps alone.
+    """Balance of one robot by the stabilizer.
 
     Attributes:
-        dcm_limit: Distance of the DCM from the nearest sole that nothing recovers, over the height of the CoM.
-        stabilizer: Feedback and admittances; None without them, and so are lean, bias, load and output.
+        stabilizer: Feedback and admittances.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
         load: Load in the hands as estimated; None where none is expected.
@@ -46,44 +45,10 @@ class Balance:
         wrenches: Name of a foot's contact → wrench that the torques are to make in place of the QP's; None for those.
     """
 
-    dcm_limit = FEET_STEP
-    stabilizer: Stabilizer | None = None
-    lean: Lean | None = None
-    bias: BiasEstimator | None = None
     load: HeldLoad | None = None
     output: StabilizerOutput | None = None
     leaning: LeanMotion = UPRIGHT
     wrenches: Mapping[str, Array] | None = None
-
-    @property
-    def hands(self) -> Hands:
-        """Hands that press on things and hold on to them: those of a walk that counts their forces."""
-        raise InputError(
-            "a walk that balances by its steps has no hands that press or grip, whose forces a WalkingControl counts; "
-            "give its hands targets by walking.arms"
-        )
-
-    def begin(self) -> None:
-        """Forget what was felt, on both feet."""
-
-    def correct(self, state: State) -> State:
-        """Return the state with the DCM that references are to be compared with."""
-        return state
-
-    def update(self, reference: Reference, state: State) -> Reference:
-        """Run the feedback for one tick, and return the references with what it changes."""
-        del state
-        return reference
-
-    def sink(self, omega: float) -> None:
-        """Count with the natural frequency of the height at which the body is set, 1/s."""
-
-
-class Stabilized(Balance):
-    """Balance of one robot by its stabilizer."""
-
-    dcm_limit = FEET_AS_PLANNED
-    stabilizer: Stabilizer
 
     def __init__(
         self,
@@ -191,7 +156,7 @@ class Stabilized(Balance):
             self.leaning = self.lean.update((x, y), dt)
         return reference
 
-    def sink(self, omega: float) -> None:
+    def set_omega(self, omega: float) -> None:
         """Count with the natural frequency of the height at which the body is set, 1/s."""
         self._driven = omega
 

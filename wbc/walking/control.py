@@ -1,27 +1,34 @@
-"""The tick of every robot that follows a source of references: a measurement in, a command out.
+"""Control of a robot that stands and walks: a measurement in, a command out.
 
-    state = control.estimate(measurement)              plausibility, observer                  `wbc.core.drive.control`
+    state = control.estimate(measurement)              plausibility, observer              `wbc.core.drive.control`
     state = balance.correct(state)                     bias of the DCM, load in the hands      `wbc.walking.balance`
     reference = source.update(state)                   pendulum, feet, contacts                `wbc.walking.source`
     reference = balance.update(reference, state)       desired wrenches, admittances, lean     `wbc.walking.balance`
     tasks.follow(reference, lean)                      targets of tasks and contacts           `wbc.walking.tasks`
-    command = control.act(state, balance.wrenches)     QP, drive, gate                         `wbc.core.drive.control`
+    command = control.act(state, balance.wrenches)     QP, drive, gate                     `wbc.core.drive.control`
 
-Source, tasks and balance are a law's (`Law`): the tick asks for no kind of walk.
+Steps are of two kinds. Places and times of *planned* steps are fixed ahead, and the stabilizer balances the robot on
+its way. Places and times of *free* steps are decided as the robot goes, and they balance it. The kind follows from the
+drives and from what is asked for:
+
+    position control              planned steps
+    torque and hybrid control     free steps; planned ones along footsteps on stairs, and for hands that press or grip
+
+It changes between two ticks while the robot stands. Both kinds share robot, controller, drives, estimate, arms and
+body; source, tasks and balance are exchanged. docs/measured.md says what was tried in the middle of a step.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Annotated, Any, NamedTuple
 
-import numpy as np
-
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, names_in
-from wbc.base.settings import Angle, Number
-from wbc.core.drive.control import Mode, SafetySettings, State
+from wbc.base.errors import InputError, names_in, shown
+from wbc.base.settings import Angle, NonNegative, Number, Period
+from wbc.core.drive.control import FEET_AS_PLANNED, FEET_STEP, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -30,98 +37,189 @@ from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
+from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
-from wbc.tasks.stabilizer.lean import Lean
+from wbc.tasks.stabilizer.lean import UPRIGHT, Lean
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.balance import Balance
 from wbc.walking.body import Body
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
+from wbc.walking.lipm.source import LipmWalk
+from wbc.walking.lipm.walk import Walk
 from wbc.walking.load import HeldLoad
-from wbc.walking.plans.footsteps import FootstepPlan
-from wbc.walking.plans.sources import FootstepSource, Velocity
+from wbc.walking.plans.footsteps import FootstepPlan, heading
+from wbc.walking.plans.sources import FootstepSource, Velocity, checked_velocity
+from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
-from wbc.walking.tasks import WalkTasks
+from wbc.walking.stepping.source import SteppingWalk
+from wbc.walking.stepping.tasks import stepping_tasks
+from wbc.walking.tasks import WalkTasks, stabilized_tasks
+
+logger = logging.getLogger(__name__)
+
+HOLDS = 1.0
+"""Distance of the DCM of a robot that stands, in standing boxes of free steps, from which on it steps: the soles end at
+1.5, but a step that begins there comes too late."""
+
+STEPS = "the robot steps, and free steps count no forces on hands: stop it, and press once it stands"
+"""Reason for which hands of a robot that takes free steps may not begin to press."""
+
+CALM = 1.0
+"""Default of `WalkingControl.calm`, s."""
+
+ON_POINTS = InertialSettings(velocity_time_constant=0.2, yaw_time_constant=1000.0)
+"""Time constants of the estimate while a robot takes free steps, on feet that hold at points: feet that turn on a stone
+say little about velocity and nothing about heading."""
 
 
-class Law(NamedTuple):
-    """Law of a walk: decides where and when the next foot lands, and balances the robot."""
+class _Steps(NamedTuple):
+    """Parts that one kind of steps has for itself."""
 
     source: ReferenceSource  # where the references come from
-    tasks: WalkTasks  # tasks and contacts, with the weights, gains and boxes of the law
-    balance: Balance  # feedback beside the steps
-    estimate: InertialSettings | None = None  # time constants of the estimate; None leaves them as they are
+    tasks: WalkTasks  # tasks and contacts, with weights, gains and boxes
+    balance: Balance | None  # feedback of the stabilizer; None where steps balance the robot
+    estimate: InertialSettings  # time constants of the estimate
 
 
-class ReferenceControl:
-    """Control that follows a source of references, with the parts that all robots have.
+class WalkingControl:
+    """Control of a robot that stands, walks along a plan or where it is steered, and stands for ever.
+
+        walking = WalkingControl(robot, None, plant.control_period)
+        walking.velocity = (0.2, 0.0, 0.1)  # at any tick; None for a stand
 
     Attributes:
-        source: Source of the references.
+        settings: Settings.
+        source: Source of the references now.
         dt: Control period, s.
         controller: Whole-body controller with all tasks and contacts.
         control: Position, torque or hybrid control, with the observer.
-        tasks: The tasks and contacts.
+        tasks: The tasks and contacts of the steps now.
         arms: Hands, which can be given targets at any tick.
         body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
-        balance: Stabilizer, lean, bias, load and hands that press; of a robot that balances by its steps none of them.
+        balance: Feedback of the stabilizer; None while free steps balance the robot.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         ground: What is known of the ground, to which clouds of points are added at any time; None walks blind.
         reference: References of the last tick with a good measurement; None before the first one.
         stopped: True after `stop`, until it is told to walk on.
     """
 
+    @checked
     def __init__(
         self,
-        law: Law,
-        control: PositionControl | TorqueControl,
-        arms: Arms,
-        body: Body,
-        stiffness: StiffnessScheduler | None,
+        robot: Robot,
+        source: FootstepPlan | ReferenceSource | None,
+        dt: Period,
+        settings: WalkingControlSettings | None = None,
+        *,
+        observer: Observer | None = None,
+        stiffness: StiffnessScheduler | None = None,
+        extent: tuple[float, float, float, float] | None = None,
         ground: KnownGround | None = None,
     ) -> None:
-        """Put the parts together; see the attributes."""
-        self.source, self.tasks, self.balance, _ = law
-        self.control, self.controller, self.dt = control, control.controller, control.controller.dt
-        self.arms, self.body = arms, body
-        control.dcm_limit = self.balance.dcm_limit
+        """Make all parts for a robot that stands at the start; the walk begins with the first tick.
+
+        Args:
+            robot: The robot, standing; becomes the commanded one (position control) or the estimated one (torque).
+            source: Footstep plan, of which timings are rounded to the control period; None stands until the robot is
+                steered; or any source of references, made with the same robot, which the stabilizer holds.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+            observer: Estimates the robot's state; a new one when None. Free steps have time constants of their own for
+                those that are the defaults of `InertialSettings`; others stay.
+            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
+            extent: Least and greatest x, least and greatest y of the ground, m; endless when None. For a plan alone.
+            ground: What is known of the ground, made with a robot of the same description that stands at the start;
+                None walks blind.
+        """
+        if len(robot.soles) != 2:
+            raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
+        self.settings = s = settings or WalkingControlSettings()
+        torque, plan = s.mode != "position", None
+        if source is None or isinstance(source, FootstepPlan):
+            plan = source or FootstepPlan.standing(robot)
+        elif source.by_steps or s.step_kind == "free":
+            raise InputError(
+                f"a stabilizer balances the robot along {shown(source)}: free steps take a plan, or None"
+            )
+        has = s.kinds if plan is not None else ("planned",)
+        self._free: SteppingWalk | None = None
+        if "free" in has:
+            self._free = SteppingWalk(robot, dt, s.stepping, s.com_height)
+        if plan is not None and "planned" in has:
+            source = LipmWalk(robot, plan, dt, s, extent)
+        first: Kind = (
+            "free"
+            if "planned" not in has or (plan is not None and self._free and not plan.climbs)
+            else "planned"
+        )
+        controller = Controller(robot, dt, settings=s.solver)
+        observer = observer or Observer(robot, adopt=torque)
+        given = observer.inertial.settings
+        tables: dict[Kind, WalkTasks] = {}
+        for kind in sorted(has, key=first.__eq__):  # the first one stays in the controller
+            if self._free is not None and kind == "free":
+                tables[kind] = stepping_tasks(controller, self._free.gait)
+            else:
+                tables[kind] = stabilized_tasks(
+                    controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque
+                )
+            if kind != first:
+                tables[kind].leave()
+        self.arms = Arms(controller, tables[first], dt, s.arms)
+        if "planned" in has:
+            position: dict[str, Any] = {"feedforward": s.feedforward}
+        else:  # references that lag behind the estimate hold ankles and soles against the ground that they stand on
+            position = {"feedback": "closed", "reference_time": dt}
+        if torque:
+            drive = HybridControl if s.mode == "hybrid" else TorqueControl
+            self.control: PositionControl | TorqueControl = drive(controller, observer, safety=s.safety)
+        else:
+            self.control = PositionControl(controller, observer, safety=s.safety, **position)
+        self.controller, self.dt = controller, dt
+        self._kinds: dict[Kind, _Steps] = {}
+        self._balance: Balance | None = None
+        if "planned" in has:
+            assert isinstance(source, ReferenceSource)
+            height = _com_height(robot, source)
+            self._balance = Balance(self.control, tables["planned"], self.arms, s, height)
+            self._kinds["planned"] = _Steps(source, tables["planned"], self._balance, given)
+        if self._free is not None:
+            self._kinds["free"] = _Steps(self._free, tables["free"], None, _tuned(ON_POINTS, given))
+        self._kind = first
+        self.source, self.tasks, self.balance, estimate = self._kinds[first]
+        observer.retune(estimate)
+        self.control.dcm_limit = FEET_AS_PLANNED if self.balance else FEET_STEP
+        self.body = Body(
+            controller,
+            _com_height(robot, self.source),
+            dt,
+            waist=self._free is None,
+            lift=self._lift,
+            reaching=self.tasks.reaching,
+        )
         self.stiffness, self.ground = stiffness, ground
         if ground is not None:
-            self.source.see(ground)
+            for parts in self._kinds.values():
+                parts.source.see(ground)
         self.reference: Reference | None = None
         self.stopped = False
+        self._calm, self._stood = CALM, 0.0  # time of a stand after planned steps, s
+        self._before = 0  # steps done by steps of the other kind before
+        self._waiting: FootstepPlan | None = None  # until the robot stands
+        if first == "free" and plan is not None and plan.steps:
+            self.follow(plan)
 
     def __repr__(self) -> str:
-        kind, source, progress = type(self).__name__, type(self.source).__name__, self.progress
-        return f"{kind}({self.controller.robot!r}, {source}, {progress.phase.value}, {progress.steps_done} steps)"
+        robot, source, now = self.controller.robot, type(self.source).__name__, self.progress
+        return f"WalkingControl({robot!r}, {source}, {now.phase.value}, {now.steps_done} steps)"
 
-    @property
-    def hands(self) -> Hands:
-        """Hands that press on things and hold on to them.
-
-        An `InputError` for a robot without hands, and for one that balances by its steps, which do not count forces.
-        """
-        return self.balance.hands
-
-    @property
-    def lean(self) -> Lean | None:
-        """Lean of the trunk; None keeps it upright."""
-        return self.balance.lean
-
-    @property
-    def bias(self) -> BiasEstimator | None:
-        """Estimator of the error of the measured DCM; None takes it as measured."""
-        return self.balance.bias
-
-    @property
-    def load(self) -> HeldLoad | None:
-        """Load in the hands as estimated; None where none is expected."""
-        return self.balance.load
+    # ---- the tick -----------------------------------------------------------------------------------------------
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
@@ -140,34 +238,31 @@ class ReferenceControl:
                 self._follow(state)
             except Exception as error:  # of a source, or of hands, of the user's own
                 state = control.refuse(state, error)
-        command = control.act(state, self.balance.wrenches)
+        command = control.act(state, None if self.balance is None else self.balance.wrenches)
         return command if self.stiffness is None else self._with_stiffness(command, self.stiffness)
-
-    def see(self, seen: PointCloud | ElevationMap) -> None:
-        """Take a cloud of points, or a map, of the ground; a walk that is blind leaves it.
-
-        Args:
-            seen: Cloud or map.
-        """
-        if self.ground is not None:
-            self.ground.add(seen)
 
     def _follow(self, state: State) -> None:
         """Set the targets of all tasks and contacts of this tick."""
-        balance, body = self.balance, self.body
         if self.ground is not None:
             self.ground.update(state.robot, state.measurement.time)
-        state = balance.correct(state)
+        if len(self._kinds) > 1:
+            self._choose(state)
+        balance, body = self.balance, self.body
+        if balance is not None:
+            state = balance.correct(state)
         self.reference = reference = self.source.update(state)
         if reference.phase is GaitPhase.STANDING:
             self.control.observer.inertial.rest()
         if body.active:
             body.update(reference.heading)
-            pendulum = body.raised(reference.pendulum)
-            self.reference = reference = reference._replace(pendulum=pendulum)
-            balance.sink(pendulum.omega)
-        self.reference = reference = balance.update(reference, state)
-        lean, twist = balance.leaning, None
+            reference = reference._replace(pendulum=body.raised(reference.pendulum))
+            if balance is not None:
+                balance.set_omega(reference.pendulum.omega)
+        lean, twist = UPRIGHT, None
+        if balance is not None:
+            reference = balance.update(reference, state)
+            lean = balance.leaning
+        self.reference = reference
         self.arms.update(reference.feet, reference.heading)
         if body.active:
             lean, twist = body.leaned(lean, reference.heading), body.twist
@@ -189,6 +284,183 @@ class ReferenceControl:
             None if landing is None else landing.position,
         )
         return replace(command, sole_stiffness=soles)
+
+    # ---- kind of the steps --------------------------------------------------------------------------------------
+
+    @property
+    def step_kind(self) -> Kind:
+        """Kind of the steps now, "planned" or "free"."""
+        return self._kind
+
+    @property
+    def calm(self) -> float:
+        """Time of a stand after planned steps from which on the robot is ready to step out of pushes, s; assign it."""
+        return self._calm
+
+    @calm.setter
+    @checked
+    def calm(self, value: Annotated[NonNegative, "s"]) -> None:
+        self._calm = value
+
+    @property
+    def stands(self) -> bool:
+        """True if the robot stands, and no hand presses: the kind of its steps may change."""
+        reference = self.reference
+        return reference is None or (reference.phase is GaitPhase.STANDING and not self._pressing)
+
+    @property
+    def _idle(self) -> bool:
+        """True if the robot stands and has no step to take."""
+        return self.stands and (self._kind == "free" or self.source.finished)
+
+    @property
+    def _pressing(self) -> bool:
+        return bool(self.controller.robot.frames) and self.balance is not None and self.hands.active
+
+    def _choose(self, state: State) -> None:
+        """Change the steps of a robot that stands for hands, for a push, for a plan that waits, and once it is calm."""
+        assert self._free is not None
+        hands = self.hands if self.controller.robot.frames else None
+        at_hand = hands is not None and (hands.wanted or self._pressing)
+        calm = self.stands and self.source.finished
+        if self._kind == "free" and at_hand and self.stands:
+            self._change("planned")
+        elif calm and self._kind == "planned" and self._free.leaves(state, HOLDS):
+            self._change("free")  # which steps out in this tick
+        elif calm and self._waiting is not None:
+            plan, self._waiting = self._waiting, None
+            self.follow(plan)
+        elif calm and self._kind == "planned" and not at_hand:
+            self._stood += self.dt
+            if self._stood > self._calm:
+                self._change("free")
+        elif not calm:
+            self._stood = 0.0
+        if hands is not None:
+            hands.barred = "" if self._kind == "planned" or self.stands else STEPS
+
+    def _prefer(self, kind: Kind) -> None:
+        """Change the steps of a robot that stands and has no step to take, if it has that kind."""
+        if kind in self._kinds and self._idle:
+            self._change(kind)
+
+    def _change(self, kind: Kind) -> None:
+        """Change the kind of the steps of a robot that stands; all orders before are forgotten."""
+        if kind == self._kind:
+            return
+        logger.info("steps of the walk: %s", kind)
+        self._before = self.progress.steps_done
+        towards = heading(self.controller.robot.placement(self.controller.robot.base_frame).rotation)
+        if self.reference is not None:
+            towards = self.reference.heading
+        old, new, reason = self._kinds[self._kind], self._kinds[kind], self.source.reason
+        self._kind = kind
+        self.arms.follow(new.tasks)
+        old.tasks.leave()
+        new.tasks.enter(old.tasks)
+        new.source.begin(towards)
+        new.source.reason = reason  # of the last order, until the next one
+        self.source, self.tasks, self.balance, estimate = new
+        if self.balance is not None:
+            self.balance.begin()
+        self.control.dcm_limit = FEET_AS_PLANNED if self.balance else FEET_STEP
+        self.control.observer.retune(estimate)
+        if self.source.com_height is not None:
+            self.body.follow(self.source.com_height, self.tasks.reaching)
+        self._stood = 0.0
+
+    def _lift(self) -> float:
+        """Return the height by which feet are lifted now, m."""
+        return self.source.lift()
+
+    # ---- what can be asked between ticks ------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Time since the start, s."""
+        return self.control.time
+
+    @property
+    def progress(self) -> Progress:
+        """Phase and steps now, steps of both kinds counted."""
+        progress = self.source.progress(self.reference)
+        return progress._replace(steps_done=progress.steps_done + self._before)
+
+    @property
+    def steps_done(self) -> int:
+        """Steps that have ended; a foot that found no ground is taken to stand where it is."""
+        return self.progress.steps_done
+
+    @property
+    def finished(self) -> bool:
+        """True when all that was asked for is done and the robot stands; False for an order that was dropped.
+
+        The source says why it has dropped an order: `source.reason`.
+        """
+        return self.source.finished and not self.source.reason and self._waiting is None
+
+    @property
+    def fallen(self) -> FallReason | None:
+        """Reason of the robot's fall; None while it has not fallen."""
+        return self.control.fallen
+
+    @property
+    def done(self) -> bool:
+        """True when the walk is over: finished, dropped, or ended by a fall."""
+        return (self.source.finished and self._waiting is None) or self.fallen is not None
+
+    @property
+    def walk(self) -> Walk:
+        """Phases, pattern and footsteps of planned steps."""
+        if not isinstance(self.source, LipmWalk):
+            raise InputError(f"only planned steps have phases and a pattern, got {shown(self.source)}")
+        return self.source.walk
+
+    @property
+    def hands(self) -> Hands:
+        """Hands that press on things and hold on to them; a robot that stands takes planned steps once they are to.
+
+        An `InputError` for a robot without hands, and for one that takes free steps alone, which count no forces.
+        """
+        if self._balance is None:
+            raise InputError(
+                "free steps alone count no forces on hands: leave the setting 'step_kind' out to press or grip"
+            )
+        return self._balance.hands
+
+    @property
+    def stabilizer(self) -> Stabilizer | None:
+        """Feedback and admittances of planned steps; gains that are set count whenever the robot takes these."""
+        return None if self._balance is None else self._balance.stabilizer
+
+    @property
+    def lean(self) -> Lean | None:
+        """Lean of the trunk in planned steps; None keeps it upright."""
+        return None if self._balance is None else self._balance.lean
+
+    @property
+    def bias(self) -> BiasEstimator | None:
+        """Estimator of the error of the DCM in planned steps; None takes it as measured."""
+        return None if self._balance is None else self._balance.bias
+
+    @property
+    def load(self) -> HeldLoad | None:
+        """Load in the hands as estimated in planned steps; None where none is expected."""
+        return None if self._balance is None else self._balance.load
+
+    @property
+    def output(self) -> StabilizerOutput | None:
+        """Output of the stabilizer in the tick of `reference`; None without one, and before the first tick."""
+        return None if self.balance is None else self.balance.output
+
+    def see(self, seen: PointCloud | ElevationMap) -> None:
+        """Take a cloud of points, or a map, of the ground; a walk that is blind leaves it.
+
+        Args:
+            seen: Cloud or map.
+        """
+        if self.ground is not None:
+            self.ground.add(seen)
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """Leave joints to somebody else from the next tick on, those and no others; none takes all back.
@@ -215,52 +487,7 @@ class ReferenceControl:
                 raise InputError(f"'{arm.name}' must be let go before its arm is released: it is at work")
         return self.control.release(names)
 
-    # ---- what can be asked between ticks ----------------------------------------------------------------------------
-
-    @property
-    def time(self) -> float:
-        """Time since the start, s."""
-        return self.control.time
-
-    @property
-    def progress(self) -> Progress:
-        """Phase and steps now."""
-        return self.source.progress(self.reference)
-
-    @property
-    def steps_done(self) -> int:
-        """Steps that have ended; a foot that found no ground is taken to stand where it is."""
-        return self.progress.steps_done
-
-    @property
-    def finished(self) -> bool:
-        """True when all that was asked for is done and the robot stands; False for an order that was dropped.
-
-        The source says why it has dropped an order: `source.reason`.
-        """
-        return self.source.finished and not self.source.reason
-
-    @property
-    def fallen(self) -> FallReason | None:
-        """Reason of the robot's fall; None while it has not fallen."""
-        return self.control.fallen
-
-    @property
-    def done(self) -> bool:
-        """True when the walk is over: finished, dropped, or ended by a fall."""
-        return self.source.finished or self.fallen is not None
-
-    @property
-    def output(self) -> StabilizerOutput | None:
-        """Output of the stabilizer in the tick of `reference`; None before the first one."""
-        return self.balance.output
-
-    @property
-    def stabilizer(self) -> Stabilizer | None:
-        """Feedback and admittances."""
-        return self.balance.stabilizer
-
-    # ---- steering, which is the source's ----------------------------------------------------------------------------
+    # ---- what is asked of the robot -----------------------------------------------------------------------------
 
     @property
     def velocity(self) -> Velocity | None:
@@ -274,7 +501,10 @@ class ReferenceControl:
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        if velocity is not None and np.count_nonzero(velocity):
+        moves = any(checked_velocity(velocity))
+        self._waiting = None
+        if moves:
+            self._prefer("free")
             self.body.check_steps(self.source.swing_height)
         self.source.velocity, self.stopped = velocity, False
 
@@ -302,32 +532,52 @@ class ReferenceControl:
             y: Place of the robot in the world, m.
             yaw: Heading there, rad; a full turn at most.
         """
+        self._waiting = None
+        self._prefer("free")
         self.body.check_steps(self.source.swing_height)
         self.source.go_to(x, y, yaw)
         self.stopped = False
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan, or from a planner of one's own, from the next tick on.
+        """Take the footsteps from a planner of one's own at once, from a plan where they go on from those before.
+
+        A robot that takes free steps comes to a stand before it follows a plan.
 
         Args:
             source: Footsteps in the world, or a planner. A plan that cannot be walked from where the robot is brings it
                 to a stand (`source.reason`).
         """
+        self._waiting, plan = None, source if isinstance(source, FootstepPlan) else None
+        if self._kind == "free" and plan is not None:
+            if not self._idle:
+                self.source.stop()
+                self._waiting, self.stopped = plan, False
+                return
+            if plan.climbs:
+                self._prefer("planned")
         self.body.check_steps(self.source.swing_height)
         self.source.follow(source)
         self.stopped = False
 
     def stop(self) -> None:
         """Come to a stand safely."""
+        self._waiting = None
         self.source.stop()
         self.source.reason, self.stopped = "", True
 
 
-def drive_control(
-    mode: Mode, controller: Controller, observer: Observer, safety: SafetySettings, **position: Any
-) -> PositionControl | TorqueControl:
-    """Return the control of a mode, with the options of position control."""
-    if mode == "position":
-        return PositionControl(controller, observer, safety=safety, **position)
-    kind = HybridControl if mode == "hybrid" else TorqueControl
-    return kind(controller, observer, safety=safety)
+def _com_height(robot: Robot, source: ReferenceSource) -> float:
+    """Return the height of the CoM over the soles by a source of references, m; that of the robot where it has none."""
+    if source.com_height is not None:
+        return source.com_height
+    left, right = (float(robot.placement(sole.frame).translation[2]) for sole in robot.soles)
+    return float(robot.com[2]) - 0.5 * (left + right)
+
+
+def _tuned(own: InertialSettings, given: InertialSettings) -> InertialSettings:
+    """Return time constants of steps, but those that are given and not the defaults."""
+    usual = InertialSettings()
+    set_ = {
+        f.name: value for f in fields(given) if (value := getattr(given, f.name)) != getattr(usual, f.name)
+    }
+    return replace(own, **set_)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from wbc.base.settings import Positive, settings
 from wbc.core.drive.control import Mode, SafetySettings
@@ -17,7 +17,11 @@ from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.plans.sources import DriveSettings
+from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.tasks import TaskGains
+
+Kind = Literal["planned", "free"]
+"""Kind of steps: planned ahead, on which a stabilizer balances the robot, or free, which balance it themselves."""
 
 
 @settings
@@ -27,26 +31,31 @@ class WalkingControlSettings:
     Attributes:
         mode: "position": servos follow an integrated motion; "torque": torques are sent; "hybrid": torques, with
             the machine's soft servos around the motion that they make.
-        com_height: Height of the CoM over the support while walking, m, reached in the first double support; that of
-            the robot as it stands when None.
+        step_kind: Kind of all steps, "planned" or "free", to compare them; when None it follows from mode and request.
+        stepping: Free steps.
+        com_height: Height of the CoM over the support while walking, m; when None that of the robot as it stands, in
+            free steps that of `stepping.bend`.
         feedforward: In position control, add the torques of the desired wrenches to the servos.
-        walk: Phases, pattern, step adjustment.
+        walk: Planned steps: phases, pattern, step adjustment.
         gains: Of the stabilizer.
         distribution: Of the desired wrench over the feet; a desired CoP at the very edge would tip the foot.
         tasks: Weights and gains of the tasks.
         lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
-        drive: Limits of a robot that is steered.
+        drive: Limits of a robot that is steered in planned steps.
         arms: Hands with targets, and arms that swing.
         bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
             are off by millimetres. None takes both as measured.
         hands: Hands that press on things and grip them.
-        load: Estimate of a load of unknown mass in the hands, which the models then carry; None for empty hands.
+        load: Estimate of a load of unknown mass in the hands, which the models then carry; all steps are planned then.
+            None for empty hands.
         safety: Ranges of measurements and commands.
         solver: Solver of the QP. On steep ground a leg may be too short for where its foot should be: hard tasks and
             contacts are then relaxed, and what can be done is done.
     """
 
     mode: Mode = "position"
+    step_kind: Kind | None = None
+    stepping: SteppingSettings = field(default_factory=SteppingSettings)
     com_height: Annotated[Positive, "m"] | None = None
     feedforward: bool = True
     walk: WalkSettings = field(default_factory=WalkSettings)
@@ -61,3 +70,11 @@ class WalkingControlSettings:
     arms: ArmSettings = field(default_factory=ArmSettings)
     safety: SafetySettings = field(default_factory=SafetySettings)
     solver: SolverSettings = field(default_factory=lambda: SolverSettings(relaxation=1e4))
+
+    @property
+    def kinds(self) -> tuple[Kind, ...]:
+        """Kinds of steps that the robot may take: under torques both, if none is asked for and no load is expected."""
+        if self.step_kind is not None:
+            return (self.step_kind,)
+        planned = self.mode == "position" or self.load is not None
+        return ("planned",) if planned else ("planned", "free")

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 from wbc.app.arguments import Fields
 from wbc.app.files import read_object
@@ -29,7 +29,7 @@ from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.plans import FASTER, KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
-from wbc.sim.walks.settings import Law, preset_of
+from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 
@@ -47,7 +47,6 @@ FOLLOWERS = {
     "foot": ("stiffness", "foot_changes", "policy", "policy_params"),
     "terrain": ("amplitude", "terrain_params"),
     "scene": ("scene_params",),
-    "law": ("mode",),
 }
 """Field → those that belong to its value: another value on the command line drops what a file says of them."""
 
@@ -59,7 +58,7 @@ DRIVE_TIME = 3600.0
 
 OPTIONS = Fields(
     WalkSpec,
-    "robot gait=law eyes foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
+    "robot eyes foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
     "amplitude param=terrain_params scene seed noise distance=plan.distance velocity=plan.velocity "
     "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes",
     defaults=DEFAULTS,
@@ -79,7 +78,7 @@ class WalkOptions:
 
     Attributes:
         seconds: Longest time of a drive, s.
-        set: Any other setting, as name=value: dcm_p=5, swing_height=0.07, payload=2.
+        set: Any other setting, as name=value: dcm_p=5, single_support=0.7, payload=2.
         spec: Walk to begin with: a preset (frizza, the paper's), or a file, whole or in part (JSON, TOML; --json prints
             one).
         record: File to write every tick to (.arrow).
@@ -195,23 +194,20 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
     if options.spec is not None:  # a file says what it wants
         del defaults["eyes"]
 
-    def built(law: str) -> WalkSpec:
-        values = copy.deepcopy(upper)
+    def built(**more: str) -> WalkSpec:
+        values: dict[str, Any] = copy.deepcopy(upper) | more
         for name, value in read_changes(options.set).items():
-            *groups, last = place_of(name, law).split(".", 1)
+            *groups, last = place_of(name).split(".", 1)
             place = values.setdefault(groups[0], {}) if groups else values
             place[last] = value
-        if law != "lipm":
-            values["law"] = law
         return WalkSpec.from_json(_over(values, _over(lower, defaults)))
 
-    law = upper.get("law", lower.get("law"))
     try:
-        spec = built("lipm" if law is None else str(law))
+        spec = built()
     except InputError as error:
-        if law is not None or not str(error).endswith(FASTER):
+        if "mode" in {*upper, *lower} or not str(error).endswith(FASTER):
             raise
-        spec = built("stepping")  # gives the velocity that planned steps do not
+        spec = built(mode="torque")  # gives the velocity that planned steps do not
     return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
 
 
@@ -229,16 +225,15 @@ def _bounded(
     return replace(spec, plan=replace(spec.plan, drive=kept))
 
 
-def place_of(name: str, law: str) -> str:
+def place_of(name: str) -> str:
     """Return the place in a spec of what `--set` names: one of its fields, or under "changes" one of the settings."""
-    stepping = law == "stepping"  # has a gait of its own among its settings
     own = [each.name for each in fields(WalkSpec)]
-    for kind in ("plan", "machine") if stepping else ("plan", "machine", "gait"):
+    for kind in ("plan", "machine", "gait"):
         own += [f"{kind}.{each.name}" for each in fields(nested_settings(WalkSpec, kind))]
     if name in own or name.partition(".")[0] in PAIRS:
         return name
     found = [path for path in own if path.endswith(f".{name}")]
-    known = setting_names(preset_of(cast(Law, law), "default"))
+    known = setting_names(TrialSettings())
     others = [path for path in known if path == name or path.endswith(f".{name}")]
     if found and len(others) == 1:
         raise InputError(f"setting '{name}' could be {found[0]} or {others[0]}; give more of its name")

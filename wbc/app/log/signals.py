@@ -20,7 +20,7 @@ from wbc.sim import MujocoLoop, Plant
 from wbc.sim.plant.truth import GroundTruth
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import WalkingControl
 from wbc.walking.source import Reference
 
 T = TypeVar("T")
@@ -28,7 +28,7 @@ T = TypeVar("T")
 Kind = Literal["number", "double", "whole", "flag", "text", "list"]
 """Storage of a signal: 4-byte float, 8-byte float, 4-byte integer, truth value, text, list of 4-byte floats."""
 
-Control = PositionControl | TorqueControl | ReferenceControl
+Control = PositionControl | TorqueControl | WalkingControl
 """Controllers that answer a measurement with a command."""
 
 
@@ -64,7 +64,7 @@ class Tick:
     model: Robot | None = None
     program: Program | None = None
     drives: PositionControl | TorqueControl | None = field(init=False)
-    walking: ReferenceControl | None = field(init=False)
+    walking: WalkingControl | None = field(init=False)
     reference: Reference | None = field(init=False)
     output: StabilizerOutput | None = field(init=False)
 

@@ -29,7 +29,7 @@ from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.tasks.stabilizer.pendulum import dcm, natural_frequency
 from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp, net_wrench
 from wbc.walking.contact import Event
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
     from wbc.tasks.scheduling.stiffness import StiffnessScheduler
@@ -89,7 +89,7 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     planned = optional(lambda t: t.reference)
     of_walk = optional(lambda t: None if t.reference is None else t.walking)
 
-    def events(walk: ReferenceControl) -> str | None:
+    def events(walk: WalkingControl) -> str | None:
         assert walk.reference is not None
         texts = [event.value for event in walk.reference.events]
         if walk.fallen is not None and not told:
@@ -99,9 +99,7 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
 
     next_step = optional(cached(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
     one("walk/phase", "1", "phase of the walk", planned(lambda r: r.phase.value), "text")
-    if hasattr(tick.walking, "law"):
-        about = "law by which the steps are decided"
-        one("walk/law", "1", about, of_walk(lambda w: getattr(w, "law", None)), "text")
+    one("walk/step_kind", "1", "kind of the steps, planned or free", of_walk(lambda w: w.step_kind), "text")
     one("walk/event", "1", "events of this tick, separated by ';'", of_walk(events), "text")
     one("walk/step", "1", "index of the step that swings, or swings next", planned(lambda r: r.step), "whole")
     one("walk/steps_done", "1", "single supports that have ended", of_walk(lambda w: w.steps_done), "whole")
@@ -152,8 +150,6 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
     group("stabilizer/bias", XY, "m", "estimated in the measured DCM and subtracted, world", bias)
     one("stabilizer/in_air", "1", "neither foot has contact", stabilized(lambda o: o.in_air), "flag")
     group("zmp/desired", XYZ, "m", "of the desired net wrench, world", stabilized(lambda o: o.zmp))
-    about = "of the measured foot wrenches, world"
-    group("zmp/measured", XYZ, "m", about, stabilized(lambda o: o.measured_zmp))
     group("stabilizer/dcm_error", XY, "m", "target minus measured, world", stabilized(lambda o: o.errors.dcm))
     group("stabilizer/dcm_error_average", XY, "m", "world", stabilized(lambda o: o.errors.average))
     group("stabilizer/dcm_error_rate", XY, "m/s", "world", stabilized(lambda o: o.errors.rate))
@@ -220,9 +216,11 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
         _add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
     if isinstance(tick.drives, PositionControl):
         base(lambda t: t.drives, "base/commanded")
-    if robot.soles and (tick.walking is None or tick.walking.stabilizer is None):  # a stabilizer has its own
+    if robot.soles:
         balance = optional(cached(_balance))
-        group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world", balance(lambda b: b[0]))
+        own = balance(lambda b: b[0])
+        zmp: Read = lambda t: own(t) if t.output is None else t.output.measured_zmp  # noqa: E731
+        group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world", zmp)
         if tick.walking is None:
             group("dcm/estimated", XY, "m", "over the lower sole, world", balance(lambda b: b[1]))
 

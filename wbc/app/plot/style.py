@@ -87,7 +87,7 @@ def band(axes: Axes, time: Array, low: Array, high: Array, label: str) -> None:
 
 
 def mark_events(axes: Axes, log: Log, *, names: bool) -> None:
-    """Mark pushes, and changes of the law of a walk with the name of the new one, over the height of axes over time."""
+    """Mark pushes, and changes of the kind of steps with the name of the new one, over the height of axes over time."""
     across = axes.get_xaxis_transform()
     if "truth/push/force/x" in log:
         pushed = (np.nan_to_num(log["truth/push/force"]) != 0.0).any(axis=1).astype(int)
@@ -97,12 +97,12 @@ def mark_events(axes: Axes, log: Log, *, names: bool) -> None:
             axes.axvspan(
                 log.time[start], last, color=PUSH, alpha=0.25, linewidth=0.0, zorder=1.5, label=label
             )
-    if "walk/law" in log:
-        laws = log.texts("walk/law")
-        for tick in (np.flatnonzero(laws[1:] != laws[:-1]) + 1).tolist():
+    if "walk/step_kind" in log:
+        kinds = log.texts("walk/step_kind")
+        for tick in (np.flatnonzero(kinds[1:] != kinds[:-1]) + 1).tolist():
             axes.axvline(log.time[tick], color=BLACK, linewidth=0.8, linestyle=(0, (4, 3)))
             if names:
-                words, place = f" law {laws[tick]}", log.time[tick]
+                words, place = f" {kinds[tick]} steps", log.time[tick]
                 axes.text(
                     place, 0.02, words, transform=across, rotation=90, ha="right", va="bottom", fontsize=7
                 )

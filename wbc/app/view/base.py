@@ -26,7 +26,7 @@ from wbc.core.qp.controller import Controller
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
     from wbc.core.robot import Robot
@@ -121,12 +121,12 @@ class View(ABC):
         self, source: SimulatedRobot | RobotDescription, control: Any, program: Program | None
     ) -> None:
         control = program.control if control is None and program is not None else control
-        if control is not None and not isinstance(control, (Controller, DriveControl, ReferenceControl)):
+        if control is not None and not isinstance(control, (Controller, DriveControl, WalkingControl)):
             raise InputError(f"a view shows a walk, a control or a Controller, got {control!r}")
         self._program, self._ending = program, ""
-        self._control = control.control if isinstance(control, ReferenceControl) else control
+        self._control = control.control if isinstance(control, WalkingControl) else control
         self._controller = control if isinstance(control, Controller | None) else control.controller
-        self.walking = control if isinstance(control, ReferenceControl) else None
+        self.walking = control if isinstance(control, WalkingControl) else None
         self.stage: SimulatedStage | DescribedStage
         if isinstance(source, RobotDescription) and self.walking is None:
             self.stage = DescribedStage(source)

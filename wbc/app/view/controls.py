@@ -36,7 +36,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
     from wbc.sim.plant.robot import SimulatedRobot
-    from wbc.walking.control import ReferenceControl
+    from wbc.walking.control import WalkingControl
 
 _log = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ class LiveControls:
     def __init__(
         self,
         plant: SimulatedRobot | None,
-        walking: ReferenceControl | None,
+        walking: WalkingControl | None,
         controller: Controller | None = None,
         *,
         repeat: Iterable[dict[str, Any]] = (),

@@ -24,7 +24,7 @@ from wbc.tasks.stabilizer.zmp import NoContactForceError, zmp
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.robots import RobotDescription
-    from wbc.walking.control import ReferenceControl
+    from wbc.walking.control import WalkingControl
 
 MIN_LOAD_SHARE = 0.005
 """Contacts that bear less than this share of the robot's weight are no corners of the support polygon."""
@@ -51,7 +51,7 @@ class Stage(Protocol):
 class SimulatedStage:
     """Robot in a simulation, to which nothing is written; see `Stage`."""
 
-    def __init__(self, robot: SimulatedRobot, walking: ReferenceControl | None) -> None:
+    def __init__(self, robot: SimulatedRobot, walking: WalkingControl | None) -> None:
         self.robot, self._walking = robot, walking
         self.title, self.model, self.data = robot.description.name, robot.model, robot.data
         self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0

@@ -31,7 +31,7 @@ from wbc.sim.plant.robot import SimulatedRobot
 from wbc.walking.plans.footsteps import heading
 
 if TYPE_CHECKING:
-    from wbc.walking.control import ReferenceControl
+    from wbc.walking.control import WalkingControl
 
 MAX_STEPS = 64
 """Footsteps of each kind that are drawn, the last ones, and of those to come."""
@@ -43,7 +43,7 @@ MAP_PERIOD = 0.5
 class WalkMarks:
     """Marks of a walk, in the true world; footsteps, scans and map are kept from picture to picture."""
 
-    def __init__(self, robot: SimulatedRobot, walking: ReferenceControl, scale: Scale) -> None:
+    def __init__(self, robot: SimulatedRobot, walking: WalkingControl, scale: Scale) -> None:
         self._robot, self._walking, self._scale = robot, walking, scale
         feet = robot.feet if isinstance(robot, Plant) else ()
         self._sizes = [(s.length, s.width) for s in [f.fit.sole for f in feet] or robot.robot.soles]
@@ -112,7 +112,7 @@ class WalkMarks:
             picture.marks.append(ground_mark(self._map))
 
 
-def outside_force(walking: ReferenceControl) -> tuple[Array | None, Array]:
+def outside_force(walking: WalkingControl) -> tuple[Array | None, Array]:
     """Return the estimated force on the hands with the weight of the load, N, and its place, m; None without one."""
     observer, load = walking.control.observer, walking.load
     estimated = observer.robot
@@ -143,7 +143,7 @@ def sole_corners(length: float, width: float, pose: Array) -> Array:
     return corners
 
 
-def drift_of(robot: SimulatedRobot, walking: ReferenceControl) -> Drift:
+def drift_of(robot: SimulatedRobot, walking: WalkingControl) -> Drift:
     """Return the present drift of a walk's estimate, as of one tick."""
     estimated = walking.control.observer.robot
     base = robot.data.xmat[robot.places.root].reshape(3, 3)

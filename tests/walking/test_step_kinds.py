@@ -1,4 +1,4 @@
-"""A walk whose law changes while the robot stands: references go on, orders choose the law, steps keep it."""
+"""Kinds of steps, which change while the robot stands: references go on, mode and orders choose, steps keep them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.falls import TrueFallDetector
-from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
+from wbc.sim.walks.settings import without_law
+from wbc.walking import FootstepPlan, LoadSettings, WalkingControl, WalkingControlSettings, walk_distance
 
 DT = 0.002
 
@@ -33,20 +34,20 @@ def run(plant: wbc.Plant, walking: WalkingControl, seconds: float) -> None:
     falls, end = TrueFallDetector(plant.robot), plant.time + seconds
     while plant.time < end - 1e-9:
         plant.step(walking.command(plant.measure()))
-        assert not falls.fallen(plant.truth().q), f"fallen at {plant.time:.2f} s by {walking.law}"
+        assert not falls.fallen(plant.truth().q), f"fallen at {plant.time:.2f} s in {walking.step_kind} steps"
 
 
-def test_a_change_of_law_in_a_stand_leaves_references_and_posture_where_they_are() -> None:
+def test_a_change_of_steps_in_a_stand_leaves_references_and_posture_where_they_are() -> None:
     plant, walking = standing()
-    assert walking.law == "stepping"
+    assert walking.step_kind == "free"
     walking.calm = 60.0
     run(plant, walking, 0.8)
-    for law in ("lipm", "stepping"):
+    for kind in ("planned", "free"):
         before, posture = walking.reference, walking.tasks.posture.target
-        walking.change(law)  # type: ignore[arg-type]
+        walking._change(kind)  # type: ignore[arg-type]
         plant.step(walking.command(plant.measure()))
         after = walking.reference
-        assert walking.law == law and before is not None and after is not None
+        assert walking.step_kind == kind and before is not None and after is not None
         assert walking.control.failures == 0 and after.contact == (True, True)
         np.testing.assert_allclose(after.pendulum.com, before.pendulum.com, atol=5e-3)
         np.testing.assert_allclose(after.pendulum.com_velocity, before.pendulum.com_velocity, atol=0.05)
@@ -58,19 +59,19 @@ def test_a_change_of_law_in_a_stand_leaves_references_and_posture_where_they_are
     assert walking.fallen is None
 
 
-def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_under_both_laws() -> None:
+def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_in_both_kinds_of_steps() -> None:
     plant, walking = standing("hrp4_class")
     walking.calm = 60.0
     run(plant, walking, 0.8)
     hand, body = walking.arms["right_hand"], walking.body
-    posture = {law: parts.tasks.posture.weight.copy() for law, parts in walking.laws.items()}
+    posture = {kind: parts.tasks.posture.weight.copy() for kind, parts in walking._kinds.items()}
     place = walking.controller.robot.placement(hand.frame).translation + [0.12, 0.0, 0.15]
     body.com_height = height = body.com_height - 0.04
     hand.reach(place, speed=0.3)
     body.look_at([3.0, 1.0, 1.0])
     real = plant.description.robot()
-    for law in ("stepping", "lipm"):
-        walking.change(law)  # type: ignore[arg-type]
+    for kind in ("free", "planned"):
+        walking._change(kind)  # type: ignore[arg-type]
         assert body.com_height == pytest.approx(height)
         run(plant, walking, 2.2)
         assert hand.reached and body.looking and body.reached
@@ -81,39 +82,39 @@ def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_und
         np.testing.assert_allclose(real.placement(hand.frame).translation, place, atol=0.02)
     hand.release()
     run(plant, walking, 0.5)
-    for law, parts in walking.laws.items():
-        np.testing.assert_array_equal(parts.tasks.posture.weight, posture[law])
+    for kind, parts in walking._kinds.items():
+        np.testing.assert_array_equal(parts.tasks.posture.weight, posture[kind])
 
 
-def test_orders_choose_the_law_of_a_robot_that_stands() -> None:
+def test_orders_choose_the_steps_of_a_robot_that_stands() -> None:
     robot = wbc.load_robot("hrp4_class").robot()
     flat = walk_distance(FootstepPlan.standing(robot), 0.3)
     stairs = replace(flat, steps=[replace(step, z=0.05 * i) for i, step in enumerate(flat.steps)])
-    for plan, law in ((flat, "stepping"), (stairs, "lipm"), (None, "stepping")):
-        assert control("hrp4_class", plan).law == law
+    for plan, kind in ((flat, "free"), (stairs, "planned"), (None, "free")):
+        assert control("hrp4_class", plan).step_kind == kind
         walking = control("hrp4_class")
         if plan is not None:
             walking.follow(plan)
-            assert walking.law == law and not walking.finished
+            assert walking.step_kind == kind and not walking.finished
         walking.velocity = (0.2, 0.0, 0.0)
         assert walking.velocity == (0.2, 0.0, 0.0)
 
 
-def test_hands_that_are_to_press_choose_the_law_that_counts_their_forces() -> None:
+def test_hands_that_are_to_press_choose_the_steps_that_count_their_forces() -> None:
     plant, walking = standing("hrp4_class")
     run(plant, walking, 0.05)
-    assert walking.hands.all and walking.law == "stepping"
+    assert walking.hands.all and walking.step_kind == "free"
     place = walking.hands.point("left_hand", 0.6, 0.2)
     walking.hands.press("left_hand", 4.0, (1.0, 0.0, 0.0), at=place, firm=True)
     run(plant, walking, 0.02)
-    assert walking.law == "lipm" and walking.hands.wanted
+    assert walking.step_kind == "planned" and walking.hands.wanted
     walking.hands.barred = "the robot steps"
     with pytest.raises(InputError, match="the robot steps"):
         walking.hands.press("left_hand", 4.0, (1.0, 0.0, 0.0), at=place)
 
 
-def test_a_question_changes_no_law_and_a_posture_move_outlives_a_change() -> None:
-    """All that a walk can be asked for between ticks is read; then the law changes in the middle of a move."""
+def test_a_question_changes_no_steps_and_a_posture_move_outlives_a_change() -> None:
+    """All that a walk can be asked for between ticks is read; then the steps change in the middle of a move."""
     plant, walking = standing()
     walking.calm = 60.0
     run(plant, walking, 0.1)
@@ -125,18 +126,18 @@ def test_a_question_changes_no_law_and_a_posture_move_outlives_a_change() -> Non
     for name in dir(type(walking)):
         if not name.startswith("_") and isinstance(getattr(type(walking), name), property) and name != "walk":
             getattr(walking, name)
-    assert walking.law == "stepping" and walking.tasks.posture.moving
-    walking.change("lipm")
+    assert walking.step_kind == "free" and walking.tasks.posture.moving
+    walking._change("planned")
     assert walking.tasks.posture.moving
     run(plant, walking, 0.1)
-    walking.change("stepping")
+    walking._change("free")
     run(plant, walking, 0.12)
     assert not walking.tasks.posture.moving
     assert walking.tasks.posture.target[index] == pytest.approx(begin + 0.1, abs=1e-9)
 
 
-def test_what_a_user_has_set_holds_under_both_laws() -> None:
-    """Gains of tasks and of the stabilizer, and time constants of an observer that is given; the rest is the law's."""
+def test_what_a_user_has_set_holds_in_both_kinds_of_steps() -> None:
+    """Gains of tasks and of the stabilizer, and time constants of an observer that is given; the rest is the kind's."""
     robot = wbc.load_robot("g1").robot()
     given = ObserverSettings(inertial=InertialSettings(velocity_time_constant=0.03, tilt_time_constant=3.0))
     walking = WalkingControl(
@@ -146,22 +147,22 @@ def test_what_a_user_has_set_holds_under_both_laws() -> None:
         WalkingControlSettings(mode="torque"),
         observer=Observer(robot, given, adopt=True),
     )
-    own = {law: parts.tasks.posture.stiffness.copy() for law, parts in walking.laws.items()}
-    assert not np.array_equal(own["lipm"], own["stepping"])
+    own = {kind: parts.tasks.posture.stiffness.copy() for kind, parts in walking._kinds.items()}
+    assert not np.array_equal(own["planned"], own["free"])
     walking.controller.task("pelvis").weight = 55.0
     walking.controller.task("posture").damping = 9.0
     assert walking.stabilizer is not None
     walking.stabilizer.gains = replace(walking.stabilizer.gains, dcm_p=3.21)
-    for law in ("lipm", "stepping", "lipm"):
-        walking.change(law)  # type: ignore[arg-type]
-        assert walking.law == law
+    for kind in ("planned", "free", "planned"):
+        walking._change(kind)  # type: ignore[arg-type]
+        assert walking.step_kind == kind
         np.testing.assert_array_equal(walking.controller.task("pelvis").weight, [55.0] * 3)
         np.testing.assert_array_equal(walking.tasks.posture.damping, np.full(robot.na, 9.0))
-        np.testing.assert_array_equal(walking.tasks.posture.stiffness, own[law])
+        np.testing.assert_array_equal(walking.tasks.posture.stiffness, own[kind])
         assert walking.stabilizer.gains.dcm_p == (3.21, 3.21)
         inertial = walking.control.observer.inertial.settings
         assert (inertial.velocity_time_constant, inertial.tilt_time_constant) == (0.03, 3.0)
-        assert inertial.yaw_time_constant == (1000.0 if law == "stepping" else 1.0)
+        assert inertial.yaw_time_constant == (1000.0 if kind == "free" else 1.0)
 
 
 def test_an_order_that_is_dropped_is_over_and_not_finished() -> None:
@@ -173,7 +174,7 @@ def test_an_order_that_is_dropped_is_over_and_not_finished() -> None:
     run(plant, walking, 0.6)
     assert "within reach" in walking.source.reason
     assert walking.done and not walking.finished
-    walking.change("lipm")
+    walking._change("planned")
     assert walking.done and not walking.finished
     walking.stop()
     assert walking.finished
@@ -181,11 +182,11 @@ def test_an_order_that_is_dropped_is_over_and_not_finished() -> None:
 
 @pytest.mark.parametrize(("robot", "foot"), [("hrp4_class", "long_arch"), ("g1", "flat")])
 def test_a_distance_is_a_goal_and_footsteps_that_are_given_stay(robot: str, foot: str) -> None:
-    spec = WalkSpec(robot=robot, foot=foot, law="auto", plan=WalkPlan(distance=1.0))
+    spec = WalkSpec(robot=robot, foot=foot, mode="torque", plan=WalkPlan(distance=1.0))
     walk = spec.prepare()
     assert not walk.plan.steps and walk.arrival() is not None
-    for law in ("auto", "stepping"):
-        given = replace(spec, law=law, plan=WalkPlan(footsteps=walk.way.steps[:2])).prepare()
+    for changes in ((), (("step_kind", "free"),)):
+        given = replace(spec, changes=changes, plan=WalkPlan(footsteps=walk.way.steps[:2])).prepare()
         assert given.plan.steps[:2] == walk.way.steps[:2]
 
 
@@ -195,14 +196,52 @@ def test_a_plan_is_walked_after_a_drive_once_the_robot_stands() -> None:
     run(plant, walking, 0.5)
     walking.velocity = (0.3, 0.0, 0.0)
     run(plant, walking, 2.0)
-    assert walking.law == "stepping"
-    with pytest.raises(InputError, match="law"):
-        walking.change("lipm")
+    assert walking.step_kind == "free"
+    assert not walking.stands
     walking.stop()
     run(plant, walking, 2.5)
     assert walking.finished
     walking.follow(walk_distance(FootstepPlan.standing(walking.controller.robot), 0.1))
-    assert walking.law == "stepping"
+    assert walking.step_kind == "free"
     steps = walking.steps_done
     run(plant, walking, 4.0)
     assert walking.steps_done >= steps + 2 and walking.source.reason == ""
+
+
+def test_mode_and_load_choose_the_kinds_that_a_robot_may_take() -> None:
+    robot = wbc.load_robot("g1").robot()
+    for settings, kinds in (
+        (WalkingControlSettings(), {"planned"}),
+        (WalkingControlSettings(mode="hybrid"), {"planned", "free"}),
+        (WalkingControlSettings(mode="torque", load=LoadSettings()), {"planned"}),
+        (WalkingControlSettings(mode="torque", step_kind="planned"), {"planned"}),
+        (WalkingControlSettings(step_kind="free"), {"free"}),
+    ):
+        assert set(settings.kinds) == kinds
+        walking = WalkingControl(robot.clone(), None, DT, settings)
+        assert walking.step_kind == ("free" if "free" in kinds else "planned")
+        assert (walking.stabilizer is None) == (kinds == {"free"}) and walking.steered
+        assert (walking.balance is None) == (walking.step_kind == "free")
+
+
+@pytest.mark.parametrize(
+    ("old", "mode", "changes"),
+    [
+        ({"law": "lipm"}, "position", {}),
+        ({"law": "lipm", "mode": "torque"}, "torque", {"step_kind": "planned"}),
+        ({"law": "lipm", "mode": "torque", "gains": "frizza"}, "torque", {}),
+        ({"law": "stepping", "changes": {"gait.width": 0.4}}, "torque", {"stepping.width": 0.4}),
+        ({"law": "stepping", "mode": "position"}, "position", {"step_kind": "free"}),
+        (
+            {"law": "auto", "mode": "hybrid", "changes": {"lipm.gains.com_p": 1.0}},
+            "hybrid",
+            {"gains.com_p": 1.0},
+        ),
+        ({"law": "auto", "changes": {"stepping.gait.width": 0.4}}, "torque", {"stepping.width": 0.4}),
+    ],
+)
+def test_a_spec_of_a_version_with_laws_is_the_same_walk(
+    old: dict[str, object], mode: str, changes: dict[str, object]
+) -> None:
+    assert without_law({"seed": 3, **old}).get("mode", "position") == mode
+    assert without_law({"seed": 3, **old}).get("changes", {}) == changes
