@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Self
 
@@ -78,7 +78,7 @@ class WalkSpec(TrialSpec):
         machine: Delays, friction, payload and which sensors there are. The delays are stated to the observer
             unless settings state others ("observer.command_delay").
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
-        gait: Sizes and timings of planned steps.
+        gait: Sizes and timings of steps, which are planned then.
         eyes: What the robot sees of the ground: none, depth (a camera) or toes (range sensors).
         gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
         changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
@@ -119,12 +119,14 @@ class WalkSpec(TrialSpec):
                 f"a seed must be below 2**63, got seed {self.seed} and noise_seed {self.noise_seed}"
             )
         store("foot_changes", _foot_changes(self.foot, self.foot_changes))
+        store("changes", checked_changes(self.gains, self.changes))
+        kinds = self.settings().kinds
+        store("_free", "free" in kinds and not ("planned" in kinds and self.plan.stairs is not None))
         ground = self.ground()
         store("terrain_params", _as_used(ground, self.terrain_params))
         if self.scene is None and self.scene_params:
             raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")
         self.things()
-        store("changes", checked_changes(self.gains, self.changes))
         scheduling = checked_policy(
             self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, ground
         )
@@ -152,10 +154,8 @@ class WalkSpec(TrialSpec):
     @property
     def free(self) -> bool:
         """True if the steps are decided as the robot goes; False for a walk with planned steps."""
-        kind = dict(self.changes).get("step_kind")
-        if kind is not None or self.gains != "default":
-            return kind == "free"
-        return self.chosen != "position" and self.plan.stairs is None
+        free: bool = self._free  # type: ignore[attr-defined]
+        return free
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
@@ -199,7 +199,14 @@ class WalkSpec(TrialSpec):
         given = dict(self.changes)
         delays = {f"observer.{k}": v for k, v in stated.items() if v > 0.0 and f"observer.{k}" not in given}
         changes = as_changes({**given, **delays})
-        return trial_settings(self.gains, changes, self.chosen, self.timestep)
+        trial = trial_settings(self.gains, changes, self.chosen, self.timestep)
+        if not self.gait.given:
+            return trial
+        if trial.step_kind == "free":
+            raise InputError(
+                f"free steps have no gait, got {', '.join(self.gait.given)}; their settings are 'stepping.…'"
+            )
+        return replace(trial, step_kind="planned")
 
     def prepare(self) -> PreparedWalk:
         """Return everything that does not depend on seeds; built once for all specs that differ in seeds alone."""
