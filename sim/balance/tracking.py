@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from wbc.base.checked import checked
+from wbc.base.files import check_hash, file_hash
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, settings
 from wbc.core.conventions import rotation_of
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import GRAVITY
-from wbc.motion import MotionClip, MotionSource, tracking_settings
+from wbc.motion import MotionClip, MotionSource, read_motion, tracking_settings
+from wbc.robots import load
 from wbc.sim.trial.falls import BodyLimits, FallSettings
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.spec import TrialResult, TrialSpec
@@ -36,6 +38,32 @@ class TrackSpec(TrialSpec):
     robot: str = "g1"
     noise: str = "realistic"
     after: Annotated[NonNegative, "s"] = 1.0
+
+
+@settings(kw_only=True, eq=False)
+class MotionSpec(TrackSpec):
+    """One tracked clip as a trial of a study: the fields of `TrackSpec`, and the file of the clip.
+
+    Attributes:
+        motion: File of a feasible clip, which `wbc motion filter` writes.
+        content: Hash of its content; that of the file when None. A file that has changed since is refused.
+    """
+
+    kind: ClassVar[str] = "track"
+
+    motion: str
+    content: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.content is None:
+            object.__setattr__(self, "content", file_hash(self.motion))
+        super().__post_init__()
+        self.clip().configurations(load(self.robot).robot())  # refuses a clip of another robot
+
+    def clip(self) -> MotionClip:
+        """Return the clip."""
+        check_hash(self.motion, self.content)
+        return read_motion(self.motion)
 
 
 @dataclass(frozen=True, kw_only=True)

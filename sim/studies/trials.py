@@ -1,30 +1,25 @@
-"""Trials: the specs that a sweep runs. A walk is one; the largest push that a walk survives is another.
+"""Trials: the specs that a sweep runs.
 
 A trial is a frozen, picklable spec that can be written as JSON and run. Its result depends on the spec alone, so that
-it need not be run twice. Your own kinds of trials are registered with `register_trial`.
+it need not be run twice. The kinds of the library are in `kinds` and `push_limit`; your own are registered with
+`register_trial`.
 """
 
 from __future__ import annotations
 
-import copy
 import faulthandler
 import logging
 import math
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
 from wbc.base.registry import Registry
-from wbc.base.settings import Positive, settings, to_json
-from wbc.sim.balance.push_recovery import largest_recovered
-from wbc.sim.plant.robot import DivergedError
+from wbc.base.settings import Positive
 from wbc.sim.trial.loop import TrialHook, TrialTick
-from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import walk
 
 Status = Literal["done", "diverged", "timeout", "crashed"]
 """End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""
@@ -88,7 +83,7 @@ def register_trial(name: str, kind: TrialKind) -> None:
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
     """Return the spec that its `to_json` wrote, of any kind; a walk without a kind."""
-    return KINDS[data.get("kind", WalkSpec.kind)].read(data)
+    return KINDS[data.get("kind", "walk")].read(data)
 
 
 def with_seed(spec: Any, seed: int) -> Any:
@@ -137,105 +132,3 @@ class TimeoutHook(TrialHook):
         """See `TrialHook`."""
         del tick
         self._check()
-
-
-def walk_outcome(spec: WalkSpec, check: TimeoutCheck) -> Outcome:
-    """Run a walk as a trial."""
-    result = walk(spec, hooks=[TimeoutHook(check)])
-    assert result.clock is not None
-    status: Status = "diverged" if result.outcome == "diverged" else "done"
-    return Outcome(status, result.record(), to_json(result.clock))
-
-
-@settings(kw_only=True)
-class WalkPushLimitSpec:
-    """Search for the largest push from which a walk recovers, by bisection: it does all its steps, wherever they end.
-
-    Bisection takes recovery to be monotonic; the result lies within `resolution` of a change. Written are the fields of
-    the walk and these, side by side.
-
-    Attributes:
-        walk: The walk, with one push; its impulse is not used.
-        highest: Largest impulse tried, Ns/kg.
-        resolution: Width of the last interval, Ns/kg.
-    """
-
-    kind: ClassVar[str] = "push_limit"
-
-    walk: WalkSpec
-    highest: Annotated[Positive, "Ns/kg"] = 1.0
-    resolution: Annotated[Positive, "Ns/kg"] = 0.02
-
-    def __post_init__(self) -> None:
-        if len(self.walk.pushes) != 1:
-            raise InputError(f"a push limit needs a walk with one push, got {len(self.walk.pushes)}")
-        if self.resolution > self.highest:
-            raise InputError(
-                f"resolution (Ns/kg) must be at most the highest impulse of {self.highest:g}, got {self.resolution:g}"
-            )
-        # The impulse is not used: specs that differ in it alone must be equal.
-        object.__setattr__(self, "walk", self.with_impulse(0.0))
-
-    def with_impulse(self, impulse: float) -> WalkSpec:
-        """Return the walk with another impulse of its push, Ns/kg."""
-        return replace(self.walk, pushes=(replace(self.walk.pushes[0], impulse=impulse),))
-
-    def with_seed(self, seed: int) -> WalkPushLimitSpec:
-        """Return the search on a walk with another seed; what has been checked is not checked again."""
-        twin = copy.copy(self)
-        object.__setattr__(twin, "walk", self.walk.with_seed(seed))
-        return twin
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the spec as plain values."""
-        own = {"kind": self.kind, "highest": self.highest, "resolution": self.resolution}
-        return self.walk.to_json() | own
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote; the push may leave its impulse out."""
-        values = {key: value for key, value in data.items() if key != "kind"}
-        own = {name: values.pop(name) for name in ("highest", "resolution") if name in values}
-        values["pushes"] = [{"impulse": 0.0, **push} for push in values.get("pushes", [])]
-        return cls(walk=WalkSpec.from_json(values), **own)
-
-
-def push_limit_outcome(spec: WalkPushLimitSpec, check: TimeoutCheck) -> Outcome:
-    """Find the largest push from which a walk recovers, that is, does all its steps, wherever they end."""
-    begin, seconds = time.perf_counter(), 0.0
-    tried: list[dict[str, Any]] = []
-
-    def recovers(impulse: float) -> bool:
-        nonlocal seconds
-        result = walk(spec.with_impulse(impulse), hooks=[TimeoutHook(check)])
-        seconds += result.seconds
-        done = result.outcome in ("completed", "strayed")
-        tried.append(
-            {
-                "impulse": impulse,
-                "recovered": done,
-                "steps_done": result.steps_done,
-                "fall_reason": result.fall_reason,
-            }
-        )
-        if result.outcome == "diverged":
-            raise DivergedError("the physics of a walk has diverged")
-        return done
-
-    limit = None
-    status: Status = "done"
-    try:
-        if recovers(0.0):  # else the walk falls without a push
-            limit = largest_recovered(recovers, spec.highest, spec.resolution + 1e-12)  # for rounded halves
-    except DivergedError:
-        status = "diverged"
-    wall = time.perf_counter() - begin
-    record = {"impulse": limit, "walks": len(tried), "seconds": seconds, "tried": tried}
-    return Outcome(status, record, {"wall_s": wall, "real_time_factor": seconds / wall})
-
-
-register_trial(WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed))
-register_trial(
-    WalkPushLimitSpec.kind,
-    TrialKind(WalkPushLimitSpec.from_json, push_limit_outcome, WalkPushLimitSpec.with_seed, "impulse"),
-)

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from properties import by_default
 
 from wbc.app import cli
-from wbc.app.commands import COMMANDS, balance
+from wbc.app.commands import COMMANDS, stand
 from wbc.app.output import Output, Report, reports
 from wbc.robots import names
 from wbc.robots.registry import others
@@ -27,21 +26,6 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
     "stand": (
         ["--seconds", "0.1"],
         {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
-    ),
-    "push": (
-        [
-            "--robot",
-            "hrp4_class",
-            "--mode",
-            "torque",
-            "--directions",
-            "1",
-            "--resolution",
-            "0.9",
-            "--after",
-            "0.1",
-        ],
-        {"unit", "cells"},
     ),
     "bench tick": (
         ["--ticks", "50", "--warm-up", "5"],
@@ -59,7 +43,7 @@ def wbc_command(capfd: Captured, *arguments: str) -> tuple[int, str, str]:
     return code, out, err
 
 
-@pytest.mark.parametrize("words", by_default(QUICK, *set(QUICK) - {"push"}))
+@pytest.mark.parametrize("words", QUICK)
 def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> None:
     arguments, keys = QUICK[words]
     code, out, _ = wbc_command(capfd, *words.split(), *arguments, "--json")
@@ -102,7 +86,7 @@ def test_an_internal_failure_is_told_apart_from_bad_input(
     def broken(options: Any, **_: object) -> None:
         raise ZeroDivisionError("something of ours")
 
-    monkeypatch.setattr(balance, "StandTrial", broken)
+    monkeypatch.setattr(stand, "StandTrial", broken)
     code, out, err = wbc_command(capfd, "stand", "--json")
     assert code == cli.FAILED and out == ""
     assert "Traceback" in err and "something of ours" in err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from made_motions import make_motion
 
 from wbc.base.errors import InputError
 from wbc.core.drive.control import Mode
@@ -19,12 +21,14 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.robot import Robot
 from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
+from wbc.motion import write_motion
 from wbc.robots import RobotDescription, load, names
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import MODES, StandSpec, stand
 from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
+from wbc.sim.studies.trials import run_trial, trial_from_json, with_seed
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.loop import Trial
 from wbc.sim.trial.push import WalkPush
@@ -160,6 +164,41 @@ def test_a_robot_whose_root_lies_on_the_ground_stands_and_its_camera_sees_the_gr
     seen = cloud.points @ base.rotation.T + base.translation
     assert len(seen) > 500 and np.abs(seen[:, 2]).max() < 0.01
     assert seen[:, 0].min() > 0.1 and seen[:, 0].max() > 0.8
+
+
+def test_stands_clips_and_searches_for_pushes_are_trials_of_studies(tmp_path: Path) -> None:
+    robot = load("g1").robot()
+    write_motion(make_motion(robot, "squat"), clip := tmp_path / "wave.npz")
+    for data in (
+        {"kind": "stand", "robot": "g1", "seconds": 0.1},
+        {"kind": "stand_push_limit", "seconds": 1.0, "push": {"direction": 1.0}, "highest": 0.4},
+        {"kind": "track", "robot": "g1", "motion": str(clip)},
+    ):
+        spec = trial_from_json(data)
+        plain = spec.to_json()
+        assert plain["kind"] == data["kind"] and trial_from_json(json.loads(json.dumps(plain))) == spec
+        assert with_seed(spec, 7).to_json() == plain | {"seed": 7}
+    with pytest.raises(InputError, match="must have a time, and end before"):
+        trial_from_json({"kind": "stand_push_limit", "seconds": 0.55, "push": {"time": 0.5}})
+    clip.write_bytes(b"another")
+    with pytest.raises(InputError, match="has changed"):
+        trial_from_json(plain)
+    outcomes = [run_trial(StandSpec(seconds=0.1)) for _ in range(2)]
+    assert outcomes[0].status == "done" and outcomes[0].result == outcomes[1].result
+    assert (
+        outcomes[0].result is not None
+        and outcomes[0].result["upright"]
+        and "tick_us" not in outcomes[0].result
+    )
+
+
+@pytest.mark.slow
+def test_the_largest_push_of_a_stand_is_found_by_bisection() -> None:
+    data = {"kind": "stand_push_limit", "mode": "torque", "seconds": 1.6, "push": {"time": 0.2}}
+    outcome = run_trial(trial_from_json(data | {"highest": 0.8, "resolution": 0.4}))
+    assert outcome.status == "done" and outcome.result is not None
+    assert [row["impulse"] for row in outcome.result["tried"]] == [0.0, 0.8, 0.4]
+    assert outcome.result["impulse"] in (0.0, 0.4)
 
 
 @pytest.mark.slow

@@ -28,7 +28,6 @@ MEMORY, SECONDS, SILENCE = 4 * 2**30, 10.0, 120.0
 COMMANDS: dict[str, list[str]] = {
     "walk": ["--distance", "0.1"],
     "stand": ["--seconds", "0.05"],
-    "push": ["--directions", "1"],
     "foot": ["press", "--settle", "0.1", "--hold", "0.1"],
     "terrain": ["stones"],
     "robots": ["hrp4_class"],
@@ -176,7 +175,6 @@ class Began(BaseException):
 def _serve() -> None:
     """Run the commands of standard input, within bounds, and answer each with its exit code and what it said."""
     from wbc.app import cli  # noqa: PLC0415
-    from wbc.app.commands import balance  # noqa: PLC0415
     from wbc.sim.trial.loop import Trial  # noqa: PLC0415
 
     def begin(*_: Any, **__: Any) -> Any:
@@ -185,7 +183,7 @@ def _serve() -> None:
     def late(*_: Any) -> None:
         raise TimeoutError("never ends")
 
-    Trial.run = balance.push_table = begin  # type: ignore[assignment,method-assign]
+    Trial.run = begin  # type: ignore[assignment,method-assign]
     signal.signal(signal.SIGPROF, late)
     size = int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     resource.setrlimit(resource.RLIMIT_AS, (size + MEMORY, size + MEMORY))

@@ -124,18 +124,6 @@ def stdout_on_stderr() -> Iterator[None]:
             os.close(saved)
 
 
-@contextmanager
-def quiet(name: str, level: int) -> Iterator[None]:
-    """Log only what is at or above a level, by the logger of a name and those below it, while the block runs."""
-    logger = logging.getLogger(name)
-    before = logger.level
-    logger.setLevel(level)
-    try:
-        yield
-    finally:
-        logger.setLevel(before)
-
-
 def _message_alone(message: Warning | str, *where: object, **line: object) -> str:
     """Return the text of a warning without the line that raised it."""
     del where, line

@@ -255,4 +255,4 @@ def check_hash(path: str | Path, content: object) -> None:
     """Refuse a file whose content is not the one that a spec was made with, or that cannot be read."""
     actual = file_hash(path)
     if actual != content:
-        raise InputError(f"{path} has changed: its hash is {actual}, the walk was specified with {content}")
+        raise InputError(f"{path} has changed: its hash is {actual}, the trial was specified with {content}")

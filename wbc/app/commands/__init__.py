@@ -17,8 +17,7 @@ GROUPS = {
 
 COMMANDS = {
     "walk": "walk:walk",
-    "stand": "balance:stand",
-    "push": "balance:push",
+    "stand": "stand:stand",
     "motion": "motion:motion",
     "view": "view_log:view",
     "plot": "plot:plot",

@@ -68,7 +68,7 @@ MAX_ORDERS = 16
 """Largest number of orders that wait for a tick; older ones are dropped."""
 
 PUSH_DURATION = 0.1
-"""Duration of a push, s; as in `wbc push`."""
+"""Duration of a push, s; that of `wbc.sim.WalkPush`."""
 
 
 class Setting(NamedTuple):

@@ -1,16 +1,11 @@
-"""`wbc stand` and `wbc push`: a robot that stands, and what it recovers from."""
+"""`wbc stand`: a robot that stands."""
 
 from __future__ import annotations
 
-import logging
-
-from rich.progress import track
-
 from wbc.app.live import LiveView, with_changes
-from wbc.app.output import Output, Report, progress_console, quiet, reports
+from wbc.app.output import Output, Report, reports
 from wbc.base.errors import WbcError
 from wbc.base.settings import to_json
-from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
 from wbc.sim.balance.standing import StandSpec, StandTrial
 
 
@@ -43,29 +38,3 @@ def stand(
     )
     data, text = with_changes(hooks, trial, to_json(result), text)
     return output.report(data, text, failed)
-
-
-@reports
-def push(
-    options: PushTableSpec,
-    *,
-    output: Output,
-) -> Report:
-    """Push standing robots on the torso from all sides: largest impulse per kg that they recover from."""
-    total = len(options.specs()) * options.directions
-    with quiet(
-        "wbc.core", logging.INFO if output.verbose else logging.CRITICAL
-    ):  # robots are expected to fall
-        cells = list(track(push_table(options), "pushing", total=total, console=progress_console()))
-    text = (
-        f"Largest impulse recovered, Ns/kg, force constant for {options.duration:g} s; 0° is forward, 90° left\n\n"
-        + format_push_table(cells)
-    )
-    data = {
-        "unit": "Ns/kg",
-        "duration_s": options.duration,
-        "resolution": options.resolution,
-        "noise": options.noise,
-        "cells": to_json(cells),
-    }
-    return output.report(data, text)

@@ -1,0 +1,55 @@
+"""Kinds of trials: a walk, a stand, and a clip that is tracked."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic_core import to_jsonable_python
+
+from wbc.base.settings import to_json
+from wbc.sim.balance.standing import StandSpec, StandTrial
+from wbc.sim.balance.tracking import MotionSpec, TrackTrial
+from wbc.sim.plant.robot import DivergedError
+from wbc.sim.studies.trials import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
+from wbc.sim.trial.loop import Trial
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import walk
+
+CLOCK = ("real_time_factor", "tick_us")
+"""Parts of a result that are wall-clock timings."""
+
+
+def walk_outcome(spec: WalkSpec, check: TimeoutCheck) -> Outcome:
+    """Run a walk as a trial."""
+    result = walk(spec, hooks=[TimeoutHook(check)])
+    assert result.clock is not None
+    return Outcome(
+        "diverged" if result.outcome == "diverged" else "done", result.record(), to_json(result.clock)
+    )
+
+
+def stand_outcome(spec: StandSpec, check: TimeoutCheck) -> Outcome:
+    """Run a stand as a trial."""
+    return _outcome(StandTrial(spec), check)
+
+
+def track_outcome(spec: MotionSpec, check: TimeoutCheck) -> Outcome:
+    """Track the clip in a file as a trial."""
+    return _outcome(TrackTrial(spec.clip(), spec), check)
+
+
+def _outcome(trial: Trial, check: TimeoutCheck) -> Outcome:
+    """Run a trial, and split its result into what follows from the spec and what the clock said."""
+    try:
+        result: dict[str, Any] = to_json(trial.run([TimeoutHook(check)]))
+    except DivergedError:
+        return Outcome("diverged")
+    clock = {name: result.pop(name) for name in CLOCK if name in result}
+    # A number that is not known, such as the ZMP of a robot that never stood, is None.
+    record, clock = (to_jsonable_python(part, inf_nan_mode="null") for part in (result, clock))
+    return Outcome("diverged" if trial.plant.diverged else "done", record, clock)
+
+
+register_trial(WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed))
+register_trial(StandSpec.kind, TrialKind(StandSpec.from_json, stand_outcome, metric="com_error_mm"))
+register_trial(MotionSpec.kind, TrialKind(MotionSpec.from_json, track_outcome, metric="joint_rms_deg"))
