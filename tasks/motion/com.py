@@ -62,8 +62,14 @@ class CoMTask(Task):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
-        robot = self.robot
-        jacobian[:], drift[:] = robot.com_jacobian, self._acceleration()
+        self.first_order(jacobian, error)
+        drift[:] = self._acceleration()
+
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift; see `Task.first_order`."""
+        robot = self._robot
+        assert robot is not None
+        jacobian[:] = robot.com_jacobian
         np.subtract(self._target.value, robot.com, out=error)
 
 

@@ -85,6 +85,8 @@ class FrameTask(Task):
 
     def checked(self, value: Any) -> Any:
         """Return a pose after a check, as a copy."""
+        if type(value) is pin.SE3 and _is_pose(value):
+            return pin.SE3(value)
         return pose(f"target of task '{self.name}'", value)
 
 
@@ -110,9 +112,12 @@ class PositionTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
-        model, data, world = self._model, self._data, self._world
-        jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)[:3]
-        drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).linear
+        self.first_order(jacobian, error)
+        drift[:] = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world).linear
+
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift; see `Task.first_order`."""
+        jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._world)[:3]
         np.subtract(self._target.value, self._translation, out=error)
 
 
@@ -139,9 +144,12 @@ class OrientationTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
-        model, data, world = self._model, self._data, self._world
-        jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)[3:]
-        drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).angular
+        self.first_order(jacobian, error)
+        drift[:] = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world).angular
+
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift; see `Task.first_order`."""
+        jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._world)[3:]
         error[:] = pin.log3(np.dot(self._target.value, self._rotation.T))
 
 
@@ -160,9 +168,13 @@ class PoseTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
-        model, data, world, target = self._model, self._data, self._world, self._target.value
-        jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)
-        drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).vector
+        self.first_order(jacobian, error)
+        drift[:] = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world).vector
+
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift; see `Task.first_order`."""
+        target = self._target.value
+        jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
         np.subtract(target.translation, self._translation, out=error[:3])
         error[3:] = pin.log3(np.dot(target.rotation, self._rotation.T))
 

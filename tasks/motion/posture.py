@@ -83,7 +83,7 @@ class PostureTask(JointTask, SelectionTask):
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
         weight = self._checked_gain("weight", value)
-        self._rows.weight[:] = weight if self._factor is None else weight * self._factor
+        self._weigh(weight if self._factor is None else weight * self._factor)
 
     def _coordinates(self) -> Coordinates:
         return _Joints(self.target, self.checked)

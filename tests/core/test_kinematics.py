@@ -17,10 +17,12 @@ import wbc
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.limits.joint import stopping_velocity
+from wbc.core.qp.closure import LoopClosure
+from wbc.core.qp.motion import has_first_order
 from wbc.core.qp.solver import Status
 from wbc.core.qp.task import evaluated
 from wbc.core.robot import Robot
-from wbc.tasks import JointTorqueTask, LookAtTask, MomentumTask, RelativeFrameTask
+from wbc.tasks import JointTorqueTask, LookAtTask, LowAccelerationTask, MomentumTask, RelativeFrameTask
 
 ALL = (*ROBOTS, "panda", "go1")
 HANDS = {"panda": "panda_hand", "go1": "FR_foot"}
@@ -177,6 +179,60 @@ def test_rows_read_no_more_of_the_state_than_they_say(name: str) -> None:
             for fast, full in zip(quick, evaluated(task)[:2], strict=True):
                 assert fast == pytest.approx(full, abs=1e-9), task
         ik.remove(task)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_rows_without_the_drift_are_those_with_it(name: str) -> None:
+    robot, rng = robot_of(name), np.random.default_rng(0)
+    tasks = [case.make(robot) for case in MOTION_TASKS.values()]
+    holds = [wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot", torsion=0.01)]
+    holds += [
+        wbc.PointContact(right_hand(robot), normal=(0.3, 0.2, 1.0)),
+        wbc.FixedContact(robot.torso_frame),
+    ]
+    holds += [
+        LoopClosure(left_hand(robot), right_hand(robot), rotation=turn, name=str(turn))
+        for turn in (True, False)
+    ]
+    quick = 0
+    for each in (*tasks, *holds):
+        each.bind(robot)
+        robot.update(*near_half_sitting(robot, rng, 0.2, 1.0))
+        size = each._n_rows if isinstance(each, wbc.Task) else each.dim
+        if has_first_order(each):
+            quick += 1
+            full, lean = np.zeros((size, robot.nv)), np.ones((size, robot.nv))
+            errors = np.zeros(size), np.ones(size)
+            each.evaluate(full, errors[0], np.zeros(size))
+            each.first_order(lean, errors[1])
+            assert lean == pytest.approx(full) and errors[1] == pytest.approx(errors[0])
+    assert quick > 8
+
+
+def test_a_class_that_changes_the_rows_of_another_is_heard() -> None:
+    class Half(wbc.PositionTask):
+        def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+            super().evaluate(jacobian, error, drift)
+            error *= 0.5
+
+    ik = solver("panda")
+    hand = ik.add(Half("panda_hand"))
+    hand.target = hand.target + [0.0, 0.02, 0.0]
+    ik.solve()
+    assert hand.error[1] == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("weight", [1e-3, 2.0])
+def test_costs_of_all_selections_add_up(weight: float) -> None:
+    robot = robot_of("talos")
+    ik = wbc.InverseKinematics(robot, 0.01, regularisation=1e-9, damping=0.0)
+    posture = ik.add(wbc.PostureTask(weight=0.5, rate=4.0))
+    posture.target = posture.target + 0.01
+    robot.v[:] = np.linspace(-1.0, 1.0, robot.nv)
+    last = robot.v.copy()
+    ik.add(LowAccelerationTask(weight=weight))
+    joints = (0.5 * 0.04 + weight * last[6:]) / (0.5 + weight)
+    assert ik.solve()[6:] == pytest.approx(joints, abs=1e-6)
 
 
 # ---- contacts, targets, priorities --------------------------------------------------------------------------------

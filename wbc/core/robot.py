@@ -474,6 +474,10 @@ class Robot:
         They equal those of `update` up to rounding; velocities, forces and accelerations stay as they are.
         """
         self._take(q, self.v)
+        self.compute_jacobians()
+
+    def compute_jacobians(self) -> None:
+        """Do the same at the configuration `q` as it is, which is not checked."""
         pin.jacobianCenterOfMass(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
 

@@ -23,19 +23,19 @@ Source: T. Sugihara, "Solvability-unconcerned inverse kinematics by the Levenber
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from wbc.base.numbers import Array, scalar
-from wbc.core.kinematics.solution import holding
+from wbc.base.numbers import Array
+from wbc.core.kinematics.solution import Achieved, holding
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.assembly import saturated
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.motion import Rows
+from wbc.core.qp.motion import Rows, has_first_order
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import SelectionTask, Task
 from wbc.core.robot import Robot
@@ -55,6 +55,7 @@ class _ContactSlot:
     """Place of one contact in the QP, views of its values there, and the state that they are written for."""
 
     contact: Contact
+    fill: Callable[[Array, Array], None]
     equalities: slice | None  # its rows among the equalities; None where its motion is a cost
     jacobian: Array
     values: Rows
@@ -70,6 +71,7 @@ class Level:
     target: Array
     weight: Array
     rows: slice  # among all rows
+    cost: Array  # weighted errors
     damping: float
 
 
@@ -115,19 +117,22 @@ class VelocityAssembly:
         p.n_physics = 0
         total = n_first + sum(n_lower) + n_selected
         self._rows, self._targets = Rows.zeros(total), np.zeros(total)
-        self._excess, self._error = np.zeros(total), np.zeros(total)
+        self._excess = np.zeros(total)
+        self._gain, self._per_bound = (
+            np.zeros(total),
+            np.zeros(total),
+        )  # rate, 1/s, and 1 / bound of the error
         p.target, p.soft_weight = self._targets[:n_first], self._rows.weight[n_eq:n_first]
         self._lower_matrix = np.zeros((sum(n_lower), nv))
         self._cost = np.zeros(total)
 
         self._slots: list[_ContactSlot] = []
-        self._motion: list[tuple[Task, Array, Array, Array]] = []
+        self._tasks = [task for level in levels for task in level]
+        self._motion: list[tuple[Task, Callable[[Array, Array], None] | None, Array, Array, Array]] = []
         self._selection: list[tuple[Task, Rows]] = []
-        self._diagonal: list[
-            tuple[Array, Array, Array, Array]
-        ] = []  # diagonal and linear costs, weights, targets
-        self._scattered: list[tuple[Any, Array, Array]] = []  # columns, weights, targets
-        self._selected: list[tuple[Any, slice]] = []  # columns of soft selections, and their places
+        self._diagonal: list[tuple[Any, Array, Array]] = []  # columns, weights, targets of soft selections
+        self._selected: list[tuple[Any, slice]] = []  # their columns and places
+        self._selected_cost = np.zeros(nv)  # sum of their weights on the diagonal
         self._bounded: list[tuple[Task, slice]] = []
         self._momenta: list[tuple[Array, Array, Array]] = []  # Jacobian, target, error of tasks on a velocity
         self._kept: list[tuple[Any, Array]] = []  # columns and targets of selections that keep velocities
@@ -143,10 +148,25 @@ class VelocityAssembly:
             at = self._place_tasks(level, at, self._lower_matrix, n_first)
             matrix = self._lower_matrix[rows.start - n_first : rows.stop - n_first]
             self.lower.append(
-                Level(matrix, self._targets[rows], self._rows.weight[rows], rows, regularisation)
+                Level(
+                    matrix,
+                    self._targets[rows],
+                    self._rows.weight[rows],
+                    rows,
+                    self._cost[rows],
+                    regularisation,
+                )
             )
         self._place_tasks(selections, at, None)
+        # The single soft selection, such as a posture, on consecutive coordinates: the usual case.
+        self._posture: tuple[Array, Array, Array] | None = None
+        if len(self._diagonal) == 1 and isinstance(self._diagonal[0][0], slice):
+            columns, weight, target = self._diagonal[0]
+            self._posture = p.linear[columns], weight, target
         self._soft = slice(n_eq, n_first)  # rows whose errors damp
+        self._soft_weight, self._soft_error, self._soft_cost = (
+            each[self._soft] for each in (self._rows.weight, self._rows.error, self._cost)
+        )
         self._hard = n_eq
 
         self._limits: list[tuple[Limit, Array, Array, Array]] = []
@@ -161,7 +181,7 @@ class VelocityAssembly:
             at = rows.stop
         self.names = tuple(names)
         self._standing = np.zeros(at)  # values of the limits' rows without a step
-        self._dt, self._fastest, self.damping = 0.0, scalar(0.0), regularisation
+        self._dt, self._stamp, self.damping = 0.0, -1, regularisation
 
     # ---- layout -------------------------------------------------------------------------------------------------
 
@@ -175,7 +195,8 @@ class VelocityAssembly:
             firm = rows.stop <= p.n_eq
             if firm:
                 p.equality_groups[f"motion of contact '{contact.name}'"] = rows
-            self._slots.append(_ContactSlot(contact, rows if firm else None, p.rows[rows], view))
+            fill = contact.first_order if has_first_order(contact) else _with_drift(contact, view.drift)
+            self._slots.append(_ContactSlot(contact, fill, rows if firm else None, p.rows[rows], view))
             at = rows.stop
         return at
 
@@ -192,11 +213,12 @@ class VelocityAssembly:
                 if task.of_velocity:
                     self._kept.append((task.columns, self._targets[rows]))
                 if jacobian is None:
-                    self._place_diagonal(task, rows, view.weight)
+                    self._diagonal.append((task.columns, view.weight, self._targets[rows]))
+                    self._selected.append((task.columns, rows))
                 else:
                     jacobian[:, np.arange(self._robot.nv)[task.columns]] = np.eye(task.dim)
             elif jacobian is not None:
-                self._motion.append((task, jacobian, view.error, view.drift))
+                self._motion.append((task, task.quick(), jacobian, view.error, view.drift))
                 if task.of_velocity:
                     self._momenta.append((jacobian, self._targets[rows], view.error))
             if task.hard:
@@ -204,46 +226,52 @@ class VelocityAssembly:
             at = rows.stop
         return at
 
-    def _place_diagonal(self, task: SelectionTask, rows: slice, weight: Array) -> None:
-        """Place a soft selection on the diagonal."""
-        p, columns, target = self.problem, task.columns, self._targets[rows]
-        self._selected.append((columns, rows))
-        if isinstance(columns, slice):
-            self._diagonal.append((p.diagonal[columns], p.linear[columns], weight, target))
-        else:
-            self._scattered.append((columns, weight, target))
-
     # ---- a step -------------------------------------------------------------------------------------------------
 
     def write(self, dt: float) -> None:
         """Fill the QP of velocities at the present state of the robot, for a control period, s."""
-        if dt != self._dt:
-            self._dt, self._fastest = dt, scalar(1.0 / dt)
         self._fill()
+        self._take_gains(dt)
         rows, targets = self._rows, self._targets
-        error = saturated(rows, self._excess, self._bounded)
-        np.minimum(rows.rate, self._fastest, out=targets)
-        targets *= error
+        error, soft_error = rows.error, self._soft_error
+        share = np.multiply(error, self._per_bound, out=self._excess)
+        if not share.dot(share) <= 1.0:  # otherwise none is beyond its bound
+            error = saturated(rows, self._excess, self._bounded)
+            soft_error = error[self._soft]
+        np.multiply(self._gain, error, out=targets)
         targets += rows.velocity
         for jacobian, momentum, lacking in self._momenta:
             np.add(lacking, jacobian.dot(self._robot.v), out=momentum)
             lacking.fill(0.0)  # it is no distance, and damps nothing
         for columns, kept in self._kept:
             kept[:] = self._robot.v[columns]
-        np.multiply(rows.weight, error, out=self._cost)
-        self.damp(self._damping_of(self._soft, error))
+        cost = np.multiply(self._soft_weight, soft_error, out=self._soft_cost)
+        self.damp(self._regularisation + self._per_error * float(cost.dot(soft_error)))
         for level in self.lower:
-            level.damping = self._damping_of(level.rows, error)
+            left = error[level.rows]
+            cost = np.multiply(level.weight, left, out=level.cost)
+            level.damping = self._regularisation + self._per_error * float(cost.dot(left))
         for limit, matrix, lower, upper in self._limits:
             limit.write_velocity(dt, matrix, lower, upper)
 
-    def _damping_of(self, rows: slice, error: Array) -> float:
-        """Return the cost per squared velocity by the errors of some rows, whose weighted errors are in `_cost`."""
-        return self._regularisation + self._per_error * float(self._cost[rows].dot(error[rows]))
+    def _take_gains(self, dt: float) -> None:
+        """Take rates, weights and bounds of errors over where one has changed, or the period, s."""
+        stamp = 0
+        for task in self._tasks:
+            stamp += task.revision
+        if stamp == self._stamp and dt == self._dt:
+            return
+        self._stamp, self._dt = stamp, dt
+        np.minimum(self._rows.rate, 1.0 / dt, out=self._gain)
+        np.divide(1.0, self._rows.bound, out=self._per_bound)
+        self._selected_cost.fill(0.0)
+        for columns, weight, _ in self._diagonal:
+            self._selected_cost[columns] += weight
 
     def write_step(self) -> float:
         """Fill the QP of a step towards all targets; return the cost of the present configuration."""
         self._fill()
+        self._take_gains(self._dt or 1.0)
         rows, targets = self._rows, self._targets
         targets[:] = rows.error
         for limit, matrix, lower, upper in self._limits:
@@ -255,7 +283,7 @@ class VelocityAssembly:
     def cost_after(self, step: Array) -> float:
         """Return the cost of the configuration after a step, were the rows that `write_step` has filled exact."""
         values = self.problem.rows.dot(step)
-        left = self.achieved(step, values) - self._targets
+        left = self.achieved(step, values).residuals
         return self._cost_of(left, values[self.problem.target.size :])
 
     def _cost_of(self, error: Array, values: Array) -> float:
@@ -276,9 +304,12 @@ class VelocityAssembly:
     def _fill(self) -> None:
         for slot in self._slots:
             self._write_contact(slot)
-        for motion, jacobian, error, drift in self._motion:
+        for motion, quick, jacobian, error, drift in self._motion:
             if not motion.idle:
-                motion.fill(jacobian, error, drift)
+                if quick is None or motion._spared is not None:
+                    motion.fill(jacobian, error, drift)
+                else:
+                    quick(jacobian, error)
         for selection, view in self._selection:
             selection.evaluate(_NONE, view.error, view.drift)
 
@@ -286,13 +317,13 @@ class VelocityAssembly:
         """Write the cost per squared velocity, or step, of every coordinate, and those of selections."""
         p = self.problem
         self.damping = damping
-        p.diagonal.fill(damping)
-        p.linear.fill(0.0)
-        for diagonal, linear, weight, target in self._diagonal:
-            np.add(diagonal, weight, out=diagonal)
+        np.add(self._selected_cost, damping, out=p.diagonal)
+        if self._posture is not None:
+            linear, weight, target = self._posture
             np.multiply(weight, target, out=linear)
-        for columns, weight, target in self._scattered:
-            p.diagonal[columns] += weight
+            return
+        p.linear.fill(0.0)
+        for columns, weight, target in self._diagonal:
             p.linear[columns] += weight * target
 
     def _write_contact(self, slot: _ContactSlot) -> None:
@@ -300,7 +331,7 @@ class VelocityAssembly:
         contact.advance(np.inf)  # there is no force to ramp
         engaged = contact.engaged
         if engaged:
-            contact.evaluate(slot.jacobian, values.error, values.drift)
+            slot.fill(slot.jacobian, values.error)
         if engaged != slot.engaged:
             slot.engaged, slot.revision = engaged, -1
             if slot.equalities is not None:
@@ -308,27 +339,14 @@ class VelocityAssembly:
             if not engaged:
                 slot.jacobian[:], values.error[:], contact.velocity[:] = 0.0, 0.0, 0.0
         if slot.revision != contact.revision:
-            slot.revision = contact.revision
+            slot.revision, self._stamp = contact.revision, -1
             values.rate[:] = contact.rate
             values.weight[:] = 0.0 if contact.motion_weight is None else contact.motion_weight
 
-    def achieved(self, x: Array, values: Array) -> Array:
-        """Return the velocities of all rows, in the order of `places`, of generalised velocities x; a new array.
-
-        `values` are all rows of the problem times x.
-        """
-        n_first, achieved = self.problem.target.size, np.empty(self._targets.size)
-        achieved[:n_first] = values[:n_first]
-        if self.lower:
-            self._lower_matrix.dot(x, out=achieved[n_first : n_first + self._lower_matrix.shape[0]])
-        for columns, place in self._selected:
-            achieved[place] = x[columns]
-        return achieved
-
-    @property
-    def targets(self) -> Array:
-        """Wanted velocities of all rows as of the last step; overwritten by the next one."""
-        return self._targets
+    def achieved(self, x: Array, values: Array) -> Achieved:
+        """Return the velocities of all rows of generalised velocities x; `values` are those of the problem's."""
+        lower = self._lower_matrix.dot(x) if self.lower else None
+        return Achieved(x, values, lower, self._selected, self._targets.copy())
 
     def pull(self, task: Task) -> tuple[float, float]:
         """Return the length of the gradient of the cost of a task, and its share of the greatest for such an error."""
@@ -351,3 +369,8 @@ class VelocityAssembly:
         """Return the greatest error of each contact that is active, m or rad."""
         active = (slot for slot in self._slots if slot.engaged)
         return {slot.contact.name: float(abs(slot.values.error).max()) for slot in active}
+
+
+def _with_drift(contact: Contact, drift: Array) -> Callable[[Array, Array], None]:
+    """Return what fills the rows of a contact whose class has no `first_order`; the drift is left alone."""
+    return lambda jacobian, error: contact.evaluate(jacobian, error, drift)

@@ -155,7 +155,7 @@ class InverseKinematics(Items):
         if self._reads_all:
             robot.update(robot.q, robot.v)
         else:
-            robot.update_jacobians(robot.q)
+            robot.compute_jacobians()
 
     def solve(self) -> Array:
         """Return the velocities at the present configuration: base in its own frame, then joints, shape (nv,).
@@ -171,14 +171,9 @@ class InverseKinematics(Items):
         assembly.write(self._dt)
         velocities, multipliers, status = self._solve()
         values = solver.values if not assembly.lower else assembly.problem.rows.dot(velocities)
+        achieved = assembly.achieved(velocities, values)
         self._solution = VelocitySolution(
-            status,
-            velocities,
-            assembly.achieved(velocities, values),
-            assembly.targets.copy(),
-            multipliers,
-            assembly.places,
-            assembly.names,
+            status, velocities, achieved, multipliers, assembly.places, assembly.names
         )
         return velocities
 
@@ -188,7 +183,7 @@ class InverseKinematics(Items):
         status = solver.solve()
         if not status.ok:
             return np.zeros(self.robot.nv), np.zeros(len(assembly.names)), status
-        x, multipliers = solver.x.copy(), solver.multipliers.copy()
+        x, multipliers = solver.x, solver.multipliers
         if assembly.lower:
             x, multipliers = solve_levels(assembly.problem, x, assembly.lower, assembly.damping)
         return x, multipliers, status
@@ -198,7 +193,7 @@ class InverseKinematics(Items):
         velocities = self.solve()
         robot = self.robot
         robot.v[:] = velocities
-        self._move(pin.integrate(robot.model, robot.q, velocities * self._dt))
+        self._move(pin.integrate(robot.model, robot.q, self._dt * velocities))
         return velocities
 
     @checked

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +23,43 @@ def holding(names: tuple[str, ...], multipliers: Array) -> tuple[str, ...]:
 
 
 @dataclass(slots=True, eq=False)
+class Achieved:
+    """Velocities of all rows, put together where somebody asks for them.
+
+    Attributes:
+        velocities: Generalised velocities, shape (nv,).
+        rows: All rows of the QP times the velocities; the first of them are those of the first level.
+        lower: Rows of the lower levels times the velocities; None without any.
+        selected: Coordinates of soft selections, and their places.
+        targets: Wanted velocities of all rows.
+    """
+
+    velocities: Array
+    rows: Array
+    lower: Array | None
+    selected: Sequence[tuple[Any, slice]]
+    targets: Array
+
+    @property
+    def values(self) -> Array:
+        """Velocities of all rows, a new array."""
+        values = np.empty(self.targets.size)
+        first = values.size - (0 if self.lower is None else self.lower.size)
+        for columns, place in self.selected:
+            values[place] = self.velocities[columns]
+            first -= place.stop - place.start
+        values[:first] = self.rows[:first]
+        if self.lower is not None:
+            values[first : first + self.lower.size] = self.lower
+        return values
+
+    @property
+    def residuals(self) -> Array:
+        """Achieved minus wanted velocities of all rows."""
+        return self.values - self.targets
+
+
+@dataclass(slots=True, eq=False)
 class VelocitySolution:
     """Result of one step; owns its arrays.
 
@@ -29,8 +67,7 @@ class VelocitySolution:
         status: Step of the solver's ladder that succeeded; `RELAXED` where contacts and hard tasks could not all be
             kept. When `ok` is False the velocities are zero.
         velocities: Generalised velocities: base (in its own frame), then joints, shape (nv,), m/s and rad/s.
-        values: Achieved velocities of all rows.
-        targets: Wanted velocities of all rows.
+        achieved: Velocities of all rows, and the wanted ones.
         multipliers: Multipliers of the inequalities, positive where the upper bound is active.
         places: Name of a task → its residual rows.
         limits: Name of each inequality.
@@ -38,8 +75,7 @@ class VelocitySolution:
 
     status: Status
     velocities: Array
-    values: Array
-    targets: Array
+    achieved: Achieved
     multipliers: Array
     places: Mapping[str, slice]
     limits: tuple[str, ...]
@@ -55,7 +91,8 @@ class VelocitySolution:
     @property
     def residuals(self) -> dict[str, Array]:
         """Task name → achieved minus wanted velocity, shape (dim,), unit of the task per second."""
-        return {name: self.values[rows] - self.targets[rows] for name, rows in self.places.items()}
+        residuals = self.achieved.residuals
+        return {name: residuals[rows] for name, rows in self.places.items()}
 
     @property
     def active_limits(self) -> tuple[str, ...]:

@@ -181,7 +181,7 @@ class JointLimits(Limit):
         self.velocity = self._ratio * robot.velocity_limit
         # Row 0 holds the upper bounds, row 1, with changed signs, the lower ones: arrays of one shape take NumPy half
         # the time.
-        self._twice_velocity = np.array([self.velocity, self.velocity])
+        self._twice_velocity, self._back = np.array([self.velocity, self.velocity]), -self.velocity
         self._greatest = None
         if np.isfinite(self.acceleration).any():
             self._greatest = np.array([self.acceleration, self.acceleration])
@@ -189,7 +189,7 @@ class JointLimits(Limit):
         self._positions, self._velocities = robot.q[robot.nq - na :], robot.v[robot.nv - na :]
         self._dt = 0.0
         self._period = 0.0  # of inverse kinematics
-        self._bound = np.zeros((2, na))
+        self._bound, self._reached = np.zeros((2, na)), np.zeros(na)
         self._stops = None  # greatest acceleration and braking in inverse kinematics, where they are bounded
         if self._acceleration is not None or self._braking is not None:
             self._stops = (
@@ -260,10 +260,20 @@ class JointLimits(Limit):
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the velocity interval of every joint, rad/s, of which the next position, q + v dt, is inside."""
-        self._place_rows(rows)
+        if rows is not self._rows:
+            self._place_rows(rows)
         if dt != self._period:
             self._period, self._per_dt = dt, scalar(1.0 / dt)
+            self._upper_per_dt, self._lower_per_dt = self.upper / dt, self.lower / dt
             self._change = scalar(0.0) if self._stops is None else dt * self._stops[0]
+        if self._use_position and self._use_velocity and self._stops is None and self._free is None:
+            np.multiply(self._positions, self._per_dt, out=self._reached)
+            np.subtract(self._upper_per_dt, self._reached, out=upper)
+            np.subtract(self._lower_per_dt, self._reached, out=lower)
+            if upper[upper.argmin()] >= 0.0 >= lower[lower.argmax()]:  # every joint is inside
+                np.minimum(upper, self.velocity, out=upper)
+                np.maximum(lower, self._back, out=lower)
+                return
         distance, bound = self._distance, self._bound
         if self._use_position:
             np.subtract(self.upper, self._positions, out=distance[0])

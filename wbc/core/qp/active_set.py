@@ -14,9 +14,44 @@ from scipy.linalg.lapack import dposv, dpotrs
 
 from wbc.base.numbers import ROUNDING, Array, scalar
 from wbc.base.vectors import largest
+from wbc.core.qp.motion import read_only
 from wbc.core.qp.problem import Problem
 
 _ONE, _SMALLEST_WEIGHT = scalar(1.0), scalar(1e-12)
+
+
+class _Work:
+    """Arrays of one system: scaled rows, their products with the rows, and views of these.
+
+    Attributes:
+        scaled: [linear; R] D⁻¹, shape (1 + m, n).
+        products: `scaled` times Rᵀ, shape (1 + m, m).
+        of_linear: Its first row, R D⁻¹ linear.
+        matrix_t: The others, transposed: symmetric, stored by columns.
+        hard_diagonal: Diagonal of the matrix at the equalities.
+        soft_diagonal: Diagonal of the matrix at the soft rows.
+        shares: [1, λ], shape (1 + m,); `force` is λ.
+    """
+
+    __slots__ = (
+        "force",
+        "hard_diagonal",
+        "matrix_t",
+        "of_linear",
+        "products",
+        "scaled",
+        "shares",
+        "soft_diagonal",
+    )
+
+    def __init__(self, scaled: Array, products: Array, n_eq: int, n_linear: int) -> None:
+        self.scaled, self.products = scaled, products
+        m = products.shape[1]
+        self.of_linear, self.matrix_t = products[0], products[1:].T
+        diagonal = products.reshape(-1)[m :: m + 1]
+        self.hard_diagonal, self.soft_diagonal = diagonal[:n_eq], diagonal[n_eq:n_linear]
+        self.shares = np.ones(m + 1)
+        self.force = self.shares[1:]
 
 
 class ActiveSet:
@@ -32,8 +67,8 @@ class ActiveSet:
     A solve that fails leaves the last solution as it is.
 
     Attributes:
-        x: Solution, shape (n,); another array after every solve.
-        values: All rows times x, shape (number of rows,); another array after every solve.
+        x: Solution, shape (n,); a new array after every solve, as those below.
+        values: All rows times x, shape (number of rows,).
         multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
         iterations: Number of systems solved by the last `solve`.
     """
@@ -45,20 +80,19 @@ class ActiveSet:
         self._n_linear = p.n_eq + p.n_soft
         n, m = p.diagonal.size, self._n_linear
         self.x, self.values = np.zeros(n), np.zeros(p.rows.shape[0])
-        self._x, self._values = np.zeros(n), np.zeros(p.rows.shape[0])  # under trial
-        self._force = np.zeros(m)
-        self.multipliers = np.zeros(p.lower.size)
+        self._x, self._values = self.x, self.values  # under trial
+        self.multipliers = self._no_multipliers = read_only(np.zeros(p.lower.size))
         self.iterations = 0
         self._active = np.zeros(0, dtype=np.intp)
         self._upper_side = np.zeros(0, dtype=bool)
-        self._inverse, self._base = np.zeros(n), np.zeros(n)
-        self._linear_rows, self._scaled = p.rows[:m], np.zeros((m, n))
-        self._linear_rows_t = self._linear_rows.T
+        self._inverse = np.zeros(n)
+        self._linear_rows_t = p.rows[:m].T
         self._hard_target = p.target[: p.n_eq]
-        self._gram = np.zeros((m, m))
-        self._soft_diagonal = slice(p.n_eq * (m + 1), m * m, m + 1)
+        self._work = _Work(np.zeros((m + 1, n)), np.zeros((m + 1, m)), p.n_eq, m)
+        self._force = self._work.force
         self._excess, self._shortfall = np.zeros(p.lower.size), np.zeros(p.lower.size)
         self._soft_inverse, self._error = np.zeros(p.n_soft), np.zeros(p.n_eq)
+        self._weights = b"none"  # of the soft rows, for which their inverse is
 
     def guess(self, multipliers: Array) -> None:
         """Take the active set from the multipliers of another solver, shape (n_in,)."""
@@ -70,9 +104,10 @@ class ActiveSet:
         """Solve; return True if `x` is proved to be the solution."""
         p = self._p
         np.divide(_ONE, p.diagonal, out=self._inverse)
-        np.multiply(self._inverse, p.linear, out=self._base)
-        np.maximum(p.soft_weight, _SMALLEST_WEIGHT, out=self._soft_inverse)
-        np.divide(_ONE, self._soft_inverse, out=self._soft_inverse)
+        weights = p.soft_weight.tobytes()
+        if weights != self._weights:
+            self._weights = weights
+            np.divide(_ONE, np.maximum(p.soft_weight, _SMALLEST_WEIGHT), out=self._soft_inverse)
         for iteration in range(1, self._changes + 2):
             self.iterations = iteration
             if not self._step():
@@ -81,53 +116,50 @@ class ActiveSet:
             if wrong is None:
                 break
             if not wrong:
-                self.x, self._x, self.values, self._values = self._x, self.x, self._values, self.values
+                self.x, self.values = self._x, self._values
                 return True
         self._active, self._upper_side = self._active[:0], self._upper_side[:0]
         return False
 
     def _step(self) -> bool:
-        """Solve for the present set; return False if its rows are dependent or the result is inexact."""
-        p, active, m = self._p, self._active, self._n_linear
+        """Solve for the present set; return False if its rows are dependent or the result is inexact.
+
+        Of the scaled rows [linear; R] D⁻¹ one product with Rᵀ gives R D⁻¹ linear and the matrix of the system, and one
+        with [1, λ] the solution.
+        """
+        p, active, n_eq, target = self._p, self._active, self._p.n_eq, self._p.target
         if active.size:
-            rows = np.concatenate((self._linear_rows, p.inequality[active]))
-            target = np.concatenate((p.target, np.where(self._upper_side, p.upper[active], p.lower[active])))
+            target = np.concatenate((target, np.where(self._upper_side, p.upper[active], p.lower[active])))
             if not math.isfinite(target.dot(target)):
                 return False  # an active bound has become infinite
-            scaled = rows * self._inverse
-            gram = scaled.dot(rows.T)
-            diagonal = gram.reshape(-1)[:: gram.shape[0] + 1]
-            diagonal[p.n_eq : m] += self._soft_inverse
+            rows = np.concatenate((p.linear_and_rows, p.inequality[active]))
+            rows_t, scaled = rows[1:].T, rows * self._inverse
+            work = _Work(scaled, scaled.dot(rows_t), n_eq, self._n_linear)
         else:
-            rows, target, scaled, gram = self._linear_rows, p.target, self._scaled, self._gram
-            np.multiply(rows, self._inverse, out=scaled)
-            scaled.dot(self._linear_rows_t, out=gram)
-            gram.reshape(-1)[self._soft_diagonal] += self._soft_inverse
+            work, rows_t = self._work, self._linear_rows_t
+            work.scaled[:] = self._inverse  # arrays of one shape take NumPy half the time
+            np.multiply(p.linear_and_rows, work.scaled, out=work.scaled)
+            work.scaled.dot(rows_t, out=work.products)
+        work.soft_diagonal += self._soft_inverse
         if p.empty is not None:
-            gram.reshape(-1)[: p.n_eq * (gram.shape[0] + 1) : gram.shape[0] + 1] += p.empty
-        if not target.size:
-            self._x[:] = self._base
-            self._force = target
-            p.rows.dot(self._x, out=self._values)
-            return True
-        force = rows.dot(self._base)
-        factor, force, info = dposv(
-            gram.T, np.subtract(target, force, out=force), overwrite_a=True, overwrite_b=True
-        )
-        if info != 0:
-            return False
-        x, values, n_eq, tolerance = self._x, self._values, p.n_eq, self._tolerance
+            work.hard_diagonal += p.empty
+        self._force = force = work.force
+        np.subtract(target, work.of_linear, out=force)
+        if target.size:
+            factor, _, info = dposv(work.matrix_t, force, overwrite_a=True, overwrite_b=True)
+            if info != 0:
+                return False
         for _ in range(3):  # the second and third are refinements, for states with large accelerations
-            force.dot(scaled, out=x)
-            x += self._base
-            p.rows.dot(x, out=values)
-            short = np.subtract(self._hard_target, values[:n_eq], out=self._error)
-            if not n_eq or (short[short.argmax()] <= tolerance and short[short.argmin()] >= -tolerance):
-                self._force = force
+            self._x = x = work.shares.dot(work.scaled)
+            self._values = values = p.rows.dot(x)
+            if not n_eq:
                 return True
-            error = target - rows.dot(x)
-            error[n_eq:m] -= force[n_eq:m] * self._soft_inverse
-            force = force + dpotrs(factor, error)[0]
+            short = np.subtract(self._hard_target, values[:n_eq], out=self._error)
+            if short[short.argmax()] <= self._tolerance and short[short.argmin()] >= -self._tolerance:
+                return True
+            error = target - x.dot(rows_t)
+            error[n_eq : self._n_linear] -= force[n_eq : self._n_linear] * self._soft_inverse
+            force += dpotrs(factor, error)[0]
         return False
 
     def _check(self) -> bool | None:
@@ -139,7 +171,7 @@ class ActiveSet:
         violated = not (largest(excess) <= tolerance and largest(shortfall) <= tolerance)
         if not active.size:
             if not violated:
-                self.multipliers.fill(0.0)
+                self.multipliers = self._no_multipliers
                 return False
             kept, kept_side = active, self._upper_side
         else:
@@ -148,7 +180,7 @@ class ActiveSet:
             wrong = forces < 0.0
             wrong &= p.upper[active] - p.lower[active] > ROUNDING
             if not (violated or wrong.any()):
-                self.multipliers.fill(0.0)
+                self.multipliers = np.zeros(p.lower.size)
                 self.multipliers[active] = -force
                 return False
             kept, kept_side = active[~wrong], self._upper_side[~wrong]

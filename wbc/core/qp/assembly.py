@@ -445,7 +445,7 @@ class Assembly:
     @property
     def n_residuals(self) -> int:
         """Number of residuals: rows of the problem, then selections."""
-        return self.problem.rows.shape[0] + self._selected_target.size
+        return int(self.problem.rows.shape[0] + self._selected_target.size)
 
     def residuals(self, x: Array, values: Array) -> Array:
         """Return achieved minus reference, for all rows of the problem, then for all selections; a new array.

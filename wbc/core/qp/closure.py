@@ -90,6 +90,8 @@ class LoopClosure(Contact):
         )
         critical = self._critical
         self.dim, self.directions = len(directions), directions
+        self._lines = np.ascontiguousarray(directions[:, :3])
+        self._spins = np.ascontiguousarray(directions[:, 3:])
         self._rows, self.cone = Rows.zeros(self.dim), np.zeros((0, self.dim))
         if self.dim:
             self.stiffness, self.rate, self.wrench_weight = stiffness, rate, weight
@@ -117,30 +119,41 @@ class LoopClosure(Contact):
         Rᵀ (v₂ − v₁ − ω₁ × r): the velocity of the second point against the first body, so that the two forces are
         opposite at one point and give the robot no momentum, closed or not.
         """
+        self.first_order(jacobian, error)
         model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
-        ends = self._id, self._other_id
-        turn, reach = self._placement.rotation.T, self._there.translation - self._placement.translation
-        one, two = (pin.getFrameJacobian(model, data, end, world) for end in ends)
+        ends, (turn, turn_spin) = (self._id, self._other_id), self._turns()
         (v1, w1), (v2, w2) = (_parts(pin.getFrameVelocity(model, data, end, world)) for end in ends)
         (a1, b1), (a2, b2) = (
             _parts(pin.getFrameClassicalAcceleration(model, data, end, world)) for end in ends
         )
-        lever = pin.skew(reach)
-        spin = pin.skew(w1)
-        carried = spin.dot(reach)
-        rows = np.empty((len(self.directions[0]), model.nv))
-        rows[:3] = turn.dot(one[:3] - lever.dot(one[3:]) - two[:3])
-        off, bend = np.empty(len(rows)), np.empty(len(rows))
-        off[:3] = turn.dot(reach)
+        reach = self._there.translation - self._placement.translation
         # (a₁ + α₁ × r + ω₁ × (ω₁ × r)) − a₂ + 2 ω₁ × (v₂ − v₁ − ω₁ × r)
-        bend[:3] = turn.dot(a1 - a2 - lever.dot(b1) + spin.dot(2.0 * (v2 - v1) - carried))
-        if self.rotation:
-            rows[3:] = turn.dot(one[3:] - two[3:])
-            off[3:] = pin.log3(turn.dot(self._there.rotation))
-            bend[3:] = turn.dot(b1 - b2 + spin.dot(w2))
-        jacobian[:] = self.directions.dot(rows)
-        error[:] = self.directions.dot(off)
-        drift[:] = self.directions.dot(bend)
+        spin = pin.skew(w1)
+        bend = a1 - a2 - pin.skew(reach).dot(b1) + spin.dot(2.0 * (v2 - v1) - spin.dot(reach))
+        np.dot(turn, bend, out=drift)
+        if turn_spin is not None:
+            drift += turn_spin.dot(b1 - b2 + spin.dot(w2))
+
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift; see `Contact.first_order`."""
+        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
+        turn, turn_spin = self._turns()
+        reach = self._there.translation - self._placement.translation
+        one = pin.getFrameJacobian(model, data, self._id, world)
+        two = pin.getFrameJacobian(model, data, self._other_id, world)
+        np.dot(turn, reach, out=error)
+        lever = turn.dot(pin.skew(reach))
+        if turn_spin is None:
+            jacobian[:] = turn.dot(one[:3] - two[:3]) - lever.dot(one[3:])
+            return
+        apart = self._placement.rotation.T.dot(self._there.rotation)
+        error += self._spins.dot(pin.log3(apart))
+        jacobian[:] = turn.dot(one[:3] - two[:3]) + (turn_spin - lever).dot(one[3:]) - turn_spin.dot(two[3:])
+
+    def _turns(self) -> tuple[Array, Array | None]:
+        """Return what takes a linear and an angular vector of the world to the rows, each of shape (dim, 3)."""
+        back = self._placement.rotation.T
+        return self._lines.dot(back), self._spins.dot(back) if self.rotation else None
 
     def full_wrench(self, wrench: Array) -> Array:
         """Return a wrench of the solution, shape (dim,), with all components along the axes of the first frame."""

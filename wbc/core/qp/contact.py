@@ -429,10 +429,13 @@ class _HeldFrame(Contact):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the motion rows in the axes of the frame; see `Contact.evaluate`."""
-        model, data, local = self._model, self._data, self._local
-        jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
+        self.first_order(jacobian, error)
+        drift[:] = pin.getFrameAcceleration(self._model, self._data, self._id, self._local).vector
+
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift; see `Contact.first_order`."""
+        jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._local)
         error[:] = pin.log6(self._placement.actInv(self._target)).vector
-        drift[:] = pin.getFrameAcceleration(model, data, self._id, local).vector
 
 
 class SoleContact(_HeldFrame):
@@ -543,6 +546,13 @@ class SoleContact(_HeldFrame):
                 self.cone[row : row + 2, axis] = [1.0, -1.0]
         self.revision += 1
 
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift; see `Contact.first_order`."""
+        if self._torsion is None:
+            super().first_order(jacobian, error)
+        else:
+            self.evaluate(jacobian, error, self._rows.drift)
+
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the motion rows in the axes of the contact; see `Contact.evaluate`."""
         if self._torsion is None:
@@ -632,10 +642,16 @@ class PointContact(Contact):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the motion rows in the contact frame; see `Contact.evaluate`."""
-        model, data, world, turn = self._model, self._data, pin.LOCAL_WORLD_ALIGNED, self._world_to_contact
-        jacobian[:] = turn.dot(pin.getFrameJacobian(model, data, self._id, world)[:3])
+        self.first_order(jacobian, error)
+        motion = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)
+        drift[:] = self._world_to_contact.dot(motion.linear)
+
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift; see `Contact.first_order`."""
+        rows = pin.getFrameJacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)[:3]
+        turn = self._world_to_contact
+        jacobian[:] = turn.dot(rows)
         np.dot(turn, self._target.translation - self._placement.translation, out=error)
-        drift[:] = turn.dot(pin.getFrameClassicalAcceleration(model, data, self._id, world).linear)
 
 
 class FixedContact(_HeldFrame):

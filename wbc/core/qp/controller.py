@@ -146,12 +146,12 @@ class Controller(Items):
         solved = perf_counter()
         last = self._solution
         if status.ok:
-            x = solver.x.copy()
+            x = solver.x
             self._torques = torques = solver.values[assembly.torque_rows] + assembly.problem.torque_bias
             if self.robot.passive.size:  # zero up to the solver's tolerance
                 torques[self.robot.passive] = 0.0
             residual = assembly.residuals(x, solver.values)
-            multipliers = solver.multipliers.copy()
+            multipliers = solver.multipliers
         else:
             x = self._variables_of(last)
             torques = assembly.problem.torque_bias.copy() if last is None else last.torques

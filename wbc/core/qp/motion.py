@@ -62,7 +62,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     Attributes:
         name: Name in status tables and solutions, unique within a controller.
         dim: Number of rows.
-        revision: Number that changes with the gains.
+        revision: Number that changes with gains, weights and bounds.
     """
 
     __slots__ = ("_critical", "_owner", "_robot", "_rows", "name", "revision")
@@ -105,6 +105,17 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         Who overrides it calls `super().bind(robot)` first.
         """
         self._robot = robot
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows from the present state of the robot; see `Task.evaluate` and `Contact.evaluate`."""
+        raise NotImplementedError
+
+    def first_order(self, jacobian: Array, error: Array) -> None:
+        """Fill the rows without the drift, for inverse kinematics: a class overrides it beside `evaluate` to save time.
+
+        Where a class below has another `evaluate`, that one counts.
+        """
+        self.evaluate(jacobian, error, self._rows.drift)
 
     @property
     def stiffness(self) -> Array:
@@ -160,3 +171,13 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
             rule = "above zero" if above_zero else "≥ 0" if most == np.inf else f"from 0 to {most:g}"
             raise InputError(f"{what} of {self._kind} '{self.name}' must be {rule}, got {gain}")
         return gain
+
+
+def has_first_order(motion: Motion) -> bool:
+    """Return true where `first_order` is made beside the `evaluate` that counts, or below it."""
+    for kind in type(motion).__mro__:
+        if "first_order" in vars(kind):
+            return kind is not Motion
+        if "evaluate" in vars(kind):
+            return False
+    return False

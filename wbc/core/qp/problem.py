@@ -29,6 +29,7 @@ class Problem:
         soft_weight: Weights of the soft rows, shape (n_soft,), ≥ 0.
         diagonal: Shape (n,), ≥ 0.
         linear: Shape (n,).
+        linear_and_rows: View of `linear` and, below it, equalities and soft rows, shape (1 + n_eq + n_soft, n).
         torque_bias: Part of the joint torques that does not depend on x, shape (na,): bias forces less outside forces.
         n_physics: Number of equalities, the first ones, that nothing may relax; all of them unless set otherwise.
         empty: Mask of equalities that are 0 = 0, shape (n_eq,): held in reserve, to keep the size fixed; None when
@@ -44,7 +45,10 @@ class Problem:
     def __init__(self, nv: int, na: int, n: int, n_eq: int, n_soft: int, n_in: int) -> None:
         """Allocate a problem of n variables; see the attributes."""
         self.nv, self.na, self.n_eq, self.n_soft = nv, na, n_eq, n_soft
-        self.rows = np.zeros((n_eq + n_soft + n_in, n))
+        everything: Array = np.zeros((1 + n_eq + n_soft + n_in, n))
+        self.linear: Array = everything[0]
+        self.rows: Array = everything[1:]
+        self.linear_and_rows: Array = everything[: 1 + n_eq + n_soft]
         self.equality = self.rows[:n_eq]
         self.soft = self.rows[n_eq : n_eq + n_soft]
         self.inequality = self.rows[n_eq + n_soft :]
@@ -52,7 +56,7 @@ class Problem:
         self.n_physics = n_eq
         self.empty: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None
         self.soft_weight = np.zeros(n_soft)
-        self.diagonal, self.linear, self.torque_bias = np.zeros(n), np.zeros(n), np.zeros(na)
+        self.diagonal, self.torque_bias = np.zeros(n), np.zeros(na)
         self.lower, self.upper = np.full(n_in, -np.inf), np.full(n_in, np.inf)
         self.contacts: dict[str, slice] = {}
         self.loaded: dict[str, bool] = {}

@@ -111,7 +111,6 @@ class QpSolver:
     """Solver of one QP whose numbers change from tick to tick; see the module for the ladder.
 
     Attributes:
-        multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
         iterations: Iterations of the solver that succeeded, or of the last one that failed.
         counts: Number of ticks that each step of the ladder has solved.
     """
@@ -123,7 +122,6 @@ class QpSolver:
         self._fast = ActiveSet(problem, self.settings.tolerance, CORRECTIONS)
         self._guess = np.zeros(problem.lower.size)  # multipliers
         self._exact = False  # the last solution is the active set's, and not in the guess yet
-        self.multipliers = self._fast.multipliers
         self.iterations = 0
         rescues = ("DAQP without a guess", "badly scaled", "relaxed", "other", "failed")
         self.counts = dict.fromkeys(("active set", "DAQP", "ProxQP", *rescues), 0)
@@ -134,13 +132,18 @@ class QpSolver:
 
     @property
     def x(self) -> Array:
-        """Solution of the last `solve`, shape (n,); overwritten by one of the next."""
+        """Solution of the last `solve`, shape (n,); no later one writes into it."""
         return self._fast.x
 
     @property
     def values(self) -> Array:
-        """All rows of the problem times `x`; overwritten by one of the next solves."""
+        """All rows of the problem times `x`; no later solve writes into them."""
         return self._fast.values
+
+    @property
+    def multipliers(self) -> Array:
+        """Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active; as `x`."""
+        return self._fast.multipliers
 
     def solve(self) -> Status:
         """Solve, and store the results. Nothing is raised: the status tells of failures."""
@@ -189,7 +192,7 @@ class QpSolver:
         results = qp.results
         self.iterations = int(results.info.iter)
         solved = results.info.status == proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED
-        if not (solved and self._accept(results.x, results.z)):
+        if not (solved and self._accept(np.array(results.x), np.array(results.z))):
             return False
         self._guess[:] = results.z
         self._finish(hessian, gradient)
@@ -258,12 +261,12 @@ class QpSolver:
     def _cut_off(self) -> None:
         """Round a solution that nothing confirms and whose last digits differ between runs, if it stays acceptable."""
         quantum = 0.1 * self.settings.residual_tolerance
-        x = quantum * np.rint(self.x / quantum)
+        fast, x = self._fast, quantum * np.rint(self.x / quantum)
         values = np.dot(self.problem.rows, x)
         if self._room(values, self.problem.n_eq) is not None:
-            self.x[:], self.values[:] = x, values
-        self.multipliers[:] = _cut(self.multipliers)
-        self._guess[:] = self.multipliers
+            fast.x, fast.values = x, values
+        fast.multipliers = _cut(self.multipliers)
+        self._guess[:] = fast.multipliers
 
     def _polish(self) -> bool:
         """Solve again from the active set of the accepted solution; return False, with nothing changed, on failure."""
@@ -289,7 +292,8 @@ class QpSolver:
             distance = np.minimum(np.where(force > 0.0, above[active], below[active]), 1e3)
             if not largest(np.abs(force) * distance) <= COMPLEMENTARITY:
                 return False
-        self.x[:], self.values[:], self.multipliers[:] = x, values, z
+        fast = self._fast
+        fast.x, fast.values, fast.multipliers = x, values, z
         return True
 
     def _room(self, values: Array, n_eq: int) -> tuple[Array, Array] | None:

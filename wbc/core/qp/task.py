@@ -14,7 +14,7 @@ target out of reach pulls no harder the further away it is.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, TypedDict, Unpack
 
 import numpy as np
@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.base.errors import InputError, WbcError, shown, unknown_name
 from wbc.base.numbers import Array, whole_number
 from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
-from wbc.core.qp.motion import RATE, Rows, read_only
+from wbc.core.qp.motion import RATE, Rows, has_first_order, read_only
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.target import Targeted
 from wbc.core.robot import Reads, Robot
@@ -178,7 +178,12 @@ class Task(Targeted):
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
-        self._rows.weight[:] = self._checked_gain("weight", value)
+        self._weigh(self._checked_gain("weight", value))
+
+    def _weigh(self, weight: Array) -> None:
+        """Take a weight over, scalar or shape (dim,)."""
+        self._rows.weight[:] = weight
+        self.revision += 1
         self.idle = not (self._hard or self._rows.weight.any())
 
     @property
@@ -198,6 +203,7 @@ class Task(Targeted):
         if not (bound > 0.0).all():
             raise InputError(f"{what} must be above zero, got {shown(value)}")
         self._rows.bound[:] = bound
+        self.revision += 1
 
     def _usual_bound(self) -> ArrayLike:
         """Bound of the error of a task that is given none, `unit`, scalar or shape (dim,)."""
@@ -311,6 +317,11 @@ class Task(Targeted):
             self._leave_out(self._spared, jacobian, drift)
         if self._unused is not None:
             self._leave_out(self._unused, jacobian, drift)
+
+    def quick(self) -> Callable[[Array, Array], None] | None:
+        """Return what fills Jacobian and error alone, for inverse kinematics; None where `fill` has to."""
+        direct = self._full is None and self._unused is None and has_first_order(self)
+        return self.first_order if direct else None
 
     def _leave_out(self, coordinates: NDArray[np.intp], jacobian: Array, drift: Array) -> None:
         """Take coordinates out of the task; their velocities are damped as those of the others."""
