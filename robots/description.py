@@ -20,7 +20,7 @@ from wbc.base.settings import Positive
 from wbc.core.drive.servos import Servos
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
 from wbc.core.robot import Closure, Coupling, Robot, Sole, driven_names, joints_to
-from wbc.robots import frames, urdf
+from wbc.robots import frames, moving, urdf
 from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
@@ -290,9 +290,26 @@ class RobotDescription:
             )
             raise InputError(f"{what} needs two feet, robot '{self.name}' is described without: {hint}")
 
-    def urdf_without_geometry(self) -> str:
-        """Return the URDF without visuals, collisions and meshes: the same kinematics and inertias."""
-        return urdf.without_geometry(self.urdf)
+    @checked
+    def urdf_without_geometry(self, *, moving_links: bool = False, rotors: bool = False) -> str:
+        """Return the URDF without visuals, collisions and meshes: the same kinematics and inertias.
+
+        Args:
+            moving_links: Merge links that are fixed to another one into it, so that each link has a joint and an
+                inertia, in its principal axes. Some engines give a link without inertia 1 kg, others take a matrix of
+                inertia for its diagonal.
+            rotors: For engines without rotor inertia: add that of each joint to the moving link behind it, as a thin
+                disc about the axis of the joint. Only with `moving_links`.
+
+        Raises:
+            InputError: `rotors` without `moving_links`, or of a robot with joints that slide.
+        """
+        if rotors and not moving_links:
+            raise InputError("rotors become a part of moving links: give moving_links=True as well")
+        if not moving_links:
+            return urdf.without_geometry(self.urdf)
+        inertias = self.armature if rotors else {}
+        return moving.moving_links(self.urdf, self.name, self.base == "fixed", inertias)
 
     def collision_shapes(self) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
         """Return link → spheres and capsules for `CollisionLimit`, of its collision geometry, or of what is seen.

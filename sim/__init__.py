@@ -6,6 +6,7 @@ Many trials, their journals and tables are in `wbc.sim.studies`. A new experimen
 
 from wbc.sim.balance.standing import stand
 from wbc.sim.balance.tracking import TrackSpec, track_motion
+from wbc.sim.loop.engine import EngineContacts, EngineLoop, EnginePush
 from wbc.sim.loop.mujoco_loop import MujocoLoop
 from wbc.sim.loop.server import RobotServer
 from wbc.sim.loop.shared import SharedPlant
@@ -23,6 +24,7 @@ from wbc.sim.terrain.families.solids import dome
 from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import Trial, TrialHook
+from wbc.sim.trial.loops import TrialLoop, register_loop
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
@@ -42,6 +44,10 @@ __all__ = [
     # A MuJoCo model of one's own
     "MujocoLoop",
     "RobotServer",
+    # A physics engine of one's own
+    "EngineContacts",
+    "EngineLoop",
+    "EnginePush",
     # Several robots in one simulation
     "SharedPlant",
     # Plant: sensor errors
@@ -54,6 +60,8 @@ __all__ = [
     # The loop of all simulations
     "Trial",
     "TrialHook",
+    "TrialLoop",
+    "register_loop",
     # Walks: spec in, result out
     "WalkPlan",
     "WalkPush",

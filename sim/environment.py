@@ -170,8 +170,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     def _progress(self) -> float:
         """Return the place of the true feet along x, m."""
         assert self.trial is not None
-        plant = self.trial.plant
-        return float(plant.data.site_xpos[list(plant.sole_sites), 0].mean())
+        return float(np.mean([self.trial.plant.sole_pose(side)[0][0] for side in (0, 1)]))
 
     def _over_feet(self) -> Array:
         """Return the estimated CoM from the middle of the feet, shape (3,), m."""

@@ -190,7 +190,8 @@ class _TrackMeter(TrialHook):
         felt = truth.sole_wrench if self._felt is None else self._felt
         self.joints.append(truth.q[7:] - source.configurations[i, 7:])
         self.com.append(truth.com[:2] - source.motion[i].pendulum.com[:2])
-        for side, place in enumerate(plant.data.site_xpos[list(plant.sole_sites)]):
+        for side in range(len(self._anchors)):
+            place = plant.sole_pose(side)[0]
             if felt[side, 2] < LOADED * self._weight:
                 self._anchors[side] = None
                 continue

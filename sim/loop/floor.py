@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.robot import Robot
@@ -52,6 +53,18 @@ def floor_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData) -> Array
             return None
         heights.append(found)
     return np.array(heights)
+
+
+def lowest_sole_point(robot: Robot, q: Array) -> float:
+    """Return the height of the lowest corner of the soles of a robot in a configuration, shape (nq,), m."""
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    heights = []
+    for sole in robot.soles:
+        place = data.oMf[robot.frame_id(sole.frame)]
+        along, across = 0.5 * sole.length * place.rotation[2, 0], 0.5 * sole.width * place.rotation[2, 1]
+        heights.append(float(place.translation[2]) - abs(float(along)) - abs(float(across)))
+    return min(heights)
 
 
 def _feet(places: RobotPlaces) -> tuple[list[int], set[int]]:

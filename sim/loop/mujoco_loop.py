@@ -29,10 +29,10 @@ from wbc.robots.readers.forces_mjcf import unmodelled
 from wbc.robots.registry import as_description
 from wbc.robots.report import UNMODELLED, listed
 from wbc.sim.loop.actuators import JointActuators
-from wbc.sim.loop.floor import UNEVEN, floor_under
+from wbc.sim.loop.floor import UNEVEN, floor_under, lowest_sole_point
 from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.places import RobotPlaces
-from wbc.sim.plant.robot import SimulatedRobot, advance
+from wbc.sim.plant.robot import SimulatedRobot, advance, check_period
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, Step, steps_per_tick
 from wbc.sim.plant.signals import Imu
@@ -200,6 +200,17 @@ class MujocoLoop(SimulatedRobot):
         self.actuators.begin(self.data)
         self._at_work = self.hold()
 
+    @property
+    def joint_torque(self) -> Array:
+        """Torques of the drives in the physics step that ended now, a new array of shape (na,), Nm."""
+        return self._drive_torque(self.data)
+
+    def on_ground(self, configuration: ArrayLike) -> Array:
+        """Return a configuration, shape (nq,), moved up or down until its lowest sole touches the floor."""
+        q = checked_configuration("configuration", configuration, self.robot.nq)
+        q[2] += self._ground - lowest_sole_point(self.robot, q)
+        return q
+
     def hold(self) -> Command:
         """Return a command that holds the present joint positions with the servos."""
         zero = np.zeros(self.robot.na)
@@ -342,7 +353,7 @@ def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> N
     """Advance robots in one simulation, loops of one model, data and period, by it, each under its command."""
     for loop, command in zip(loops, commands, strict=True):
         loop.actuators.check(command)
-        loop._check_period(command)
+        check_period(command, loop.control_period)
     for loop, command in zip(loops, commands, strict=True):
         loop._take(command)
     advance(loops)

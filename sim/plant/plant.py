@@ -39,7 +39,7 @@ from wbc.sim.plant.hands import HandSensor, check_clear
 from wbc.sim.plant.model import build_model, furniture
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.pushes import Loads
-from wbc.sim.plant.robot import DivergedError, SimulatedRobot, advance
+from wbc.sim.plant.robot import DivergedError, SimulatedRobot, advance, check_period
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings, Step, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import Imu
@@ -265,10 +265,10 @@ class Plant(SimulatedRobot):
         q[2] += lift - INITIAL_PRESS
         return q
 
-    @property
-    def joint_velocity(self) -> Array:
-        """True velocities of the actuated joints now, shape (na,), rad/s."""
-        return np.asarray(self.data.qvel[self.places.joint_dof])
+    def sole_pose(self, side: int) -> tuple[Array, Array]:
+        """See `SimulatedRobot`."""
+        site = self.sole_sites[side]
+        return self.data.site_xpos[site], self.data.site_xmat[site].reshape(3, 3)
 
     def _foot_readings(self) -> tuple[Array, Array]:
         return self._late_feet[0] if self._late_feet else self._feet_now()
@@ -293,7 +293,7 @@ class Plant(SimulatedRobot):
         if self.diverged is not None:
             raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
         self._drives.read(command)
-        self._check_period(command)
+        check_period(command, self.control_period)
         self._devices.check(command.sole_stiffness)
         if self._devices.advance(command.sole_stiffness, self.control_period):
             self._refresh()  # the springs' forces belong to the half of the coming step that is done already

@@ -121,6 +121,24 @@ class SimulatedRobot(ABC):
         """Height of the true centre of mass in the world, m: a part of `truth` that costs nothing."""
         return float(self.data.subtree_com[self.places.root, 2])
 
+    @property
+    def base_pose(self) -> tuple[float, ...]:
+        """True place of the base, x, y, z (m), and its quaternion x, y, z, w: a part of `truth` that costs nothing."""
+        start = self.places.base_qpos
+        x, y, z, qw, qx, qy, qz = self.data.qpos[start : start + 7].tolist()
+        return x, y, z, qx, qy, qz, qw
+
+    @property
+    def joint_velocity(self) -> Array:
+        """True velocities of the actuated joints now, shape (na,), rad/s."""
+        return np.asarray(self.data.qvel[self.places.joint_dof])
+
+    def sole_pose(self, side: int) -> tuple[Array, Array]:
+        """Return the true centre, shape (3,), m, and the rotation, shape (3, 3), of a sole, 0 left, 1 right."""
+        places, body = self.places, self.places.feet[side]
+        rotation, sole = self.data.xmat[body].reshape(3, 3), places.soles[side]
+        return self.data.xpos[body] + rotation @ sole.translation, rotation @ sole.rotation
+
     def measure(self) -> Measurement:
         """Return the readings of the sensors now; the same object until the next step.
 
@@ -193,17 +211,6 @@ class SimulatedRobot(ABC):
             )
         return self._truth
 
-    def _check_period(self, command: Command) -> None:
-        """Check that a command is made for the control period, or for a whole number of them."""
-        period, own = command.period, self.control_period
-        if period is None or period == own:
-            return
-        if round(period / own) < 1 or abs(round(period / own) * own - period) > ROUNDING:
-            raise InputError(
-                f"the control is made for a period of {1e3 * period:g} ms, and the simulation advances by "
-                f"{1e3 * own:g} ms: give both the same control_period"
-            )
-
     def _take(self, command: Command) -> None:
         """Take a checked command, which acts from now on, or after the delay of the machine."""
         self._measurement = self._truth = None
@@ -258,6 +265,18 @@ class SimulatedRobot(ABC):
         if names or not finite:
             why = ", ".join(names) or "NaN in the state"
             self.diverged = f"simulation diverged before {self.time:.4f} s ({why})"
+
+
+def check_period(command: Command, own: float) -> None:
+    """Check that a command is made for the control period of a simulation, s, or for a whole number of them."""
+    period = command.period
+    if period is None or period == own:
+        return
+    if round(period / own) < 1 or abs(round(period / own) * own - period) > ROUNDING:
+        raise InputError(
+            f"the control is made for a period of {1e3 * period:g} ms, and the simulation advances by "
+            f"{1e3 * own:g} ms: give both the same control_period"
+        )
 
 
 def advance(robots: Sequence[SimulatedRobot]) -> None:

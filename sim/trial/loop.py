@@ -33,9 +33,9 @@ from wbc.base.errors import InputError, MeasurementError, WbcError
 from wbc.base.numbers import ROUNDING
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
-from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
+from wbc.sim.trial.loops import TrialLoop
 from wbc.sim.trial.threads import one_thread
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan
@@ -60,7 +60,7 @@ class TrialTick:
         command: Command to the drives.
     """
 
-    plant: Plant
+    plant: TrialLoop
     walking: Any
     measurement: Measurement
     command: Command
@@ -116,7 +116,7 @@ class Trial:
     @checked
     def __init__(
         self,
-        plant: Plant,
+        plant: TrialLoop,
         walking: Control,
         limits: BodyLimits | None = None,
         scenario: Sequence[TrialHook] = (),
@@ -165,8 +165,7 @@ class Trial:
 
     def true_fall(self) -> FallReason | None:
         """Return why the robot has fallen in the simulation, whatever the controller's estimate; None if it has not."""
-        w, x, y, z = self.plant.data.qpos[3:7].tolist()
-        return self._falls.reason((x, y, z, w), self.plant.com_height - self.ground)
+        return self._falls.reason(self.plant.base_pose[3:], self.plant.com_height - self.ground)
 
     def find_fall(self) -> FallReason | None:
         """Return why the robot has fallen, by its controller or in truth; None if it has not."""

@@ -18,9 +18,9 @@ from wbc.core.robot import Robot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import RobotDescription, load
 from wbc.sim.plant.feet import with_feet
-from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import Machine, steps_per_tick
+from wbc.sim.trial.loops import PLANT, TrialLoop, trial_loop
 
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
@@ -46,6 +46,7 @@ class TrialSpec:
         timestep: Physics step, s.
         servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as `*knee*=100,2`.
         machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
+        loop: Simulation: plant, a name that `register_loop` has given one's own, or FILE.py:NAME of what makes one.
     """
 
     kind: ClassVar[str] = "trial"
@@ -65,6 +66,7 @@ class TrialSpec:
     timestep: Annotated[Positive, "s"] = 0.001
     servo: tuple[str, ...] = ()
     machine: Machine = field(default_factory=Machine)
+    loop: str = PLANT
 
     def __post_init__(self) -> None:
         description = load(self.robot).with_servos(self.servo)
@@ -73,6 +75,13 @@ class TrialSpec:
         foot_by_name(self.foot)
         NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
+        loop = trial_loop(self.loop)
+        object.__setattr__(self, "loop", loop.name)
+        loop.check(self.machine, self._wanted())
+
+    def _wanted(self) -> dict[str, object]:
+        """Return what the trial wants of its loop beyond a robot on its own soles: option → value."""
+        return {} if self.foot == "flat" else {"foot": self.foot}
 
     def to_json(self) -> dict[str, Any]:
         """Return the spec as plain values, with its kind, and with the control mode that was chosen."""
@@ -112,11 +121,11 @@ class TrialSpec:
 
     def build(
         self, observer: ObserverSettings | None = None, *, visuals: bool = False
-    ) -> tuple[Robot, Plant, Observer]:
-        """Return the controller's robot, the plant, and an observer with some settings that knows the delays."""
+    ) -> tuple[Robot, TrialLoop, Observer]:
+        """Return the controller's robot, the loop, and an observer with some settings that knows the delays."""
         foot = foot_by_name(self.foot)
         description = with_feet(load(self.robot).with_servos(self.servo), foot)
-        plant = Plant(
+        plant: TrialLoop = trial_loop(self.loop).make(
             description,
             foot=foot,
             noise=self.noise,

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.base.numbers import Array, finite_array
-from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import Trial, TrialHook
+from wbc.sim.trial.loops import TrialLoop
 
 GOAL_DISTANCE = 0.5
 """Greatest distance of the middle of the feet from the goal, and from the track on the way, m: beyond, the robot stands
@@ -63,8 +63,7 @@ class Arrival(TrialHook):
         return max(self.error(middle), self.track_error) <= GOAL_DISTANCE and turned <= GOAL_TURN
 
 
-def middle(plant: Plant) -> Array:
+def middle(plant: TrialLoop) -> Array:
     """Return the middle between the true soles, shape (2,), m."""
-    left, right = plant.sole_sites
-    places = plant.data.site_xpos
-    return np.asarray(0.5 * (places[left, :2] + places[right, :2]))
+    left, right = plant.sole_pose(0)[0], plant.sole_pose(1)[0]
+    return np.asarray(0.5 * (left[:2] + right[:2]))

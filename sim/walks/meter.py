@@ -11,8 +11,8 @@ import numpy as np
 from wbc.base.hull import hull_and_area
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
-from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
+from wbc.sim.trial.loops import TrialLoop
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import Event, GaitPhase
@@ -74,7 +74,7 @@ class _Moment(NamedTuple):
 class WalkMeter(TrialHook):
     """The figures of one walk."""
 
-    def __init__(self, plant: Plant, walking: WalkingControl) -> None:
+    def __init__(self, plant: TrialLoop, walking: WalkingControl) -> None:
         """Begin without any tick."""
         self._plant, self._walking = plant, walking
         self._zmp: list[float] = []
@@ -151,7 +151,7 @@ class WalkMeter(TrialHook):
     def _record_stance(self, progress: Progress, dcm_error: list[float] | None) -> None:
         """Record the tilt of the stance sole and the DCM error; its contact area once a step."""
         plant, stance = self._plant, progress.stance
-        rotation = plant.data.site_xmat[plant.sole_sites[stance]].tolist()
+        rotation = plant.sole_pose(stance)[1].ravel().tolist()
         moment = _Moment(
             plant.time,
             progress.steps_done + 1,
@@ -174,9 +174,9 @@ class WalkMeter(TrialHook):
 
     def _contact_area(self, stance: int) -> float:
         """Return the area of the hull of the contacts of a sole, m²."""
-        truth, data, site = self._plant.truth(), self._plant.data, self._plant.sole_sites[stance]
+        truth, (centre, rotation) = self._plant.truth(), self._plant.sole_pose(stance)
         mine = (truth.contact_sole == stance) & (truth.contact_force[:, 2] > MIN_FORCE)
-        points = (truth.contact_position[mine] - data.site_xpos[site]) @ data.site_xmat[site].reshape(3, 3)
+        points = (truth.contact_position[mine] - centre) @ rotation
         return hull_and_area(points[:, :2])[1]
 
     def fall(self, reason: str) -> Fall:

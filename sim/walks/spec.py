@@ -146,6 +146,19 @@ class WalkSpec(TrialSpec):
         found: tuple[str | None, Changes] = self._scheduling  # type: ignore[attr-defined]
         return found
 
+    def _wanted(self) -> dict[str, object]:
+        """See `TrialSpec`."""
+        wanted = super()._wanted()
+        if self.terrain != "flat":
+            wanted["terrain"] = self.terrain
+        if self.scene is not None:
+            wanted["scene"] = self.scene
+        if self.eyes != "none":
+            wanted["eyes"] = self.eyes
+        if changed_physics := [name for name, _ in self.changes if name.partition(".")[0] == "physics"]:
+            wanted["physics"] = changed_physics[0]
+        return wanted
+
     def _usual_period(self) -> float:
         """Return the control period when none is given, s: free steps are decided anew every 2 ms on any drives."""
         free = dict(self.changes).get("step_kind") == "free"

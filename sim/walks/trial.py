@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.trial.falls import BodyLimits
 from wbc.sim.trial.loop import Trial, TrialHook
+from wbc.sim.trial.loops import TrialLoop, trial_loop
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.walks.arrival import Arrival, middle
@@ -124,7 +125,7 @@ class WalkTrial(Trial):
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self.scenario += [self._drive, PushSchedule(spec.pushes)]
         self.meter = WalkMeter(plant, walking)
-        self.sole_meter = None if walking.stiffness is None else StiffnessMeter(plant, walking)
+        self.sole_meter = None if walking.stiffness is None else StiffnessMeter(cast(Plant, plant), walking)
         self.meters += [self.meter] if self.sole_meter is None else [self.meter, self.sole_meter]
         self._origin = middle(plant)
         self._steered = walking.steered
@@ -199,13 +200,12 @@ class WalkTrial(Trial):
 
     def _heading(self) -> float:
         """Return the true heading of the pelvis, rad."""
-        w, i, j, k = self.plant.data.qpos[3:7].tolist()
+        i, j, k, w = self.plant.base_pose[3:]
         return math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
     def _travel(self, arrival: Arrival | None) -> dict[str, Any]:
         """Return the true displacement of the feet, the cost of transport, and the true errors of goal and heading."""
-        q = self.plant.data.qpos
-        if not np.isfinite(q[:7]).all():
+        if not np.isfinite(self.plant.base_pose).all():
             found = dict.fromkeys(("distance", "drift", "yaw_error", "goal_error"), math.nan)
             return found | {"cost_of_transport": None}
         yaw = self.spec.start[2]
@@ -225,10 +225,9 @@ class WalkTrial(Trial):
         }
 
 
-def _ground(plant: Plant) -> float:
+def _ground(plant: TrialLoop) -> float:
     """Return the height of the lower sole, m."""
-    places, (left, right) = plant.data.site_xpos, plant.sole_sites
-    return min(float(places[left, 2]), float(places[right, 2]))
+    return min(float(plant.sole_pose(0)[0][2]), float(plant.sole_pose(1)[0][2]))
 
 
 def _walking(
@@ -254,9 +253,9 @@ def _walking(
     )
 
 
-def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> Plant:
-    """Return the plant, its robot where the controller's robot is."""
-    plant = Plant(
+def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> TrialLoop:
+    """Return the simulation, its robot where the controller's robot is."""
+    plant: TrialLoop = trial_loop(spec.loop).make(
         prepared.plant_description,
         foot=prepared.foot,
         terrain=spec.ground(),

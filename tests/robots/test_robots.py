@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -15,7 +16,7 @@ from wbc.base.errors import InputError, UnknownNameError
 from wbc.core import conventions
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
-from wbc.robots import RobotDescription, load, names, register, registry
+from wbc.robots import RobotDescription, load, names, register, registry, urdf
 from wbc.robots.models import hrp4_class
 from wbc.tasks import CoMTask
 
@@ -38,6 +39,44 @@ def test_pinocchio_and_mujoco_agree(name: str) -> None:
     theirs = mujoco_model(description)
     assert_same_dynamics(description, theirs)
     assert theirs.body_mass.sum() == pytest.approx(description.robot().mass, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", (*BUILT_IN, "go1", "panda"))
+def test_moving_links_are_the_same_robot_with_a_joint_and_an_inertia_each(name: str) -> None:
+    description = load(name)
+    xml = description.urdf_without_geometry(moving_links=True)
+    fixed = description.base == "fixed"
+    own, theirs = description.pinocchio_model(), urdf.pinocchio_model(xml, name, fixed)
+    assert list(own.names) == list(theirs.names)
+    rng = np.random.default_rng(3)
+    q, v = pin.integrate(own, pin.neutral(own), rng.normal(size=own.nv)), rng.normal(size=own.nv)
+    forces = [pin.nonLinearEffects(model, model.createData(), q, v) for model in (own, theirs)]
+    np.testing.assert_allclose(*forces, atol=1e-9)
+    root = ElementTree.fromstring(xml)
+    links = [str(link.get("name")) for link in root.findall("link")]
+    moved = [joint.find("child").get("link") for joint in root.findall("joint")]  # type: ignore[union-attr]
+    assert len(links) == len(moved) + 1 and len(root.findall("link/inertial")) == len(links)
+    assert not root.findall("joint[@type='fixed']")
+    for sole in description.soles:
+        assert description.attachment(sole.frame)[0] in links
+
+
+def test_rotors_of_engines_without_them_are_discs_of_the_links_behind_the_joints() -> None:
+    description = load("g1")
+    xml = description.urdf_without_geometry(moving_links=True, rotors=True)
+    own, theirs = description.pinocchio_model(), urdf.pinocchio_model(xml, "g1")
+    own.armature[:] = theirs.armature[:] = 0.0
+    q = description.robot().half_sitting
+    masses = [np.diag(pin.crba(model, model.createData(), q)) for model in (own, theirs)]
+    more = (masses[1] - masses[0])[6:]
+    assert (more > description.armature_array - 1e-12).all()
+    for last in ("left_ankle_roll_joint", "right_wrist_yaw_joint"):
+        i = description.joint_names.index(last)
+        assert more[i] == pytest.approx(description.armature_array[i])
+    with pytest.raises(InputError, match="moving_links=True"):
+        description.urdf_without_geometry(rotors=True)
+    with pytest.raises(InputError, match="slides"):
+        load("panda").urdf_without_geometry(moving_links=True, rotors=True)
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

@@ -30,8 +30,8 @@ from wbc.sim.trial.loop import TrialHook
 from wbc.tasks.behaviours import Program
 
 if TYPE_CHECKING:
-    from wbc.sim import MujocoLoop
     from wbc.sim.trial.loop import TrialTick
+    from wbc.sim.trial.loops import TrialLoop
     from wbc.sim.walks.result import WalkResult
     from wbc.sim.walks.trial import WalkTrial
 
@@ -88,7 +88,7 @@ class Recorder(TrialHook):
 
     def __call__(
         self,
-        plant: Plant | MujocoLoop | None,
+        plant: TrialLoop | None,
         control: Control | Program,
         measurement: Measurement,
         command: Command,

@@ -16,8 +16,8 @@ from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
-from wbc.sim import MujocoLoop, Plant
 from wbc.sim.plant.truth import GroundTruth
+from wbc.sim.trial.loops import TrialLoop
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.control import WalkingControl
@@ -53,7 +53,7 @@ class Tick:
         output: Output of the stabilizer to that reference.
     """
 
-    plant: Plant | MujocoLoop | None
+    plant: TrialLoop | None
     control: Control | None
     measurement: Measurement
     command: Command

@@ -36,6 +36,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
     from wbc.sim.plant.robot import SimulatedRobot
+    from wbc.sim.trial.loops import TrialLoop
     from wbc.walking.control import WalkingControl
 
 _log = logging.getLogger(__name__)
@@ -91,7 +92,7 @@ class LiveControls:
 
     def __init__(
         self,
-        plant: SimulatedRobot | None,
+        plant: SimulatedRobot | TrialLoop | None,
         walking: WalkingControl | None,
         controller: Controller | None = None,
         *,

@@ -8,6 +8,8 @@ from wbc.app.view.base import View
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.base.checked import checked
 from wbc.base.settings import NonNegative, Positive
+from wbc.robots import RobotDescription
+from wbc.sim.plant.robot import SimulatedRobot
 from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:
@@ -57,14 +59,21 @@ class WatchWalk(TrialHook):
 
     def open(self, trial: Trial) -> None:
         """Show a trial; `start` does so, too, but a caller may want to know earlier that the port is free."""
+        source: SimulatedRobot | RobotDescription
+        source, walking = (
+            trial.plant.description,
+            None,
+        )  # of a loop without a model of MuJoCo's the robot alone is shown
+        if isinstance(trial.plant, SimulatedRobot):
+            source, walking = trial.plant, trial.walking
         if not self._workbench:
-            self.view = MeshcatView(trial.plant, trial.walking, **self._options)
+            self.view = MeshcatView(source, walking, **self._options)
         elif self.bench is not None and not self.bench.closed:
-            self.bench.show(trial.plant, trial.walking)
+            self.bench.show(source, walking)
         else:
             from wbc.app.view.workbench import Workbench  # noqa: PLC0415 - needs an extra
 
-            self.view = Workbench(trial.plant, trial.walking, **self._options)
+            self.view = Workbench(source, walking, **self._options)
 
     def start(self, trial: Trial) -> None:
         """See `TrialHook`."""
@@ -75,8 +84,12 @@ class WatchWalk(TrialHook):
 
     def tick(self, tick: TrialTick) -> None:
         """See `TrialHook`."""
-        if self.view is not None:
+        if self.view is None:
+            return
+        if isinstance(tick.plant, SimulatedRobot):
             self.view.update()
+        else:
+            self.view.update(tick.plant.truth().q, measurement=tick.measurement)
 
     def end(self, result: object) -> None:
         """See `TrialHook`."""

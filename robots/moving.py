@@ -1,0 +1,106 @@
+"""URDF of the moving links of a robot alone, for physics engines that read a URDF in their own way."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.robots import frames, urdf
+
+Element = ElementTree.Element
+
+
+def moving_links(xml: str, name: str, fixed: bool, rotors: Mapping[str, float]) -> str:
+    """Return a URDF of links that move, with inertias and joints alone.
+
+    Links that are fixed to another one are merged into it. Every link has an inertia, which is given in its principal
+    axes: some engines take a link without one for 1 kg, others read the diagonal alone.
+
+    Args:
+        xml: A tidied URDF.
+        name: Name of the robot.
+        fixed: True for a robot that is bolted to the world.
+        rotors: Joint → inertia of its rotor, kg m², that becomes a thin disc of the link behind the joint; empty for
+            an engine that knows rotors.
+
+    Raises:
+        InputError: A rotor of a joint that slides.
+    """
+    root = ElementTree.fromstring(xml)
+    coupled = urdf.couplings(root)
+    for joint in urdf.joints(root, urdf.MOVING).values():
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+    model = urdf.pinocchio_model(urdf.to_string(root), name, fixed)
+    data, neutral = model.createData(), pin.neutral(model)
+    first = 0 if fixed else 1  # the joint of the root link
+    links = {joint: frames.carrier_link(model, joint) for joint in range(first, model.njoints)}
+    robot = Element("robot", name=name)
+    for number, link in links.items():
+        inertia = model.inertias[number]
+        if number == first:
+            robot.append(_link(link, inertia.mass, inertia.lever, inertia.inertia))
+            continue
+        own, limits = str(model.names[number]), model.idx_qs[number]
+        kind = model.joints[number]
+        kind.calc(data.joints[number], neutral[limits : limits + 1])
+        subspace = np.ravel(data.joints[number].S)
+        slides = not subspace[3:].any()
+        axis = subspace[:3] if slides else subspace[3:]
+        about = np.array(inertia.inertia)
+        if rotor := rotors.get(own, 0.0):
+            if slides:
+                raise InputError(
+                    f"the rotor of joint '{own}', which slides, is no disc of a link: take its armature out"
+                )
+            about += rotor * 0.5 * (np.eye(3) + np.outer(axis, axis))
+        robot.append(_link(link, inertia.mass, inertia.lever, about))
+        low, high = float(model.lowerPositionLimit[limits]), float(model.upperPositionLimit[limits])
+        endless = not np.isfinite([low, high]).all()
+        element = ElementTree.SubElement(
+            robot, "joint", name=own, type="prismatic" if slides else "continuous" if endless else "revolute"
+        )
+        place = model.jointPlacements[number]
+        _origin(element, place.translation, place.rotation)
+        ElementTree.SubElement(element, "parent", link=links[model.parents[number]])
+        ElementTree.SubElement(element, "child", link=link)
+        ElementTree.SubElement(element, "axis", xyz=_text(axis))
+        speed = model.idx_vs[number]
+        most = {"effort": model.upperEffortLimit[speed], "velocity": model.upperVelocityLimit[speed]}
+        bounds = {} if endless else {"lower": repr(low), "upper": repr(high)}
+        ElementTree.SubElement(
+            element, "limit", {**bounds, **{key: repr(float(value)) for key, value in most.items()}}
+        )
+        if own in coupled:
+            urdf.couple(element, coupled[own])
+    ElementTree.indent(robot)  # some engines read lines of limited length
+    return urdf.to_string(robot)
+
+
+def _link(name: str, mass: float, lever: Array, inertia: Array) -> Element:
+    """Return a link with its mass (kg), centre of mass (m) and inertia about it (kg m²), both in its frame."""
+    link = Element("link", name=name)
+    sizes, axes = np.linalg.eigh(inertia)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    inertial = ElementTree.SubElement(link, "inertial")
+    _origin(inertial, lever, axes)
+    ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))
+    moments = zip(("ixx", "iyy", "izz"), sizes.tolist(), strict=True)
+    products = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    ElementTree.SubElement(inertial, "inertia", {**{key: repr(size) for key, size in moments}, **products})
+    return link
+
+
+def _origin(element: Element, place: Array, rotation: Array) -> None:
+    ElementTree.SubElement(
+        element, "origin", xyz=_text(place), rpy=_text(pin.rpy.matrixToRpy(np.asarray(rotation)))
+    )
+
+
+def _text(values: Array) -> str:
+    return " ".join(repr(float(value)) for value in values)

@@ -1,0 +1,259 @@
+"""Loops by name: the simulation in which a trial runs, MuJoCo's plant or one of somebody else.
+
+    register_loop("dart", DartLoop)
+    walk(robot="g1", law="stepping", loop="dart")
+    walk(robot="g1", law="stepping", loop="other_engine.py:DartLoop")
+
+A spec names its loop by text, so that it can be written down and run in another process. A name that is registered in a
+program is known to the processes that this program starts; a file, or an entry point of the group "wbc.loops" in a
+package, is known to all.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Protocol
+
+from numpy.typing import ArrayLike
+
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, WbcError, shown
+from wbc.base.files import file_hash
+from wbc.base.numbers import Array
+from wbc.base.registry import Registry
+from wbc.core.robot import Robot
+from wbc.core.signals import Command, Measurement
+from wbc.ground import PointCloud
+from wbc.robots import RobotDescription
+from wbc.sim.plant.plant import Plant
+from wbc.sim.plant.settings import Machine
+from wbc.sim.plant.truth import GroundTruth
+
+PLANT = "plant"
+"""Name of `wbc.Plant`, the loop of trials that name none."""
+
+NEEDED = ("control_period", "timestep", "noise", "seed", "machine")
+"""Options that every loop must take."""
+
+HASH_LENGTH = 12
+"""Hex digits of the hash of a file in the name of a loop."""
+
+
+class TrialLoop(Protocol):
+    """A loop in which trials run: `wbc.Plant`, a `wbc.sim.MujocoLoop`, an `EngineLoop`, or one with these members.
+
+    Attributes:
+        description: The robot as data; `robot` is its model.
+        control_period: Time that `step` advances, s.
+        diverged: Reason of a divergence of the simulation; None as a rule.
+    """
+
+    description: RobotDescription
+    robot: Robot
+    control_period: float
+    diverged: str | None
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+
+    @property
+    def com_height(self) -> float:
+        """Height of the true centre of mass, m."""
+
+    @property
+    def base_pose(self) -> tuple[float, ...]:
+        """True place of the base, x, y, z (m), and its quaternion x, y, z, w."""
+
+    @property
+    def joint_torque(self) -> Array:
+        """Torques of the drives in the physics step that ended now, shape (na,), Nm."""
+
+    @property
+    def joint_velocity(self) -> Array:
+        """True velocities of the actuated joints now, shape (na,), rad/s."""
+
+    def sole_pose(self, side: int) -> tuple[Array, Array]:
+        """Return the true centre, shape (3,), m, and the rotation, shape (3, 3), of a sole, 0 left, 1 right."""
+
+    def measure(self) -> Measurement:
+        """Return the readings of the sensors now."""
+
+    def step(self, command: Command) -> None:
+        """Advance by one control period under a command."""
+
+    def clouds(self) -> list[PointCloud]:
+        """Return the clouds of the ground that have come since the last call."""
+
+    def truth(self) -> GroundTruth:
+        """Return the true state now."""
+
+    def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
+        """Begin to push a body with a force in the world, N, for a time, s, at a point of it, m."""
+
+    def on_ground(self, configuration: ArrayLike) -> Array:
+        """Return a configuration moved up or down until its lowest sole touches the ground."""
+
+    def reset(self, configuration: ArrayLike | None = None) -> None:
+        """Restart at rest in a configuration."""
+
+
+MEMBERS = tuple(
+    sorted({*TrialLoop.__annotations__, *(name for name in vars(TrialLoop) if not name.startswith("_"))})
+)
+"""Members of a loop in which trials run."""
+
+LoopFactory = Callable[..., Any]
+"""Class or function that makes a loop of a `RobotDescription` and named options: those of `NEEDED`, and what else it
+takes of foot, terrain, scene, eyes, physics, range_sensor and visuals."""
+
+
+def _check_factory(factory: object) -> None:
+    if not callable(factory):
+        raise InputError(
+            f"a loop is registered by the class or the function that makes it, got {shown(factory)}"
+        )
+    takes = _options(factory)
+    missing = [] if takes is None else [name for name in NEEDED if name not in takes]
+    if missing:
+        raise InputError(
+            f"what makes a loop must take the options {', '.join(NEEDED)} by name; "
+            f"{getattr(factory, '__name__', shown(factory))} takes no {', '.join(missing)}"
+        )
+
+
+def _options(factory: Callable[..., Any]) -> frozenset[str] | None:
+    """Return the names of the options that a factory takes; None if it takes any."""
+    known = inspect.signature(factory).parameters.values()
+    if any(each.kind is each.VAR_KEYWORD for each in known):
+        # A derived class hands them on to its base.
+        above = [base for base in getattr(factory, "__mro__", ())[1:] if base is not object]
+        return _options(above[0]) if above else None
+    return frozenset(each.name for each in known if each.kind is not each.POSITIONAL_ONLY)
+
+
+LOOPS: Registry[LoopFactory] = Registry("loop", {PLANT: Plant}, group="wbc.loops", check=_check_factory)
+"""Loops by name."""
+
+
+@checked
+def register_loop(name: str, factory: LoopFactory) -> None:
+    """Register a loop under a name, for the field `loop` of walks, stands, push tables and studies.
+
+    Args:
+        name: The name.
+        factory: Class or function that makes a loop (see `TrialLoop`) of a description and options by name:
+            control_period, timestep, noise, seed and machine. What it does not take besides, such as terrain, a trial
+            cannot ask for.
+    """
+    LOOPS.add(name, factory)
+
+
+@dataclass(frozen=True)
+class LoopKind:
+    """A loop by its name.
+
+    Attributes:
+        name: As a spec keeps it: that of a file has the hash of its content behind it.
+        make: What makes it.
+        takes: Names of its options; None for any.
+    """
+
+    name: str
+    factory: LoopFactory
+    takes: frozenset[str] | None
+
+    @property
+    def is_plant(self) -> bool:
+        """True for MuJoCo's plant, which has everything that a trial can ask for."""
+        return isinstance(self.factory, type) and issubclass(self.factory, Plant)
+
+    def check(self, machine: Machine, wanted: Mapping[str, object]) -> None:
+        """Refuse what a trial wants beyond a robot on its own soles on a floor, if the loop has no option for it.
+
+        Args:
+            machine: Properties of the machine.
+            wanted: Option of the loop → what the trial wants, for messages.
+        """
+        for option, value in wanted.items():
+            if self.takes is not None and option not in self.takes:
+                raise InputError(
+                    f"loop '{self.name}' has a robot on its own soles on a floor, and no option '{option}': it cannot "
+                    f"have {shown(value)}; leave that out, or take loop '{PLANT}'"
+                )
+        if not self.is_plant and (machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors):
+            raise InputError(
+                f"friction, payload and hand_sensors of the machine are those of loop '{PLANT}' alone; loop "
+                f"'{self.name}' has its own"
+            )
+
+    def make(self, description: RobotDescription, **options: Any) -> Any:
+        """Return a new loop; options that it does not take are the usual ones and left out."""
+        if self.takes is not None:
+            options = {name: value for name, value in options.items() if name in self.takes}
+        loop = self.factory(description, **options)
+        if lacking := [name for name in MEMBERS if not hasattr(loop, name)]:
+            raise InputError(
+                f"loop '{self.name}' made {shown(loop)}, which lacks {', '.join(lacking)}: derive it from "
+                "wbc.sim.EngineLoop, or give it the members of wbc.sim.TrialLoop"
+            )
+        if abs(loop.control_period - options["control_period"]) > 1e-9:
+            raise InputError(
+                f"loop '{self.name}' advances by {1e3 * loop.control_period:g} ms, the trial by "
+                f"{1e3 * options['control_period']:g} ms"
+            )
+        return loop
+
+
+def trial_loop(name: str) -> LoopKind:
+    """Return a loop by its name.
+
+    Args:
+        name: A registered name, one that a package offers, or a file and the name of what makes a loop in it, as
+            "other_engine.py:DartLoop"; behind it may stand "#" and the hash of the file.
+
+    Raises:
+        InputError: No such loop; a file that cannot be run, has changed since a spec was made, or has no such name.
+    """
+    if name in LOOPS or ".py:" not in name:
+        return LoopKind(name, LOOPS[name], _options(LOOPS[name]))
+    place, _, attribute = name.rpartition(":")
+    attribute, _, given = attribute.partition("#")
+    path = Path(place).expanduser()
+    now = file_hash(path)[:HASH_LENGTH]
+    if given and given != now:
+        raise InputError(f"loop {place} has changed: a spec has its content {given}, now it is {now}")
+    module = _module(str(path.resolve()), now)
+    factory = getattr(module, attribute, None)
+    if factory is None:
+        own = [key for key, it in vars(module).items() if getattr(it, "__module__", "") == module.__name__]
+        raise InputError(f"{place} has no '{attribute}' that makes a loop; it has {', '.join(own)}")
+    _check_factory(factory)
+    return LoopKind(f"{place}:{attribute}#{now}", factory, _options(factory))
+
+
+@cache
+def _module(path: str, content: str) -> ModuleType:
+    """Return the module of a file, run once for each content; it may import what lies beside it."""
+    name = f"wbc_loop_{Path(path).stem}_{content}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path} is no Python file")
+    module, folder = importlib.util.module_from_spec(spec), str(Path(path).parent)
+    sys.path.append(folder)
+    try:
+        spec.loader.exec_module(module)
+    except WbcError:
+        raise
+    except Exception as error:  # whatever a file of somebody else raises
+        raise InputError(f"{path} cannot be run: {type(error).__name__}: {error}") from error
+    finally:
+        sys.path.remove(folder)
+    return module

@@ -1,0 +1,277 @@
+"""Loops of one's own in trials: other physics engines, models of one's own, by name and over processes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+from wbc.base.errors import InputError, MeasurementError
+from wbc.core.robot import GRAVITY
+from wbc.core.signals import Command
+from wbc.sim import (
+    DivergedError,
+    EngineContacts,
+    EngineLoop,
+    EnginePush,
+    Machine,
+    WalkPlan,
+    WalkSpec,
+    register_loop,
+    stand,
+)
+from wbc.sim.balance.push_recovery import PushTableSpec
+from wbc.sim.balance.standing import StandSpec, StandTrial
+from wbc.sim.studies import Journal, sweep
+from wbc.sim.trial.loops import LOOPS, MEMBERS, trial_loop
+
+OWN_MODEL = '''
+import mujoco
+import wbc
+from wbc.sim import MujocoLoop
+
+def of_ones_own(description, *, control_period, timestep, noise, seed, machine):
+    """A MuJoCo model of one's own: the plant's, taken as it is."""
+    plant = wbc.Plant(description, timestep=timestep, control_period=control_period)
+    return MujocoLoop(
+        description, plant.model, control_period=control_period, noise=noise, seed=seed, machine=machine
+    )
+no_loop = 7
+def too_few(description, *, control_period): ...
+def hollow(description, *, control_period, timestep, noise, seed, machine):
+    return object()
+'''
+
+
+class InAir(EngineLoop):
+    """A robot on which nothing acts but drives, pushes and gravity: Pinocchio's forward dynamics."""
+
+    def __init__(self, description: Any, **options: Any) -> None:
+        super().__init__(description, **options)
+        self._other = self.robot.model.createData()
+        self.reset()
+
+    def place(self, q: np.ndarray) -> None:
+        self._state = q, np.zeros(self.robot.nv)
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        return self._state
+
+    def advance(self, torque: np.ndarray, pushes: Sequence[EnginePush]) -> None:
+        (q, v), model = self._state, self.robot.model
+        tau = np.concatenate([np.zeros(6), torque])
+        for link, force, point in pushes:
+            pin.computeJointJacobians(model, self._other, q)
+            frame = model.getFrameId(link)
+            place = pin.updateFramePlacement(model, self._other, frame)
+            jacobian = pin.getFrameJacobian(model, self._other, frame, pin.LOCAL_WORLD_ALIGNED)
+            lever = place.rotation @ point
+            tau += jacobian[:3].T @ force + jacobian[3:].T @ np.cross(lever, force)
+        acceleration = pin.aba(model, self._other, q, v, tau)
+        v = v + self.timestep * acceleration
+        self._state = pin.integrate(model, q, self.timestep * v), v
+
+    def contacts(self) -> EngineContacts:
+        return EngineContacts([], [], [])
+
+
+def limp(loop: EngineLoop) -> Command:
+    return Command(np.zeros(loop.robot.na))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    path = tmp_path / "theirs.py"
+    path.write_text(OWN_MODEL, encoding="utf-8")
+    return str(path)
+
+
+def test_sensors_of_another_engine_are_what_a_falling_robot_feels() -> None:
+    loop = InAir("hrp4_class")
+    assert loop.measure().specific_force == pytest.approx([0.0, 0.0, GRAVITY])  # it is said to stand
+    height = loop.com_height
+    for _ in range(10):
+        loop.step(loop.hold())
+    measured, truth = loop.measure(), loop.truth()
+    assert measured.time == pytest.approx(0.02) and not measured.wrenches.any()
+    assert np.linalg.norm(measured.specific_force) < 0.1 and np.linalg.norm(measured.angular_velocity) < 0.1
+    assert truth.com_velocity == pytest.approx([0.0, 0.0, -GRAVITY * 0.02], abs=1e-6)
+    assert height - loop.com_height == pytest.approx(0.5 * GRAVITY * 0.02 * 0.021, rel=1e-3)
+    robot = loop.robot.clone()
+    robot.update(truth.q, truth.v)
+    for side, sole in enumerate(robot.soles):
+        centre, rotation = loop.sole_pose(side)
+        place = robot.placement(sole.frame)
+        np.testing.assert_allclose(centre, place.translation, atol=1e-12)
+        np.testing.assert_allclose(rotation, place.rotation, atol=1e-12)
+
+
+@pytest.mark.parametrize("duration", [0.01, 0.0173])
+def test_a_push_gives_its_impulse_wherever_it_acts(duration: float) -> None:
+    loop, force = InAir("hrp4_class", timestep=0.001), np.array([30.0, -50.0, 20.0])
+    loop.push("torso", force, duration)
+    loop.push("right_foot", force, duration, at=[0.1, 0.0, 0.0])
+    for _ in range(10):
+        loop.step(limp(loop))
+    gained = loop.truth().com_velocity + [0.0, 0.0, GRAVITY * loop.time]
+    np.testing.assert_allclose(gained, 2.0 * duration * force / loop.robot.mass, atol=2e-3)
+
+
+def test_drives_of_another_engine_keep_to_their_law_and_limits_and_delays() -> None:
+    loop = InAir("hrp4_class")
+    q = loop.truth().q[7:]
+    wanted = Command(np.full(loop.robot.na, 0.5), q + 1e-4, np.full(loop.robot.na, 1e-3))
+    loop.step(wanted)
+    law = 0.5 + loop.description.kp * 1e-4 + loop.description.kd * 1e-3
+    late = InAir("hrp4_class", machine=Machine(command_delay=0.004, measurement_delay=0.002))
+    held = late.joint_torque
+    late.step(wanted)
+    assert np.abs(late.joint_torque - held).max() < 0.1 * law.max() and late.measure().time == 0.0
+    assert late.measure().joint_torque is None and loop.measure().joint_torque is not None
+    one = InAir("hrp4_class", control_period=0.001)
+    one.step(wanted)
+    np.testing.assert_allclose(one.joint_torque, np.minimum(law, one.robot.torque_upper))
+    one.step(Command(np.full(one.robot.na, 1e5)))
+    np.testing.assert_allclose(one.joint_torque, one.robot.torque_upper)
+    noisy = InAir("hrp4_class", noise="realistic", seed=3, machine=Machine(force_sensors=False))
+    assert noisy.measure().sole_wrench is None
+    assert 0.0 < np.abs(noisy.measure().joint_position - q).max() < 0.01
+
+
+def test_what_another_engine_cannot_take_is_refused_and_a_divergence_is_named() -> None:
+    for machine in (Machine(friction=1.0), Machine(payload=1.0), Machine(hand_sensors=True)):
+        with pytest.raises(InputError, match="leave friction, payload and hand_sensors"):
+            InAir("g1", machine=machine)
+    with pytest.raises(InputError, match="two feet"):
+        InAir("go1")
+    loop = InAir("hrp4_class")
+    for command in (Command(np.zeros(3)), Command(np.full(loop.robot.na, np.nan)), limp(loop).joint_torque):
+        with pytest.raises(InputError):
+            loop.step(command)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="5 ms"):
+        loop.step(Command(np.zeros(loop.robot.na), period=0.005))
+    with pytest.raises(InputError, match="body"):
+        loop.push("nose", [1.0, 0.0, 0.0], 0.1)
+    assert loop.time == 0.0
+    loop._state = loop.truth().q * np.nan, loop.truth().v
+    loop.step(limp(loop))
+    assert loop.diverged is not None
+    with pytest.raises(DivergedError):
+        loop.step(limp(loop))
+    with pytest.raises(MeasurementError, match="diverged"):
+        loop.measure()
+    loop.reset()
+    assert loop.diverged is None and loop.time == 0.0 and loop.measure().time == 0.0
+
+
+def test_a_stand_in_a_model_of_ones_own_is_that_in_the_plant(file: str) -> None:
+    spec = StandSpec(robot="hrp4_class", mode="torque", seconds=0.1)
+    theirs = StandSpec(robot="hrp4_class", mode="torque", seconds=0.1, loop=f"{file}:of_ones_own")
+    assert StandSpec.from_json(theirs.to_json()) == theirs != spec
+    here, there = stand(spec), stand(theirs)
+    assert there.upright and there.failures == 0
+    assert there.com_error_mm == pytest.approx(here.com_error_mm, abs=0.1)
+
+
+def test_a_loop_is_named_by_its_file_with_what_is_in_it(file: str) -> None:
+    spec = WalkSpec(robot="hrp4_class", loop=f"{file}:of_ones_own")
+    assert spec.loop.startswith(f"{file}:of_ones_own#")
+    Path(file).write_text(OWN_MODEL + "\n# other\n", encoding="utf-8")
+    with pytest.raises(InputError, match="has changed"):
+        WalkSpec.from_json(spec.to_json())
+    assert WalkSpec(robot="hrp4_class", loop=f"{file}:of_ones_own") != spec
+
+
+BAD: dict[str, Callable[[str], object]] = {
+    "no loop 'bullet'": lambda file: StandSpec(loop="bullet"),
+    "no loop ''": lambda file: StandSpec(loop=""),
+    "gone.py": lambda file: StandSpec(loop="gone.py:Loop"),
+    "it has of_ones_own": lambda file: StandSpec(loop=f"{file}:other"),
+    "got 7": lambda file: StandSpec(loop=f"{file}:no_loop"),
+    "takes no timestep, noise, seed, machine": lambda file: StandSpec(loop=f"{file}:too_few"),
+    "lacks base_pose": lambda file: stand(seconds=0.1, loop=f"{file}:hollow"),
+    "no option 'foot'": lambda file: StandSpec(foot="soft", loop=f"{file}:of_ones_own"),
+    "no option 'terrain'": lambda file: WalkSpec(terrain="stones", loop=f"{file}:of_ones_own"),
+    "no option 'scene'": lambda file: WalkSpec(scene="table", loop=f"{file}:of_ones_own"),
+    "no option 'eyes'": lambda file: WalkSpec(eyes="depth", loop=f"{file}:of_ones_own"),
+    "no option 'physics'": lambda file: WalkSpec(
+        changes={"physics.impratio": 5.0}, loop=f"{file}:of_ones_own"
+    ),
+    "of loop 'plant' alone": lambda file: StandSpec(machine=Machine(payload=2.0), loop=f"{file}:of_ones_own"),
+    "no loop 'none'": lambda file: PushTableSpec(loop="none"),
+    "registered already": lambda file: register_loop("plant", InAir),
+    "must be text": lambda file: register_loop(" ", InAir),
+    "factory": lambda file: register_loop("other", 7),  # type: ignore[arg-type]
+}
+
+
+@pytest.mark.parametrize("message", BAD)
+def test_a_loop_that_is_none_is_refused_before_anything_runs(message: str, file: str) -> None:
+    with pytest.raises(InputError, match=message):
+        BAD[message](file)
+
+
+def test_a_file_that_cannot_be_run_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "broken.py"
+    path.write_text("import no_such_module\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"broken\.py cannot be run: ModuleNotFoundError"):
+        trial_loop(f"{path}:Loop")
+
+
+def test_members_of_a_loop_are_those_of_all_that_the_library_has() -> None:
+    plant = wbc.Plant("hrp4_class")
+    for loop in (plant, wbc.sim.MujocoLoop("hrp4_class", plant.model), InAir("hrp4_class")):
+        assert [name for name in MEMBERS if not hasattr(loop, name)] == []
+        q = loop.robot.half_sitting.copy()
+        q[2] += 0.3
+        loop.reset(loop.on_ground(q))  # type: ignore[arg-type]
+        lowest = min(float(loop.sole_pose(side)[0][2]) for side in (0, 1))
+        assert abs(lowest) < 1e-5 and loop.base_pose[:3] == pytest.approx(loop.truth().q[:3])
+
+
+def test_a_registered_loop_is_found_by_its_name() -> None:
+    register_loop("in the air", InAir)
+    try:
+        trial = StandTrial(StandSpec(mode="torque", loop="in the air"))
+        with trial.running():
+            trial.advance(0.02)
+        assert isinstance(trial.plant, InAir) and trial.plant.time == pytest.approx(0.02)
+        assert PushTableSpec(loop="in the air").specs()[0].loop == "in the air"
+    finally:
+        del LOOPS["in the air"]
+
+
+@pytest.mark.slow
+def test_a_loop_in_a_file_goes_over_processes(file: str, tmp_path: Path) -> None:
+    plan = WalkPlan(distance=0.145)
+    specs = [WalkSpec(plan=plan, noise="none", seed=k, loop=f"{file}:of_ones_own") for k in (1, 2)]
+    with Journal(tmp_path / "journal.jsonl") as journal:
+        summary = sweep(specs, journal, workers=2)
+        assert summary.counts == {"done": 2}, [entry.error for entry in journal.entries.values()]
+
+
+@pytest.mark.slow
+def test_the_robot_stands_takes_a_push_and_steps_in_another_engine() -> None:
+    pytest.importorskip("dartpy")
+    place = Path(__file__).parents[2] / "examples" / "other_engine.py"
+    loop = trial_loop(f"{place}:DartLoop").make(
+        wbc.load_robot("g1"), control_period=0.002, timestep=0.001, noise="none", seed=0, machine=Machine()
+    )
+    control = wbc.TorqueControl(wbc.balance_controller(loop.robot.clone(), loop.control_period))
+    start = loop.truth().com
+    for tick in range(750):  # stands, and takes a push that needs no step
+        if tick == 250:
+            loop.push("torso", [0.2 * loop.robot.mass / 0.1, 0.0, 0.0], 0.1)
+        loop.step(control.command(loop.measure()))
+    assert control.failures == 0 and np.linalg.norm(loop.truth().com - start) < 0.05
+    weight = loop.robot.mass * GRAVITY
+    assert loop.measure().wrenches[:, 2].sum() == pytest.approx(weight, rel=0.2)
+    result = wbc.walk(
+        robot="g1", law="stepping", distance=0.5, noise="realistic", seed=5, loop=f"{place}:DartLoop"
+    )
+    assert result.outcome == "completed" and result.steps_done > 3 and result.failures == 0
