@@ -27,13 +27,11 @@ INSTANTS = {
     "stand": 1.0,
     "program": 4.6,
     "reach_walking": 4.6,
-    "push_recovery": 0.9,
     "walk": 4.6,
     "drive": 4.6,
     "walk_stones": 5.7,
     "walk_soles": 6.9,
     "walk_stairs": 5.7,
-    "walk_push": 4.9,
     "step_over_stones": 4.6,
     "own_source": 3.0,
     "own_robot": 1.0,
@@ -42,8 +40,8 @@ INSTANTS = {
 }
 """Time at which each example is drawn, s."""
 
-WITHOUT_PLANT = ("arm", "handles", "without_feet", "two_robots")
-"""Examples that are not drawn: they have no plant, a loop of MuJoCo's own, or two robots."""
+WITHOUT_PLANT = ("arm", "handles", "other_engine", "without_feet", "two_robots")
+"""Examples that are not drawn: they have no plant, a loop of their own, or two robots."""
 
 SIZE = (300, 260)
 """Width and height of one picture, pixels."""

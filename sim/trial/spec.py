@@ -46,7 +46,7 @@ class TrialSpec:
         timestep: Physics step, s.
         servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as `*knee*=100,2`.
         machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
-        loop: Simulation: plant, a name that `register_loop` has given one's own, or FILE.py:NAME of what makes one.
+        loop: Simulation: plant, or one's own by a registered name or as FILE.py:NAME.
     """
 
     kind: ClassVar[str] = "trial"

@@ -27,6 +27,7 @@ from wbc.base.numbers import finite_scalar
 from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.loops import PLANT
 from wbc.sim.walks.plans import FASTER, KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
 from wbc.sim.walks.settings import TrialSettings
@@ -60,7 +61,7 @@ OPTIONS = Fields(
     WalkSpec,
     "robot eyes foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
     "amplitude param=terrain_params scene seed noise distance=plan.distance velocity=plan.velocity "
-    "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes",
+    "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes loop",
     defaults=DEFAULTS,
     help={
         "foot": "Foot under both ankles; flat is the robot's own sole.",
@@ -190,14 +191,24 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         raise InputError("seconds belong to a drive; give --drive as well")
     if "policy" in {*upper, *lower} and "foot" not in {*upper, *lower}:
         upper["foot"] = "variable"  # the only one that a policy sets
-    defaults: dict[str, Any] = dict(DEFAULTS)
+    changes = read_changes(options.set)
+    loop = changes.get("loop", upper.get("loop", lower.get("loop", PLANT)))
+    # Another simulation may have no more than a floor and the robot's own soles.
+    defaults: dict[str, Any] = dict(DEFAULTS) if loop == PLANT else {"eyes": "none"}
     if options.spec is not None:  # a file says what it wants
         del defaults["eyes"]
 
+<<<<<<< HEAD
     def built(**more: str) -> WalkSpec:
         values: dict[str, Any] = copy.deepcopy(upper) | more
         for name, value in read_changes(options.set).items():
             *groups, last = place_of(name).split(".", 1)
+=======
+    def built(law: str) -> WalkSpec:
+        values = copy.deepcopy(upper)
+        for name, value in changes.items():
+            *groups, last = place_of(name, law).split(".", 1)
+>>>>>>> be74837f (Another engine: its loop as an example in place of two on pushes, the recipe in the page on loops, --loop)
             place = values.setdefault(groups[0], {}) if groups else values
             place[last] = value
         return WalkSpec.from_json(_over(values, _over(lower, defaults)))
