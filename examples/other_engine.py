@@ -1,7 +1,7 @@
 """Another physics engine: the same robot stands, takes a push and steps in DART, in place of MuJoCo.
 
 `DartLoop` has the few things that an engine must do; sensors, drives, pushes and truth are those of `EngineLoop`. Needs
-`pip install -e ".[dart]"` in the clone. A whole walk in it: `wbc walk --law stepping --loop other_engine.py:DartLoop`.
+`pip install -e ".[dart]"` in the clone. A whole walk in it: `wbc walk --mode torque --loop other_engine.py:DartLoop`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pinocchio as pin
 from _common import parse, report, upright
 
 from wbc.sim import EngineContacts, EngineLoop, EnginePush
-from wbc.walking import SteppingControl
+from wbc.walking import WalkingControl, WalkingControlSettings
 
 FRICTION, THICKNESS = 0.8, 0.02
 """Coefficient of friction of the soles, and thickness of the boxes that are their shapes, m."""
@@ -108,7 +108,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
     options = parse(__doc__, arguments, seconds=3.0, robot=("g1", "hrp4_class"), impulse=0.5)
     loop = DartLoop(options.robot)
-    walking = SteppingControl(loop.robot.clone(), loop.control_period)
+    settings = WalkingControlSettings(mode="torque")
+    walking = WalkingControl(loop.robot.clone(), None, loop.control_period, settings)
     force = np.array([options.impulse * loop.robot.mass / DURATION, 0.0, 0.0])
     pushed = False
     with options.watch(loop.description) as view:

@@ -1,8 +1,8 @@
 """Loops by name: the simulation in which a trial runs, MuJoCo's plant or one of somebody else.
 
     register_loop("dart", DartLoop)
-    walk(robot="g1", law="stepping", loop="dart")
-    walk(robot="g1", law="stepping", loop="other_engine.py:DartLoop")
+    walk(robot="g1", mode="torque", loop="dart")
+    walk(robot="g1", mode="torque", loop="other_engine.py:DartLoop")
 
 A spec names its loop by text, so that it can be written down and run in another process. A name that is registered in a
 program is known to the processes that this program starts; a file, or an entry point of the group "wbc.loops" in a

@@ -25,9 +25,9 @@ from wbc.sim import (
     register_loop,
     stand,
 )
-from wbc.sim.balance.push_recovery import PushTableSpec
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.studies import Journal, sweep
+from wbc.sim.studies.trials import trial_from_json
 from wbc.sim.trial.loops import LOOPS, MEMBERS, trial_loop
 
 OWN_MODEL = '''
@@ -203,7 +203,9 @@ BAD: dict[str, Callable[[str], object]] = {
         changes={"physics.impratio": 5.0}, loop=f"{file}:of_ones_own"
     ),
     "of loop 'plant' alone": lambda file: StandSpec(machine=Machine(payload=2.0), loop=f"{file}:of_ones_own"),
-    "no loop 'none'": lambda file: PushTableSpec(loop="none"),
+    "no loop 'none'": lambda file: trial_from_json(
+        {"kind": "stand_push_limit", "seconds": 1.0, "push": {"direction": 0.0}, "loop": "none"}
+    ),
     "registered already": lambda file: register_loop("plant", InAir),
     "must be text": lambda file: register_loop(" ", InAir),
     "factory": lambda file: register_loop("other", 7),  # type: ignore[arg-type]
@@ -241,7 +243,6 @@ def test_a_registered_loop_is_found_by_its_name() -> None:
         with trial.running():
             trial.advance(0.02)
         assert isinstance(trial.plant, InAir) and trial.plant.time == pytest.approx(0.02)
-        assert PushTableSpec(loop="in the air").specs()[0].loop == "in the air"
     finally:
         del LOOPS["in the air"]
 
@@ -272,6 +273,6 @@ def test_the_robot_stands_takes_a_push_and_steps_in_another_engine() -> None:
     weight = loop.robot.mass * GRAVITY
     assert loop.measure().wrenches[:, 2].sum() == pytest.approx(weight, rel=0.2)
     result = wbc.walk(
-        robot="g1", law="stepping", distance=0.5, noise="realistic", seed=5, loop=f"{place}:DartLoop"
+        robot="g1", mode="torque", distance=0.5, noise="realistic", seed=5, loop=f"{place}:DartLoop"
     )
     assert result.outcome == "completed" and result.steps_done > 3 and result.failures == 0

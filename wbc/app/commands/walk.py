@@ -198,17 +198,10 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
     if options.spec is not None:  # a file says what it wants
         del defaults["eyes"]
 
-<<<<<<< HEAD
     def built(**more: str) -> WalkSpec:
         values: dict[str, Any] = copy.deepcopy(upper) | more
-        for name, value in read_changes(options.set).items():
-            *groups, last = place_of(name).split(".", 1)
-=======
-    def built(law: str) -> WalkSpec:
-        values = copy.deepcopy(upper)
         for name, value in changes.items():
-            *groups, last = place_of(name, law).split(".", 1)
->>>>>>> be74837f (Another engine: its loop as an example in place of two on pushes, the recipe in the page on loops, --loop)
+            *groups, last = place_of(name).split(".", 1)
             place = values.setdefault(groups[0], {}) if groups else values
             place[last] = value
         return WalkSpec.from_json(_over(values, _over(lower, defaults)))
