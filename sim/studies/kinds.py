@@ -6,12 +6,13 @@ from typing import Any
 
 from pydantic_core import to_jsonable_python
 
-from wbc.base.settings import to_json
-from wbc.sim.balance.standing import StandSpec, StandTrial
-from wbc.sim.balance.tracking import MotionSpec, TrackTrial
+from wbc.base.settings import to_json, units
+from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial
+from wbc.sim.balance.tracking import MotionSpec, TrackResult, TrackTrial
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.studies.trials import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
 from wbc.sim.trial.loop import Trial
+from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import walk
 
@@ -50,6 +51,12 @@ def _outcome(trial: Trial, check: TimeoutCheck) -> Outcome:
     return Outcome("diverged" if trial.plant.diverged else "done", record, clock)
 
 
-register_trial(WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed))
-register_trial(StandSpec.kind, TrialKind(StandSpec.from_json, stand_outcome, metric="com_error_mm"))
-register_trial(MotionSpec.kind, TrialKind(MotionSpec.from_json, track_outcome, metric="joint_rms_deg"))
+register_trial(
+    WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed, units(WalkResult))
+)
+register_trial(
+    StandSpec.kind, TrialKind(StandSpec.from_json, stand_outcome, None, units(StandResult), "com_error_mm")
+)
+register_trial(
+    MotionSpec.kind, TrialKind(MotionSpec.from_json, track_outcome, None, units(TrackResult), "joint_rms_deg")
+)

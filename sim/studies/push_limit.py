@@ -22,6 +22,10 @@ OWN = ("highest", "resolution")
 """Fields of a search; those of the trial that is pushed are written beside them."""
 
 
+UNITS = {"impulse": "Ns/kg", "seconds": "s"}
+"""Units of the results of a search."""
+
+
 @settings(kw_only=True)
 class PushLimitSpec:
     """Search by bisection, which takes recovery to be monotonic: the result lies within `resolution` of a change.
@@ -197,9 +201,9 @@ def _searched(spec: PushLimitSpec, tried: Callable[[float], tuple[bool, float, d
 
 register_trial(
     WalkPushLimitSpec.kind,
-    TrialKind(WalkPushLimitSpec.from_json, walk_limit_outcome, WalkPushLimitSpec.with_seed, "impulse"),
+    TrialKind(WalkPushLimitSpec.from_json, walk_limit_outcome, WalkPushLimitSpec.with_seed, UNITS, "impulse"),
 )
 register_trial(
     StandPushLimitSpec.kind,
-    TrialKind(StandPushLimitSpec.from_json, stand_limit_outcome, metric="impulse"),
+    TrialKind(StandPushLimitSpec.from_json, stand_limit_outcome, None, UNITS, "impulse"),
 )

@@ -132,6 +132,11 @@ class Study:
         """Part of a result that the table is about: `metric`, or that of the kind of trial."""
         return self.metric or KINDS[self.kind].metric
 
+    def titled(self, part: str) -> str:
+        """Return a part of the results with its unit, "zmp_error.mean (m)"; alone where it has none."""
+        unit = KINDS[self.kind].units.get(part)
+        return part if unit is None else f"{part} ({unit})"
+
     @property
     def size(self) -> int:
         """Number of trials; their specs are not made for it."""

@@ -106,7 +106,7 @@ class StudyTable:
         decision = self.study.decision
         parts = [
             f"Decision: {decision}" if decision else "Exploratory: the study has no rule of decision.",
-            f"{self.metric}{which}: mean, in the last row [95 % interval over {over}] (trials)\n\n"
+            f"{self.study.titled(self.metric)}{which}: mean, in the last row [95 % interval over {over}] (trials)\n\n"
             + _grid(self.rows, arms, cells, lambda cell: _mean_text(cell, interval=cell.row == last)),
         ]
         if len(arms) > 1:

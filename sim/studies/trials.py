@@ -13,7 +13,7 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 from wbc.base.checked import checked
@@ -56,6 +56,7 @@ class TrialKind:
     """Functions that read and run the trials of one kind.
 
     Attributes:
+        units: Units of parts of the results by their names, such as "zmp_error.mean": those that have one.
         seeded: Returns a spec with another seed, the rest of it taken as checked; None for kinds that check it again.
     """
 
@@ -64,6 +65,7 @@ class TrialKind:
         [Any, TimeoutCheck], Outcome
     ]  # runs a spec; returns an outcome that is "done" or "diverged"
     seeded: Callable[[Any, int], Any] | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
     metric: str = "steps_done"  # part of the results that tables are about, unless a study names another
 
 

@@ -154,7 +154,7 @@ class TrialResult:
 
     robot: str
     seed: int
-    seconds: float
+    seconds: Annotated[float, "s"]
     failures: int
 
 

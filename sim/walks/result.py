@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from wbc.base.settings import to_json
 from wbc.sim.trial.spec import TrialResult
@@ -60,16 +60,16 @@ class Fall:
     """
 
     reason: str
-    time: float
-    onset: float
+    time: Annotated[float, "s"]
+    onset: Annotated[float, "s"]
     step: int
     phase: str
     share: float
-    dcm_forward: float | None
-    dcm_outward: float | None
+    dcm_forward: Annotated[float, "m"] | None
+    dcm_outward: Annotated[float, "m"] | None
     cause: str
-    sole_roll: float
-    sole_pitch: float
+    sole_roll: Annotated[float, "rad"]
+    sole_pitch: Annotated[float, "rad"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +141,10 @@ class WalkResult(TrialResult):
     """
 
     foot: str
-    sole_stiffness: float | None
+    sole_stiffness: Annotated[float, "Nm/rad"] | None
     policy: str | None
     terrain: str
-    amplitude: float
+    amplitude: Annotated[float, "m"]
     outcome: str
     steps_planned: int
     steps_done: int
@@ -153,24 +153,24 @@ class WalkResult(TrialResult):
     fall_reason: str | None
     fall: Fall | None
     diverged: str | None
-    distance: float
-    drift: float
-    yaw_error: float
-    goal_error: float | None
-    track_error: float | None
-    zmp_error: Spread
-    com_error: Spread
-    dcm_error: Spread
-    dcm_error_max: float | None
+    distance: Annotated[float, "m"]
+    drift: Annotated[float, "m"]
+    yaw_error: Annotated[float, "rad"]
+    goal_error: Annotated[float, "m"] | None
+    track_error: Annotated[float, "m"] | None
+    zmp_error: Annotated[Spread, "m"]
+    com_error: Annotated[Spread, "m"]
+    dcm_error: Annotated[Spread, "m"]
+    dcm_error_max: Annotated[float, "m"] | None
     peak_torque_ratio: float
     peak_torque_joint: str
     cost_of_transport: float | None
     torque_ratio: Spread
     touchdowns: Touchdowns
     impact: float | None
-    sole_roll: Spread
-    sole_pitch: Spread
-    contact_area: Spread
+    sole_roll: Annotated[Spread, "rad"]
+    sole_pitch: Annotated[Spread, "rad"]
+    contact_area: Annotated[Spread, "m²"]
     stiffness: tuple[dict[str, Any], ...] | None
     notes: tuple[str, ...]
     clock: WallClock | None = None

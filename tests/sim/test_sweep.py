@@ -20,6 +20,7 @@ import pytest
 from processes import alive
 from sweep_trials import MadeUpTrial
 
+from wbc.app.plot.study import draw_study
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.sim.studies.intervals import holm, mean_interval, rate_interval, share_interval, sign_flip_p
 from wbc.sim.studies.journal import Entry, Journal, read_journal
@@ -270,6 +271,18 @@ def test_a_table_of_another_part_of_the_results() -> None:
     assert study_table(study, entries, by=np.zeros(0)) == study_table(study, entries)  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="zmp_error.mean"):
         study_table(study, entries, metric="zmp_error.men")
+    assert "zmp_error.mean (m), completed walks alone: mean" in table.markdown()
+    titled = {
+        "fall.time": "fall.time (s)",
+        "contact_area.std": "contact_area.std (m²)",
+        "steps_done": "steps_done",
+    }
+    assert {part: study.titled(part) for part in titled} == titled
+    figure = draw_study(table)
+    (axes,) = figure.axes
+    assert axes.get_xlabel().startswith("zmp_error.mean (m)") and len(axes.get_yticks()) == len(table.rows)
+    with pytest.raises(InputError, match="no 'steps_done'"):
+        draw_study(study_table(study, {}))
     frame = study_frame(study, entries)
     assert (
         list(frame.columns[:5]) == ["cell", "arm", "seed", "status", "outcome"] and len(frame) == study.size

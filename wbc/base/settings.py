@@ -300,6 +300,21 @@ def unit_of(hint: Any) -> str:
     return ""
 
 
+def units(kind: type, unit: str = "", prefix: str = "") -> dict[str, str]:
+    """Return the units of the fields of a dataclass by their full names, "zmp_error.mean"; those that have none lack.
+
+    The fields of a dataclass inside have the unit of the field that holds it.
+    """
+    found: dict[str, str] = {}
+    for name, hint in _hints(kind).items():
+        own, inside = unit_of(hint) or unit, next(_classes_in(hint), None)
+        if inside is not None:
+            found |= units(inside, own, f"{prefix}{name}.")
+        elif own:
+            found[prefix + name] = own
+    return found
+
+
 def nested_settings(kind: type, name: str) -> Any:
     """Return the settings class of a field; None if it has none."""
     return _class_of(_hints(kind)[name])

@@ -27,6 +27,7 @@ COMMANDS = {
     "study show": "study.show:show",
     "study run": "study.run:run",
     "study table": "study.show:table",
+    "study plot": "study.show:plot",
     "bench tick": "bench:tick",
 }
 """Words of a command → place of its function in this folder.

@@ -1,4 +1,4 @@
-"""`wbc study show` and `table`: the studies, and tables and figures of their journals."""
+"""`wbc study show`, `table` and `plot`: the studies, and tables and figures of their journals."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import json
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.files import read_object
+from wbc.app.files import PICTURES, read_object
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing, write_text
 from wbc.base.settings import settings, to_json
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.study import Study, left_out
-from wbc.sim.studies.study_table import study_frame, study_table
+from wbc.sim.studies.study_table import StudyTable, study_frame, study_table
 
 logger = logging.getLogger(__name__)
 
@@ -62,8 +62,8 @@ class PartOptions(ShownPartOptions):
 
 
 @settings(kw_only=True)
-class TableOptions:
-    """Options of a table of a journal.
+class ResultOptions:
+    """Part of the results in a journal.
 
     Attributes:
         journal: File that `wbc study run` has written.
@@ -72,13 +72,37 @@ class TableOptions:
         completed: Only walks that were completed.
         by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
             several times.
-        out: File to write: a row for each trial (.csv), or the result (.json).
     """
 
     journal: Path
     metric: str | None = None
     completed: bool = False
     by: tuple[str, ...] = ()
+
+    def table(self, study: Study, entries: Mapping[str, Entry]) -> StudyTable:
+        """Return the table of a study."""
+        return study_table(study, entries, metric=self.metric, completed_only=self.completed, by=self.by)
+
+
+@settings(kw_only=True)
+class TableOptions(ResultOptions):
+    """Options of a table of a journal.
+
+    Attributes:
+        out: File to write: a row for each trial, with units in the heads of the columns (.csv), or the result (.json).
+    """
+
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
+
+
+@settings(kw_only=True)
+class PlotOptions(ResultOptions):
+    """Options of a figure of a journal.
+
+    Attributes:
+        out: File to write, ending in .png, .pdf, .svg or .jpg. The name of the journal with .png when not given.
+    """
+
     out: Annotated[Path | None, Parameter(alias="-o")] = None
 
 
@@ -118,30 +142,55 @@ def table(
     target = options.out
     if target is not None:
         target = check_target("a table", target, (".csv", ".json"), [options.journal, study])
-    chosen, entries = part.part(study), entries_of(options.journal, any_code=part.any_code)
-    rest = left_out(chosen, entries)
-    if (warning := rest.text()) is not None:
-        logger.warning("%s", warning)
-    unused = {"left_out": to_json(rest)}
+    chosen, entries, unused = _results(study, options, part)
     if target is not None and target.suffix.lower() == ".csv":
         frame = study_frame(chosen, entries)
         with replacing(target) as new:
-            frame.to_csv(new, index=False)
+            frame.to_csv(new, index=False, header=[chosen.titled(name) for name in frame.columns])
         facts = {"table": str(target), "rows": len(frame), "columns": list(frame.columns), **unused}
         return output.report(
             facts, f"{len(frame)} rows with {len(frame.columns)} columns written to {target}"
         )
-    made = study_table(
-        chosen,
-        entries,
-        metric=options.metric,
-        completed_only=options.completed,
-        by=options.by,
-    )
+    made = options.table(chosen, entries)
     data, text = made.to_json() | unused, made.markdown()
     if target is not None:
         write_text(target, json.dumps(data, indent=1) + "\n")
     return output.report(data, text)
+
+
+@reports
+def plot(
+    study: StudyFile,
+    /,
+    *,
+    options: PlotOptions,
+    part: PartOptions,
+    output: Output,
+) -> Report:
+    """Draw a study from its journal: means of every arm in every cell, with their intervals."""
+    from wbc.app.plot.output import save  # noqa: PLC0415 - slow to import
+    from wbc.app.plot.study import draw_study  # noqa: PLC0415
+
+    target = check_target(
+        "a picture",
+        options.out or f"{options.journal.name.partition('.')[0]}.png",
+        PICTURES,
+        [options.journal, study],
+    )
+    chosen, entries, unused = _results(study, options, part)
+    save({chosen.name: draw_study(options.table(chosen, entries))}, target)
+    return output.report({"picture": str(target), **unused}, str(target))
+
+
+def _results(
+    study: Path, options: ResultOptions, part: PartOptions
+) -> tuple[Study, Mapping[str, Entry], dict[str, Any]]:
+    """Return a part of a study, the entries of its journal, and what of them is left out, which is also told."""
+    chosen, entries = part.part(study), entries_of(options.journal, any_code=part.any_code)
+    rest = left_out(chosen, entries)
+    if (warning := rest.text()) is not None:
+        logger.warning("%s", warning)
+    return chosen, entries, {"left_out": to_json(rest)}
 
 
 def read_study(path: Path) -> Study:
