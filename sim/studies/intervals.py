@@ -17,7 +17,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
-from wbc.base.settings import Count, Positive
+from wbc.base.settings import Count, Number, Positive, Share
 
 CONFIDENCE = 0.95
 """Confidence of every interval."""
@@ -54,7 +54,8 @@ class Estimate:
         return f"{self.mean:.{digits}g} [{self.low:.{digits}g}, {self.high:.{digits}g}]"
 
 
-def mean_interval(values: Sequence[float], layouts: Sequence[Hashable] | None = None) -> Estimate:
+@checked
+def mean_interval(values: Sequence[Number], layouts: Sequence[Hashable] | None = None) -> Estimate:
     """Return the mean with its cluster bootstrap interval, bias-corrected and accelerated; the normal one of many.
 
     `layouts` names the layout of each trial; trials are on layouts of their own when None. The same values give the
@@ -122,7 +123,8 @@ def _standard_error(sums: Array, counts: Array) -> float:
     return math.sqrt(sums.size / (sums.size - 1) * float(left @ left)) / float(counts.sum())
 
 
-def sign_flip_p(differences: Sequence[float], layouts: Sequence[Hashable] | None = None) -> float | None:
+@checked
+def sign_flip_p(differences: Sequence[Number], layouts: Sequence[Hashable] | None = None) -> float | None:
     """Return the two-sided p-value of a mean difference of zero, by flipping the signs of whole layouts; None with one.
 
     Source: R. Fisher, "The design of experiments", 1935, section 21; `scipy.stats.permutation_test`: all patterns where
@@ -150,7 +152,8 @@ def sign_flip_p(differences: Sequence[float], layouts: Sequence[Hashable] | None
     return float(test.pvalue)
 
 
-def holm(p_values: Sequence[float | None]) -> list[float | None]:
+@checked
+def holm(p_values: Sequence[Share | None]) -> list[float | None]:
     """Return p-values corrected for their number, in the same order; None stays None and is not counted.
 
     Source: S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Statist. 6(2), 1979.

@@ -15,11 +15,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal, Unpack
+from typing import Annotated, Any, Literal, Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from pydantic import PlainValidator
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -41,6 +42,20 @@ STIFFNESS = 100.0
 """Default stiffness of the CoM, 1/s²."""
 
 
+def _feet(contacts: Any) -> Sequence[SoleContact]:
+    """Return the contacts of two feet."""
+    if (
+        not isinstance(contacts, Sequence)
+        or len(contacts) != 2
+        or not all(isinstance(each, SoleContact) for each in contacts)
+        or contacts[0] is contacts[1]
+    ):
+        raise InputError(
+            f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
+        )
+    return contacts
+
+
 class StabilizerTask(CoMTask):
     """Balance on two feet: feedback of the DCM, desired foot wrenches, and admittances of the feet.
 
@@ -60,7 +75,7 @@ class StabilizerTask(CoMTask):
     @checked
     def __init__(
         self,
-        contacts: Sequence[SoleContact],
+        contacts: Annotated[Sequence[SoleContact], PlainValidator(_feet)],
         target: ArrayLike | None = None,
         *,
         drives: Literal["torque", "position"] = "torque",
@@ -84,15 +99,6 @@ class StabilizerTask(CoMTask):
             wrench_weight: Desired foot wrenches on torques, cost per N² and (Nm)².
             **options: See `MotionOptions`.
         """
-        if (
-            not isinstance(contacts, Sequence)
-            or len(contacts) != 2
-            or not all(isinstance(each, SoleContact) for each in contacts)
-            or contacts[0] is contacts[1]
-        ):
-            raise InputError(
-                f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
-            )
         defaults: MotionOptions = {"weight": 100.0, "stiffness": STIFFNESS}
         self._aim: tuple[Array, Array, Array] | None = (
             None  # CoM of a robot that stands, velocity, acceleration

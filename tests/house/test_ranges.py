@@ -12,13 +12,13 @@ import inspect
 import math
 import pkgutil
 import typing
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from types import ModuleType, UnionType
 from typing import Annotated, Any, NamedTuple
 
 import pytest
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ArgsKwargs
 
@@ -28,6 +28,8 @@ from wbc.base.errors import InputError
 from wbc.base.settings import Numbers
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
+from wbc.tasks import JointTorqueTask, PostureTask
+from wbc.walking import FootstepPlan, SteppingControl, WalkingControl, WalkingControlSettings
 
 ROOMS = ("app", "core", "feet", "ground", "machine", "motion", "robots", "sim", "tasks", "walking")
 
@@ -43,6 +45,13 @@ RESULTS = {
     "SwingScan",
 }
 """Values that the library, a foot of one's own or a machine hands out in bulk: what takes them checks them."""
+
+
+BY_WHAT_IS_KNOWN = {
+    *(f"{task}.{where}" for task in ("PostureTask", "JointTorqueTask") for where in ("__init__", "target")),
+    *(f"{kind}.velocity" for kind in ("MotionSource", "ReferenceSource", "StandSource", "SteppingControl")),
+}
+"""Doors that check by joints or limits that a made object alone has."""
 
 
 UNIONS = (typing.Union, UnionType)
@@ -174,7 +183,7 @@ def fields() -> list[Place]:
 def numbers_in(hint: Any, metadata: tuple[Any, ...] = ()) -> Iterator[tuple[type, tuple[Any, ...]]]:
     """Yield the kinds of numbers in an annotation, float, int or `Numbers`, each with the rules that it states.
 
-    Those inside a tuple, a mapping or a function are left out.
+    Those inside a tuple, a mapping or a function are left out: for tuples and mappings, see `inside`.
     """
     origin, parts = typing.get_origin(hint), typing.get_args(hint)
     if origin is Annotated:
@@ -190,6 +199,57 @@ def numbers_in(hint: Any, metadata: tuple[Any, ...] = ()) -> Iterator[tuple[type
         yield hint, metadata
 
 
+def inside(
+    hint: Any, rules: tuple[Any, ...] = (), depth: int = 0
+) -> Iterator[tuple[type, tuple[Any, ...], Any]]:
+    """Yield the numbers inside tuples, sequences and mappings: kind, rules, and what puts a number in its place."""
+    origin, parts = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        if not any(isinstance(rule, Numbers) for rule in parts[1:]):
+            yield from inside(parts[0], rules + parts[1:] if parts[0] in (float, int) else (), depth)
+    elif origin in UNIONS:
+        for part in parts:
+            yield from inside(part, rules, depth)
+    elif origin is tuple and ... not in parts:
+        for k, part in enumerate(parts):
+            for kind, of, put in inside(part, (), depth + 1):
+                around = [sample(each) for each in parts]
+                yield kind, of, lambda x, k=k, put=put, around=around: (*around[:k], put(x), *around[k + 1 :])
+    elif origin in (tuple, list, Sequence, Iterable):
+        for kind, of, put in inside(parts[0], (), depth + 1):
+            yield kind, of, lambda x, put=put: [put(x)]
+    elif origin in (dict, Mapping):
+        for kind, of, put in inside(parts[1], (), depth + 1):
+            yield kind, of, lambda x, put=put: {"any": put(x)}
+    elif hint in (float, int) and depth:
+        yield hint, rules, lambda x: x
+
+
+def sample(hint: Any) -> Any:
+    """Return a value that an annotation of a number, a text or a tuple of them takes."""
+    origin, parts = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        good = TypeAdapter(hint)
+        return (
+            next(value for value in (1, 0.5, 2) if valid(good, value))
+            if parts[0] in (float, int)
+            else sample(parts[0])
+        )
+    if origin in UNIONS:
+        return sample(parts[0])
+    if origin is tuple:
+        return tuple(sample(part) for part in parts if part is not ...)
+    return "any" if hint is str else None if hint is type(None) else 1
+
+
+def valid(adapter: TypeAdapter[Any], value: Any) -> bool:
+    try:
+        adapter.validate_python(value)
+    except ValidationError:
+        return False
+    return True
+
+
 def outside(kind: type, rules: tuple[Any, ...]) -> list[Any]:
     """Return values just outside the range that rules state; with nothing stated, none."""
     values: list[Any] = []
@@ -201,11 +261,10 @@ def outside(kind: type, rules: tuple[Any, ...]) -> list[Any]:
                 for bound, way in ((low, -1.0), (high, 1.0))
                 if math.isfinite(bound)
             ]
-            values += (
-                [math.nan]
-                if rule.shape is None
-                else [[0.5] * (rule.shape[0] + 1), [math.nan] * rule.shape[0]]
-            )
+            bad = math.nan, math.inf, "1.0", True
+            values += bad if rule.shape is None else [[0.5] * (rule.shape[0] + 1)]
+            for each in bad if rule.shape is not None and len(rule.shape) == 1 else ():
+                values += [[each] * rule.shape[0], [0.5] * (rule.shape[0] - 1) + [each]]
         for each in getattr(rule, "metadata", ()) if isinstance(rule, FieldInfo) else ():
             for name, way in (("ge", -1), ("gt", 0), ("le", 1), ("lt", 0)):
                 bound = getattr(each, name, None)
@@ -224,11 +283,8 @@ def refused(place: Place, value: Any) -> str:
     try:
         place.call(value)
     except InputError as error:
-        return (
-            ""
-            if place.name in str(error) or place.of.rpartition(".")[2] in str(error)
-            else f"unnamed: {error}"
-        )
+        names = (place.name, place.of.rpartition(".")[2], "'any'")  # the last is that of a key
+        return "" if any(name in str(error) for name in names) else f"unnamed: {error}"
     except Exception as error:
         return f"not checked first: {type(error).__name__}: {error}"
     return "taken"
@@ -252,6 +308,58 @@ def test_every_range_that_is_stated_is_kept() -> None:
                         wrong.append(f"{place.of}({place.name}={value!r}): {fault}")
     assert not wrong, "\n".join(wrong)
     assert count["arguments"] > 100 and count["fields"] > 1000, count
+
+
+def test_numbers_inside_tuples_sequences_and_mappings_are_checked() -> None:
+    """Of doors, and of all else whose arguments are checked: each number must be one, finite and in its range."""
+    wrong: list[str] = []
+    count = 0
+    places = [*(place for place, door in arguments() if door or is_checked(place)), *fields()]
+    for place in [place for place in places if place.of not in BY_WHAT_IS_KNOWN]:
+        for kind, rules, put in inside(place.hint):
+            endless = any(
+                getattr(each, "allow_inf_nan", False)
+                for rule in rules
+                for each in getattr(rule, "metadata", ())
+            )
+            values = [
+                *outside(kind, rules),
+                math.nan,
+                "1.0",
+                True,
+                *([] if endless else [math.inf, -math.inf]),
+            ]
+            for value in values:
+                count += 1
+                if fault := refused(place, put(value)):
+                    wrong.append(f"{place.of}({place.name}={put(value)!r}): {fault}")
+    assert not wrong, "\n".join(wrong)
+    assert count > 500, count
+
+
+def test_numbers_are_checked_where_the_object_is_needed_for_it() -> None:
+    robot = wbc.load_robot("hrp4_class").robot()
+    stand = FootstepPlan.standing(robot)
+    joint = robot.joint_names[0]
+    for bad in (math.nan, math.inf, "1.0", True):
+        for task in (PostureTask(), JointTorqueTask()):
+            task.bind(robot)
+            with pytest.raises(InputError, match=joint):
+                task.target = {joint: bad}
+            with pytest.raises(InputError, match=joint):
+                type(task)({joint: bad}).bind(robot)
+        for control in (
+            SteppingControl(robot, 0.002),
+            WalkingControl(robot, stand, 0.002),
+            WalkingControl(robot, stand, 0.002, WalkingControlSettings(mode="torque")),
+        ):
+            for velocity in ((bad, 0.0, 0.0), (0.0, bad, 0.0), (0.0, 0.0, bad)):
+                with pytest.raises(InputError, match="velocity"):
+                    control.velocity = velocity
+
+
+def is_checked(place: Place) -> bool:
+    return hasattr(place.call.args[0], "__wrapped__")
 
 
 def test_every_number_of_a_door_has_a_range_or_says_that_it_has_none() -> None:

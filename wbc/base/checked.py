@@ -18,7 +18,7 @@ import typing
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, TypeVar, Unpack
 
-from pydantic import PlainValidator, TypeAdapter, ValidationError
+from pydantic import BeforeValidator, PlainValidator, TypeAdapter, ValidationError
 
 from wbc.base.settings import CONFIG, Numbers, hashable, refusal, unit_of
 
@@ -27,13 +27,17 @@ F = TypeVar("F", bound=Callable[..., Any])
 NUMBERS = (float, int)
 """Types with values that are refused, such as NaN."""
 
+SEQUENCES = (list, collections.abc.Sequence, collections.abc.Iterable)
+MAPPINGS = (dict, collections.abc.Mapping)
+
 
 def checked(function: F) -> F:
     """Check the arguments of a function against its annotations at every call.
 
-    Numbers, texts, choices, tuples of them, arrays with `Numbers`, functions and objects of classes are checked, alone
-    or in a union. An annotation with any other part, such as a protocol, a list or `ArrayLike`, checks nothing.
-    NumPy numbers become Python's, arrays with `Numbers` become float64. Defaults are taken as they are.
+    Numbers, texts, choices, arrays with `Numbers`, functions and objects of classes are checked, alone, in a union, and
+    in tuples, sequences and mappings. An annotation with any other part, such as a protocol or `ArrayLike`, checks
+    nothing. NumPy numbers become Python's, arrays with `Numbers` become float64, sequences become tuples and mappings
+    become dicts. Defaults are taken as they are.
 
     Args:
         function: A function, a method, a constructor, or the setter of a property: its argument is named `value`, and
@@ -105,7 +109,7 @@ class ArgumentCheck:
             part for part in _alternatives(hint) if isinstance(part, type) and part not in NUMBERS
         )
         self._plain = not any(isinstance(part, Numbers) for part in _parts(hint))
-        self._unit = unit_of(hint)
+        self._unit, self._union = unit_of(hint), len(set(_alternatives(hint)) - {type(None)}) > 1
         self._is_method = next(iter(inspect.signature(function).parameters)) in ("self", "cls")
         self._name, self._of = name, function.__qualname__.rpartition("<locals>.")[2]
         if self._is_method:  # of a class that derives, perhaps, from the one that has it
@@ -121,7 +125,7 @@ class ArgumentCheck:
             owner = type(args[0]) if self._is_method and not isinstance(args[0], type) else None
             owner = owner or (args[0] if self._is_method else None)
             of = ".".join(filter(None, (getattr(owner, "__name__", ""), self._of)))
-            raise refusal(f"{self._name} of {of}", self._unit, error) from None
+            raise refusal(f"{self._name} of {of}", self._unit, error, value, self._union) from None
 
 
 def _alternatives(hint: Any) -> tuple[Any, ...]:
@@ -144,6 +148,13 @@ def _for_pydantic(hint: Any) -> Any:
     if origin is tuple:
         parts = [part if part is ... else _for_pydantic(part) for part in args]
         return None if None in parts else tuple[tuple(parts)]  # type: ignore[misc]
+    if origin in SEQUENCES or origin in MAPPINGS:
+        parts = [_for_pydantic(part) for part in args]
+        if None in parts:
+            return None
+        if origin in MAPPINGS:
+            return Annotated[types.GenericAlias(dict, tuple(parts)), BeforeValidator(_mapping)]
+        return Annotated[types.GenericAlias(tuple, (parts[0], ...)), BeforeValidator(_sequence)]
     if origin is collections.abc.Callable:
         return Annotated[Any, PlainValidator(_callable)]
     if origin is Literal or hint in (float, int, bool, str, type(None)):
@@ -161,6 +172,20 @@ def _instance(kind: type, value: Any) -> Any:
         return value
     advice = kind.instead_of(value) if hasattr(kind, "instead_of") else ""
     raise ValueError(f"must be of class {kind.__name__}{f' ({advice})' if advice else ''}")
+
+
+def _sequence(value: Any) -> Any:
+    if isinstance(value, collections.abc.Iterable) and not isinstance(
+        value, (str, bytes, collections.abc.Mapping)
+    ):
+        return hashable(tuple(value))
+    raise ValueError("must be a sequence")
+
+
+def _mapping(value: Any) -> Any:
+    if isinstance(value, collections.abc.Mapping):
+        return {hashable(key): hashable(each) for key, each in value.items()}
+    raise ValueError("must be a mapping")
 
 
 def _callable(value: Any) -> Any:

@@ -20,16 +20,32 @@ Array = NDArray[np.float64]
 ROUNDING = 1e-9
 """Rounding allowed in sums and comparisons of times, lengths, forces and ratios, SI units; also the least divisor."""
 
+FLOAT64 = np.dtype(np.float64)
+BOOLS = frozenset((bool, np.bool_))
+"""Types of truth values, which are no numbers."""
+
 
 def scalar(value: float) -> Array:
     """Return a number as an array without axes, for the tick: NumPy takes half the time of a Python number with it."""
     return np.array(float(value))
 
 
+def numbers(value: ArrayLike) -> Array:
+    """Return a copy of numbers as a float64 array; `TypeError` or `ValueError` for text and truth values among them."""
+    array = np.array(value)
+    kind = array.dtype.kind
+    if kind not in "iuf" and array.size:
+        if kind != "O" or any(isinstance(each, (str, bytes, bool, type(None))) for each in array.flat):
+            raise TypeError
+    elif isinstance(value, (list, tuple)) and not BOOLS.isdisjoint(map(type, value)):
+        raise TypeError
+    return array if array.dtype is FLOAT64 else array.astype(np.float64)
+
+
 def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
     """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages."""
     try:
-        array = np.array(value, dtype=np.float64)
+        array = numbers(value)
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
         raise InputError(f"{what} must be numbers, got {shown(value)}") from error
     if shape is not None and array.shape != shape:

@@ -29,7 +29,7 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, numbers
 
 T = TypeVar("T")
 
@@ -96,9 +96,9 @@ class Numbers:
     def checked(self, value: Any) -> Array:
         """Return a copy as a float64 array; what is outside is a `ValueError` that says the rule."""
         try:
-            array = np.array(value, dtype=np.float64)
+            array = numbers(value)
         except (TypeError, ValueError, OverflowError, RecursionError):
-            array = np.array(math.nan)
+            raise ValueError(f"must be numbers, got {shown(value)}") from None
         if self.shape is not None and array.shape != self.shape and np.isfinite(array).all():
             raise ValueError(f"must have shape {self.shape}, got shape {array.shape}")
         if not (np.isfinite(array) & (array >= self.low) & (array > self.above) & (array <= self.high)).all():
@@ -238,16 +238,19 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
     raise _sentence(path or getattr(kind, "__name__", str(kind)), unit, [_rule(first)], first) from None
 
 
-def refusal(what: str, unit: str, error: ValidationError) -> InputError:
-    """Return the error of one value, `what`, that its annotation refuses; of a union, with the rules of its members."""
+def refusal(what: str, unit: str, error: ValidationError, value: Any, of_union: bool) -> InputError:
+    """Return the error of a value, `what`, that its annotation refuses; of a union, with the rules of its members."""
     errors = error.errors(include_url=False)
-    first = errors[0]
-    cause, place = first.get("ctx", {}).get("error"), [part for part in first["loc"] if isinstance(part, int)]
-    if isinstance(cause, InputError):
+    first = max(errors, key=lambda each: len(each["loc"])) if of_union else errors[0]
+    place, inner = "", value
+    if isinstance(cause := first.get("ctx", {}).get("error"), InputError):
         return cause
-    of_union = len(errors) > 1 and not isinstance(first["loc"][0], int)
-    rules = dict.fromkeys(map(_rule, errors if of_union else [first]))
-    return _sentence(f"{what}{''.join(f'[{part}]' for part in place)}", unit, [*rules], first)
+    for part in first["loc"]:  # names of members of a union are no places in the value
+        if isinstance(part, int) or (isinstance(inner, Mapping) and part in inner):
+            place += f"[{part!r}]"
+            inner = inner[part] if isinstance(inner, Mapping) else None
+    rules = dict.fromkeys(map(_rule, errors if of_union and not place else [first]))
+    return _sentence(f"{what}{place}", unit, [*rules], first)
 
 
 def _rule(error: Mapping[str, Any]) -> str:

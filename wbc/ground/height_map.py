@@ -18,8 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from wbc.base.checked import checked
 from wbc.base.numbers import Array
-from wbc.base.settings import Count, NonNegative, Positive, settings
+from wbc.base.settings import Count, NonNegative, Number, Positive, settings
 
 Places = NDArray[np.complex128]
 """Places x + iy in the world, m."""
@@ -79,8 +80,11 @@ class HeightMap:
         std: Standard deviation of each height, shape (n,), m.
     """
 
+    @checked
     def __init__(
-        self, settings: HeightMapSettings | None = None, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self,
+        settings: HeightMapSettings | None = None,
+        origin: tuple[Number, Number, Number] = (0.0, 0.0, 0.0),
     ) -> None:
         """Know nothing."""
         self.settings = s = settings or HeightMapSettings()
