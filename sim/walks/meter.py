@@ -85,8 +85,7 @@ class WalkMeter(TrialHook):
         self._area: list[float] = []
         self._events: Counter[Event] = Counter()
         self._moments: deque[_Moment] = deque(maxlen=max(1, round(MEMORY_TIME / plant.control_period)))
-        self._limits = np.asarray(plant.description.torque_limit)
-        self._torque, self._peak, self._ratio = (np.zeros(plant.robot.na) for _ in range(3))
+        self._peak = np.zeros(plant.robot.na)  # greatest torque of each joint over its limit
         self._effort: list[float] = []
         self.work = 0.0  # of the joints, the negative counted as positive, J
         self._impact: float | None = None
@@ -112,11 +111,11 @@ class WalkMeter(TrialHook):
     def after(self, trial: Trial) -> None:
         """Record torques and work of the joints, after the plant has moved on."""
         del trial
-        torque, ratio = np.abs(self._plant.joint_torque, out=self._torque), self._ratio
-        np.maximum(self._peak, torque, out=self._peak)
-        self.work += float(torque @ np.abs(self._plant.joint_velocity)) * self._plant.control_period
-        np.divide(torque, self._limits, out=ratio)
-        self._effort.append(float(ratio[ratio.argmax()]))
+        plant, torque = self._plant, self._plant.joint_torque
+        share = plant.robot.torque_share(torque)
+        np.maximum(self._peak, share, out=self._peak)
+        self.work += float(np.abs(torque) @ np.abs(plant.joint_velocity)) * plant.control_period
+        self._effort.append(float(share.max()))
 
     def _record_errors(self, reference: Reference, output: StabilizerOutput) -> list[float]:
         """Record the errors of a stabilizer, and return that of the DCM, target minus measured, m."""
@@ -220,15 +219,14 @@ class WalkMeter(TrialHook):
 
     def figures(self) -> dict[str, Any]:
         """Return the fields of a `WalkResult` that are measured here."""
-        ratios = self._peak / self._limits
-        worst = int(np.argmax(ratios))
+        worst = int(np.argmax(self._peak))
         count = self._events
         return {
             "zmp_error": spread(self._zmp),
             "com_error": spread(self._com),
             "dcm_error": spread(self._dcm),
             "dcm_error_max": max(self._dcm, default=None),
-            "peak_torque_ratio": float(ratios[worst]),
+            "peak_torque_ratio": float(self._peak[worst]),
             "peak_torque_joint": self._plant.robot.joint_names[worst],
             "torque_ratio": spread(self._effort),
             "touchdowns": Touchdowns(

@@ -122,7 +122,7 @@ class WalkResult(TrialResult):
         com_error: m; of the stabilizer's CoM, less the bias that it has estimated.
         dcm_error: m; of the DCM, less its bias.
         dcm_error_max: m.
-        peak_torque_ratio: Greatest joint torque over its limit, at the ends of the control periods.
+        peak_torque_ratio: Greatest joint torque over its limit in its direction, at the ends of the control periods.
         peak_torque_joint: Joint of that torque.
         cost_of_transport: Mechanical work of the joints, ∑ |τ q̇| over control periods, over weight and distance
             between start and end; None for a robot that is less than 0.05 m from its start.

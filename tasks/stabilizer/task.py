@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Literal, Unpack
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -28,7 +28,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.motion import read_only
-from wbc.core.qp.task import MotionOptions
+from wbc.core.qp.task import Drives, MotionOptions
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.wrench import WrenchTask
@@ -78,7 +78,7 @@ class StabilizerTask(CoMTask):
         contacts: Annotated[Sequence[SoleContact], PlainValidator(_feet)],
         target: ArrayLike | None = None,
         *,
-        drives: Literal["torque", "position"] = "torque",
+        drives: Drives = "torque",
         gains: StabilizerGains | None = None,
         distribution: DistributionSettings | None = None,
         estimate: Robot | None = None,
@@ -119,6 +119,11 @@ class StabilizerTask(CoMTask):
         self._stabilizer: Stabilizer | None = None
         self._stands = True  # until something hands out a pendulum
         self._away = [False, False]  # feet that have left their places
+
+    @property
+    def drives(self) -> Drives:  # type: ignore[override]
+        """Drives that the task is made for: "torque", for torque and hybrid control, or "position"."""
+        return "torque" if self._torque else "position"
 
     @property
     def target(self) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,9 @@ from wbc.core.qp.solution import Solution
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot
 from wbc.sim.terrain.spec import terrain
+from wbc.sim.walks.meter import WalkMeter
 from wbc.tasks.balance import balance_controller
+from wbc.walking import FootstepPlan
 from wbc.walking.contact import Event
 from wbc.walking.control import WalkingControl
 
@@ -70,6 +73,37 @@ def test_a_log_holds_every_tick(tmp_path: Path) -> None:
         else:  # numbers are kept with 24 bits
             np.testing.assert_allclose(log[name], expected, rtol=2e-7, atol=1e-9, err_msg=name)
     assert log.events[0] == (0.0, Event.STARTED.value)
+
+
+def test_a_torque_is_over_its_limit_in_the_direction_in_which_it_acts(tmp_path: Path) -> None:
+    """Drives that pull with less than they push with, in the log and in the figures of a walk."""
+    robot = wbc.load_robot("hrp4_class")
+    most = robot.torque_limit
+    names = robot.joint_names
+    ranges = {
+        name: (-0.6 * m, float(m)) if i % 2 else (-float(m), 0.6 * m)
+        for i, (name, m) in enumerate(zip(names, most, strict=True))
+    }
+    robot = replace(robot, torque_ranges=ranges)
+    plant, walk = (
+        wbc.Plant(robot),
+        WalkingControl(model := robot.robot(), FootstepPlan.standing(model), 0.005),
+    )
+    meter, peak = WalkMeter(plant, walk), 0.0
+    with Recorder(tmp_path / "stand.arrow") as record:
+        for _ in range(40):
+            command = walk.command(measurement := plant.measure())
+            record(plant, walk, measurement, command)
+            plant.step(command)
+            meter.after(None)  # type: ignore[arg-type]
+            least, greatest = np.array([ranges[name] for name in names]).T
+            share = plant.joint_torque / np.where(plant.joint_torque < 0.0, -least, greatest)
+            peak = max(peak, float(np.abs(share).max()))
+    log = Log.open(tmp_path / "stand.arrow")
+    for name, (low, high) in ranges.items():
+        torque, ratio = log[f"truth/joint/torque/{name}"], log[f"truth/joint/torque_ratio/{name}"]
+        np.testing.assert_allclose(ratio, torque / np.where(torque < 0.0, -low, high), rtol=1e-6, atol=1e-9)
+    assert meter.figures()["peak_torque_ratio"] == pytest.approx(peak) and peak > 0.05
 
 
 @pytest.mark.slow

@@ -396,8 +396,7 @@ def _add_plant(signals: Signals, tick: Tick) -> None:
         body = int(np.argmax(np.square(forces).sum(axis=1)))
         return np.concatenate([data.xipos[body], forces[body]])
 
-    names, limit = [joint.name for joint in joints], np.array(plant.description.torque_limit)
-    _add_true_state(signals, tick, state, names, units, limit)
+    _add_true_state(signals, tick, state, [joint.name for joint in joints], units)
     parts = [f"truth/push/{kind}/{axis}" for kind in ("point", "force") for axis in XYZ]
     about = "point of attack of the largest push, and its force, world"
     signals.each(parts, ["m"] * 3 + ["N"] * 3, about, push)
@@ -416,7 +415,7 @@ def _add_truth(signals: Signals, tick: Tick) -> None:
         return _TrueState(truth.q, truth.v, truth.joint_torque, truth.com, truth.com_velocity, feet)
 
     names, units = robot.joint_names, joint_units(robot)
-    _add_true_state(signals, tick, state, names, units, np.array(robot.torque_limit))
+    _add_true_state(signals, tick, state, names, units)
 
 
 class _TrueState(NamedTuple):
@@ -436,7 +435,6 @@ def _add_true_state(
     state: Callable[[Tick], _TrueState | None],
     joints: Sequence[str],
     units: Sequence[str],
-    limit: Array,
 ) -> None:
     robot, group, found = tick.robot, signals.group, cached(state)
     true = optional(found)
@@ -451,8 +449,12 @@ def _add_true_state(
     group("truth/com_velocity", XYZ, "m/s", "world", true(lambda s: s.com_velocity))
     soles = [f"truth/foot/{side}/position/{axis}" for side in SIDES for axis in XYZ]
     signals.each(soles, "m", "sole centre, world", true(lambda s: s.feet))
-    about = "torque over its limit"
-    group("truth/joint/torque_ratio", robot.joint_names, "1", about, true(lambda s: s.joint_torque / limit))
+    about = "torque over its limit in the direction in which it acts"
+
+    def ratio(state: _TrueState) -> Array:
+        return np.copysign(robot.torque_share(state.joint_torque), state.joint_torque)
+
+    group("truth/joint/torque_ratio", robot.joint_names, "1", about, true(ratio))
     if tick.walking is not None:
         group("truth/dcm", XY, "m", "world", lambda t: _dcm(t, found(t)))
 

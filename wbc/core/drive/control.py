@@ -138,6 +138,7 @@ class DriveControl:
     """
 
     _follows_estimate = True
+    _moves_references = False  # the solution is integrated to references of the joints
 
     def __init__(
         self,
@@ -154,7 +155,7 @@ class DriveControl:
         self.observer = Observer(controller.robot) if observer is None else observer
         if self.observer.robot.model is not controller.robot.model:
             raise InputError("the observer must estimate the same robot model that the controller uses")
-        controller.measured = self.observer.robot
+        controller.run_by("position" if self._moves_references else "torque", self.observer.robot)
         self.policy = policy or FailurePolicy()
         robot, dt, safety = controller.robot, controller.dt, safety or SafetySettings()
         self.plausibility = Plausibility(robot, dt, safety.plausibility)

@@ -36,6 +36,8 @@ class PositionControl(DriveControl):
         v: Its velocity, shape (nv,).
     """
 
+    _moves_references = True
+
     @checked
     def __init__(
         self,

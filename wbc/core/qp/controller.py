@@ -11,7 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.errors import names_in, unknown_name
+from wbc.base.errors import InputError, names_in, unknown_name
 from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly, empty_problem
@@ -22,7 +22,7 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import VariableTask, fill_guarded
+from wbc.core.qp.task import Drives, Task, VariableTask, fill_guarded
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
@@ -36,6 +36,7 @@ class Controller(Items):
         outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: of what holds a
             robot that does not stand yet. They enter the dynamics of every tick; None for none.
         released: Joints that somebody else moves; None while there are none. See `release`.
+        drives: Drives that the control which runs the controller commands; None while there is no such control.
         measured: Robot whose state is estimated from the sensors, where it is not `robot`, as in position control; the
             control that runs the controller sets it. None for `robot`.
     """
@@ -66,6 +67,7 @@ class Controller(Items):
         self.outside: Array | None = None
         self.released: ReleasedJoints | None = None
         self.measured: Robot | None = None
+        self.drives: Drives | None = None
         self._torques: Array | None = None  # of the last tick
         self._close_chains()
         self._rebuild()
@@ -85,8 +87,14 @@ class Controller(Items):
         """Number of ticks since the last change of the layout, by the solver that solved them; and of those failed."""
         return dict(self._solver.counts)
 
+    def run_by(self, drives: Drives, measured: Robot) -> None:
+        """Take the drives that a control commands and the robot that it estimates; refuse tasks for other drives."""
+        _check_drives(self._tasks, drives)
+        self.drives, self.measured = drives, measured
+
     def _check_together(self, new: Sequence[Item]) -> None:
-        """Refuse tasks on all variables that cannot be bound to the QP, or evaluated: they would fail at every tick."""
+        """Refuse tasks for other drives, and those on all variables that cannot be bound to the QP or evaluated."""
+        _check_drives([item for item in new if isinstance(item, Task)], self.drives)
         contacts = [*self._contacts, *(item for item in new if isinstance(item, Contact))]
         tasks = [item for item in new if isinstance(item, VariableTask)]
         tasks = [task for task in tasks if task.waits_for() in (None, *contacts)]
@@ -226,3 +234,13 @@ class Controller(Items):
         """Return a table of tasks, contacts and limits as of the last tick, to print."""
         items = self._tasks, self._contacts
         return status_table(self.robot, self.dt, *items, self._regularisation, self._solution)
+
+
+def _check_drives(tasks: Sequence[Task], drives: Drives | None) -> None:
+    """Refuse tasks that are made for other drives than a control commands."""
+    for task in tasks:
+        if drives is not None and task.drives not in (None, drives):
+            mode = "position control" if drives == "position" else "torque and hybrid control"
+            raise InputError(
+                f"task '{task.name}' is made for drives='{task.drives}', and {mode} needs drives='{drives}'"
+            )

@@ -29,6 +29,9 @@ from wbc.core.qp.target import Targeted
 from wbc.core.robot import Reads, Robot
 from wbc.core.signals import Measurement
 
+Drives = Literal["torque", "position"]
+"""What the drives are commanded to do; "torque" for hybrid control as well."""
+
 ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}
 """Unit → greatest component of an error that acts, unless a task is given another: far above those of a motion that is
 followed. Errors of other units have no bound."""
@@ -102,6 +105,7 @@ class Task(Targeted):
         usual: Options of the tasks of a class where none are given.
         of_velocity: True of a class whose error is one of a velocity: in inverse kinematics its target is what the
             velocities make of the rows, whatever `rate` is.
+        drives: Drives for which the rows are made, "torque" (hybrid control as well) or "position"; None for all.
         reads: State of the robot that the rows of a class need in inverse kinematics.
         spared_acceleration: Accelerations of the coordinates in `spared` as they are expected, shape (n,).
         idle: True while the weight is zero: the rows are left as they were, and cost no time.
@@ -115,6 +119,7 @@ class Task(Targeted):
     usual: ClassVar[MotionOptions] = {}
     of_velocity: ClassVar[bool] = False
     reads: ClassVar[Reads] = "all"
+    drives: Drives | None = None
 
     def __init__(self, name: str, rows: int | Sequence[str], /, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; gains can be changed at any time.
