@@ -370,6 +370,13 @@ def test_trials_on_one_layout_are_not_counted_as_independent() -> None:
     assert uneven.mean == 2.0 and uneven.layouts == 2
 
 
+@pytest.mark.parametrize("power", [-1000, -500, 500, 1020])
+def test_sign_flips_do_not_depend_on_the_unit(power: int) -> None:
+    values = np.random.default_rng(2).normal(0.4, 1.0, 14)
+    for layouts in (None, list(range(7)) * 2):
+        assert sign_flip_p(np.ldexp(values, power).tolist(), layouts) == sign_flip_p(values.tolist(), layouts)
+
+
 def test_sign_flips_keep_their_level() -> None:
     """Under no difference one test in twenty says there is one."""
     draws = np.random.default_rng(4).normal(0.0, 1.0, (120, 10))
