@@ -29,7 +29,7 @@ from wbc.base.settings import Numbers
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
 from wbc.tasks import JointTorqueTask, PostureTask
-from wbc.walking import FootstepPlan, SteppingControl, WalkingControl, WalkingControlSettings
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 
 ROOMS = ("app", "core", "feet", "ground", "machine", "motion", "robots", "sim", "tasks", "walking")
 
@@ -49,7 +49,7 @@ RESULTS = {
 
 BY_WHAT_IS_KNOWN = {
     *(f"{task}.{where}" for task in ("PostureTask", "JointTorqueTask") for where in ("__init__", "target")),
-    *(f"{kind}.velocity" for kind in ("MotionSource", "ReferenceSource", "StandSource", "SteppingControl")),
+    *(f"{kind}.velocity" for kind in ("MotionSource", "ReferenceSource", "StandSource")),
 }
 """Doors that check by joints or limits that a made object alone has."""
 
@@ -349,7 +349,6 @@ def test_numbers_are_checked_where_the_object_is_needed_for_it() -> None:
             with pytest.raises(InputError, match=joint):
                 type(task)({joint: bad}).bind(robot)
         for control in (
-            SteppingControl(robot, 0.002),
             WalkingControl(robot, stand, 0.002),
             WalkingControl(robot, stand, 0.002, WalkingControlSettings(mode="torque")),
         ):
