@@ -19,8 +19,7 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import Place, climb_stairs, moved, turn_in_place, walk_distance, walk_velocity
-from wbc.walking.plans.sources import DriveSettings, Velocity, checked_velocity
-from wbc.walking.source import VelocityLimits
+from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
@@ -160,12 +159,6 @@ class WalkPlan:
         for move in moves:
             places.append(moved(places[-1], *move))
         return [(x, y) for x, y, _ in places]
-
-
-def planned_limits(drive: DriveSettings) -> VelocityLimits:
-    """Return the greatest velocities that planned steps give."""
-    (forward, aside, turn), back = drive.fastest, drive.fastest_back
-    return VelocityLimits(forward, back, aside, turn)
 
 
 def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, advice: str) -> None:

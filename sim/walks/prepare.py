@@ -19,7 +19,7 @@ from wbc.sim.plant.feet import with_feet
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
-from wbc.sim.walks.plans import FASTER, WalkPlan, check_velocity, planned_limits
+from wbc.sim.walks.plans import FASTER, WalkPlan, check_velocity
 from wbc.sim.walks.settings import TrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
@@ -108,7 +108,7 @@ def prepare(
     given = plan.footsteps is not None or plan.stairs is not None
     walked = steps if given or not free else replace(steps, steps=())
     if plan.velocity is not None and not free:
-        check_velocity(plan.velocity, planned_limits(settings.drive), "planned steps", FASTER)
+        check_velocity(plan.velocity, settings.drive.limits, "planned steps", FASTER)
     try:
         walking = WalkingControl(model, walked, period, settings, extent=extent)
     except InputError as error:

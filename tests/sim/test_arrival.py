@@ -103,6 +103,9 @@ def test_a_robot_that_does_its_steps_elsewhere_has_strayed() -> None:
 @pytest.mark.parametrize(("mode", "seed"), [("torque", 3), ("hybrid", 4)])
 def test_planned_steps_on_torques_keep_their_line(mode: Mode, seed: int) -> None:
     """Narrow soles, realistic sensors: their constant errors move the ZMP within the sole, and no landing."""
-    result = walk(robot="g1", foot="flat", terrain="flat", distance=3.0, mode=mode, seed=seed)
+    changes = {"step_kind": "planned"}
+    result = walk(
+        robot="g1", foot="flat", terrain="flat", distance=3.0, mode=mode, seed=seed, changes=changes
+    )
     assert result.outcome == "completed"
     assert result.track_error is not None and result.track_error < 0.1

@@ -26,13 +26,12 @@ from wbc.walking.plans.sources import (
     BESIDE,
     DriveSettings,
     FootstepSource,
-    GoalSource,
     PlanSource,
     Standing,
-    VelocitySource,
     next_steps,
 )
 from wbc.walking.source import Reference
+from wbc.walking.steering import SteeredSteps
 
 DT = 0.005
 ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}
@@ -118,11 +117,11 @@ def test_every_velocity_gives_steps_within_reach(name: str) -> None:
     robot, rng = ROBOTS[name], np.random.default_rng(3)
     reach = Reach.of(robot)
     for _ in range(60):
-        source = VelocitySource(reach, SIZES[name], DriveSettings(acceleration=(99, 99, 99)))
+        source = SteeredSteps(reach, SIZES[name], DriveSettings(acceleration=(99, 99, 99)))
         now = standing(name)
         for begun in range(3):
             x, y, turn = rng.normal(size=3)
-            source.target = (x, y, turn)
+            source.steering.command((x, y, turn))
             plan = source.footsteps(now._replace(begun=begun, time=float(begun)))
             check_plan(plan, robot, reach)
             assert len(plan) >= 3
@@ -212,11 +211,10 @@ def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(l
 )
 def test_it_goes_to_a_place_and_stands_there(goal: tuple[float, float, float]) -> None:
     stage = Stage()
-    source = GoalSource(goal, stage.source.velocity_source())
-    stage.source.follow(source)
+    stage.source.go_to(*goal)
     stage.run_until_it_stands(45.0)
     place, yaw = stage.middle
-    assert source.reached and stage.walk.finished
+    assert stage.source.finished and stage.walk.finished
     assert np.linalg.norm(place - goal[:2]) < 0.05 and abs(yaw - goal[2]) < 0.1
 
 
@@ -232,8 +230,14 @@ def test_steps_to_a_goal_are_the_same_in_a_world_that_is_moved_and_turned(
     reach = Reach.of(ROBOTS["hrp4_class"])
     there = world * pin.SE3(pin.utils.rotate("z", goal[2]), np.array([*goal[:2], 0.0]))
     x, y, _ = there.translation
+
+    def to(goal: tuple[float, float, float]) -> SteeredSteps:
+        source = SteeredSteps(reach, SIZES["hrp4_class"])
+        source.steering.go_to(*goal)
+        return source
+
     plans = [
-        GoalSource(place, VelocitySource(reach, SIZES["hrp4_class"])).footsteps(now._replace(start=start))
+        to(place).footsteps(now._replace(start=start))
         for place, start in ((goal, now.start), ((x, y, goal[2] + 2.5), now.start.moved(world)))
     ]
     assert len(plans[0].steps) > 2 and [s.side for s in plans[0].steps] == [s.side for s in plans[1].steps]
@@ -365,9 +369,9 @@ def test_the_reach_of_every_robot_grants_its_speed(name: str) -> None:
     robot = ROBOTS[name]
     height = bent_height(robot, DriveSettings().stretch)
     assert height <= robot.com[2] + 1e-9 and (height < robot.com[2] - 0.01) == (name == "g1")
-    source = VelocitySource(Reach.of(robot, height), SIZES[name])
+    source = SteeredSteps(Reach.of(robot, height), SIZES[name])
     for first, target in ((0, 0.3), (30, 0.2)):
-        source.target = (target, 0.0, 0.0)
+        source.steering.command((target, 0.0, 0.0))
         for i in range(first, first + 30):
             source.footsteps(standing(name)._replace(time=0.1 * i))
         assert source.granted[0] == pytest.approx(target, abs=0.03) and source.pace == target

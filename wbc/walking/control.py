@@ -54,9 +54,9 @@ from wbc.walking.lipm.source import LipmWalk
 from wbc.walking.lipm.walk import Walk
 from wbc.walking.load import HeldLoad
 from wbc.walking.plans.footsteps import FootstepPlan, heading
-from wbc.walking.plans.sources import FootstepSource, Velocity, checked_velocity
+from wbc.walking.plans.sources import FootstepSource, Velocity, VelocityLimits, checked_velocity
 from wbc.walking.settings import Kind, WalkingControlSettings
-from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
+from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.stepping.source import SteppingWalk
 from wbc.walking.stepping.tasks import stepping_tasks
 from wbc.walking.tasks import WalkTasks, stabilized_tasks

@@ -25,7 +25,8 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading
-from wbc.walking.plans.sources import AT_REST, FootstepSource, Velocity
+from wbc.walking.plans.sources import AT_REST, FootstepSource, Velocity, VelocityLimits, planner_of
+from wbc.walking.steering import Steering
 from wbc.walking.swing import FootMotion
 
 
@@ -120,15 +121,6 @@ class Progress(NamedTuple):
         return self.upcoming[0] if self.swing is not None and self.upcoming else None
 
 
-class VelocityLimits(NamedTuple):
-    """Greatest velocities that are granted."""
-
-    forward: float  # m/s
-    back: float  # m/s
-    aside: float  # m/s
-    turn: float  # rad/s
-
-
 class ReferenceSource(ABC):
     """Base of all sources of references; one of your own writes `update` and what it has to say of the rest.
 
@@ -142,6 +134,8 @@ class ReferenceSource(ABC):
         swing_height: Height by which feet are lifted, that the legs must leave to a body that is lowered, m.
         reason: Reason for which the source has dropped the last order; empty if it has not.
         ground: What is known of the ground that feet land on; None of a source that decides on no landing.
+        steering: Velocity or goal that is asked for; None of a source that is not steered.
+        planner: Planner of the footsteps; None without one.
     """
 
     by_steps = False
@@ -150,6 +144,8 @@ class ReferenceSource(ABC):
     swing_height = 0.0
     reason = ""
     ground: GroundEstimate | None = None
+    steering: Steering | None = None
+    planner: FootstepSource | None = None
 
     def begin(self, heading: float) -> None:
         """Stand where the robot stands now; all steps and orders before are forgotten.
@@ -190,19 +186,27 @@ class ReferenceSource(ABC):
         """True when all that was asked for is done and the robot stands."""
         return False
 
+    # ---- what is asked for, of a source with a steering; an `InputError` without ---------------------------------
+
     @property
     def steered(self) -> bool:
         """True if the robot is steered, or may be."""
-        return False
+        return self.steering is not None
+
+    def _steering(self) -> Steering:
+        if self.steering is None:
+            raise InputError(self.unsteered)
+        return self.steering
 
     @property
     def velocity(self) -> Velocity | None:
-        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None while none is commanded."""
-        return None
+        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None for a stand, or with a goal."""
+        return None if self.steering is None else self.steering.target
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        raise InputError(self.unsteered)
+        self._steering().command(velocity)
+        self.take(None)
 
     @property
     def granted(self) -> Velocity:
@@ -212,19 +216,26 @@ class ReferenceSource(ABC):
     @property
     def limits(self) -> VelocityLimits:
         """Greatest velocities that are granted."""
-        return VelocityLimits(0.0, 0.0, 0.0, 0.0)
+        return VelocityLimits(0.0, 0.0, 0.0, 0.0) if self.steering is None else self.steering.limits
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad), and stand there."""
-        raise InputError(self.unsteered)
+        self._steering().go_to(x, y, yaw)
+        self.take(None)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan or a planner."""
-        raise InputError(self.unsteered)
+        steering, planner = self._steering(), planner_of(source)
+        steering.command(None)
+        self.take(planner)
 
     def stop(self) -> None:
         """Come to a stand safely."""
-        raise InputError(self.unsteered)
+        self.velocity = None
+
+    def take(self, planner: FootstepSource | None) -> None:
+        """Take the footsteps of a planner from now on, None for those of the steering."""
+        self.planner, self.reason = planner, ""
 
     def see(self, ground: KnownGround) -> None:
         """Put feet by what is known of the ground, from the next swing on.
@@ -232,7 +243,9 @@ class ReferenceSource(ABC):
         Args:
             ground: What is known; the control keeps it up to date.
         """
-        raise InputError(f"{type(self).__name__} puts no feet by what is known of the ground")
+        if self.ground is None:
+            raise InputError(f"{type(self).__name__} puts no feet by what is known of the ground")
+        self.ground.sight = ground
 
 
 class StandSource(ReferenceSource):

@@ -9,7 +9,6 @@ robot cannot take, is dropped: the robot comes to a stand, and the reason is log
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,7 +17,6 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.core.drive.control import State
 from wbc.core.robot import SIDES, Robot
-from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm.phases import WalkPhases
 from wbc.walking.lipm.walk import Walk
@@ -28,18 +26,15 @@ from wbc.walking.plans.reach import Extent, Reach, bent_height
 from wbc.walking.plans.sources import (
     AT_REST,
     FootstepSource,
-    GoalSource,
     Standing,
     Velocity,
-    VelocitySource,
-    checked_velocity,
     close_up,
     dropped,
     next_steps,
-    planner_of,
 )
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
+from wbc.walking.source import Progress, Reference, ReferenceSource
+from wbc.walking.steering import PLANNED_NEAR, SteeredSteps, Steering
 
 REPLAN = 0.1
 """Time between plans of the footsteps on both feet, s."""
@@ -57,6 +52,7 @@ class LipmWalk(ReferenceSource):
     """
 
     com_height: float
+    steering: Steering
 
     def __init__(
         self,
@@ -84,14 +80,14 @@ class LipmWalk(ReferenceSource):
             robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com)
         )
         self.settings, self.com_height, self.ground = s.drive, height, walk.ground
-        self.planner: FootstepSource | None = None
+        self.steering = Steering(s.drive.limits, PLANNED_NEAR)
         self._robot, self._extent, self._walk_settings = robot, extent, s.walk
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)
         self.swing_height = walk.phases.plan.gait.full.swing_height
         self._pace = 0.0  # of the last plan, m/s
         self._next = 0.0  # time of the next plan, s
-        self._planned: tuple[FootstepSource | None, Velocity | None] = (None, None)
+        self._planned: tuple[FootstepSource | None, object] = (None, None)
         self._landed = False
         self._steered = not len(plan)  # a plan from the start is walked as it is
         if len(plan):
@@ -107,6 +103,7 @@ class LipmWalk(ReferenceSource):
         )
         walk.ground.sight = before.ground.sight
         self.ground, self.planner, self._planned, self._steered = walk.ground, None, (None, None), True
+        self.steering.command(None)
         self.reason, self._pace, self._next = "", 0.0, 0.0
 
     def update(self, state: State) -> Reference:
@@ -133,7 +130,8 @@ class LipmWalk(ReferenceSource):
     @property
     def finished(self) -> bool:
         """True when the plan, or what a planner has asked for, is walked and the robot stands."""
-        pending = self.planner is not None and self._planned[0] is not self.planner
+        planner = self.planner
+        pending = planner is not None and self._planned != (planner, planner.order)
         return self.walk.finished and not pending
 
     @property
@@ -141,17 +139,10 @@ class LipmWalk(ReferenceSource):
         """True if footsteps come, or may come, from a planner; False for a walk along its first plan."""
         return self._steered
 
-    @property
-    def limits(self) -> VelocityLimits:
-        """Greatest velocities that are granted."""
-        (forward, aside, turn), back = self.settings.fastest, self.settings.fastest_back
-        return VelocityLimits(forward, back, aside, turn)
-
-    def velocity_source(self) -> VelocitySource:
-        """Return a planner of velocities that goes on from the velocity granted now."""
-        source = VelocitySource(self.walk.reach, self.walk.sole_sizes, self.settings, self.granted)
-        source.pace = 0.0 if self.walk.finished else self._pace
-        return source
+    def _steered_steps(self) -> SteeredSteps:
+        """Return a planner that is steered, and goes on from the velocity granted now."""
+        walk, pace = self.walk, 0.0 if self.walk.finished else self._pace
+        return SteeredSteps(walk.reach, walk.sole_sizes, self.settings, self.steering, self.granted, pace)
 
     @property
     def granted(self) -> Velocity:
@@ -161,20 +152,6 @@ class LipmWalk(ReferenceSource):
             return _mean_velocity(self.walk)
         return AT_REST if self.walk.finished else granted
 
-    @property
-    def velocity(self) -> Velocity | None:
-        """Commanded velocity; None while another planner gives the steps."""
-        return None if self.planner is None else self.planner.target
-
-    @velocity.setter
-    def velocity(self, velocity: Sequence[float] | None) -> None:
-        target, planner = checked_velocity(velocity), self.planner
-        self.reason = ""
-        if planner is None or planner.target is None:
-            planner = self.velocity_source()
-            self.follow(planner)
-        planner.target = target
-
     def stop(self) -> None:
         """Come to a stand."""
         if self.planner is None:
@@ -182,11 +159,16 @@ class LipmWalk(ReferenceSource):
         else:
             self.velocity = None
 
-    def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a planner, from the next tick on."""
-        self.planner = planner_of(source)
-        self.reason, self._steered = "", True
-        self._next, self.walk.world = 0.0, pin.SE3.Identity()
+    def take(self, planner: FootstepSource | None) -> None:
+        """Take footsteps from a planner, from the next tick on; None for those of the steering."""
+        before = self.planner
+        if planner is None:
+            goes_on = isinstance(before, SteeredSteps) and self.steering.goal is None
+            planner = before if goes_on else self._steered_steps()
+        super().take(planner)
+        self._steered = True
+        if planner is not before:
+            self._next, self.walk.world = 0.0, pin.SE3.Identity()
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""
@@ -197,11 +179,7 @@ class LipmWalk(ReferenceSource):
                     f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
                     f"got the goal ({x:g}, {y:g})"
                 )
-        self.follow(GoalSource((x, y, yaw), self.velocity_source()))
-
-    def see(self, ground: KnownGround) -> None:
-        """Put feet by what is known of the ground, from the next swing on."""
-        self.walk.ground.sight = ground
+        super().go_to(x, y, yaw)
 
     def plan_steps(self, time: float) -> None:
         """Plan the footsteps anew if it is time to, by the time since the start of the walk, s."""
@@ -210,19 +188,19 @@ class LipmWalk(ReferenceSource):
             return
         swings = phases.phase is GaitPhase.SINGLE
         if swings:
-            if (planner, planner.target) == self._planned or time < self._next or self._comes_to_rest:
+            if (planner, planner.order) == self._planned or time < self._next or self._comes_to_rest:
                 self._landed = True
                 return
         elif time < self._next and not self._landed:
             return
         self._landed = False
         self._next = time + REPLAN
-        self._planned = (planner, planner.target)
+        self._planned = planner, planner.order
         now = standing(phases, self._gait, time)
         try:
             plan = next_steps(planner, self._unturned(now), self._robot, self.walk.reach, self._extent)
             self._steer(plan.moved(self.walk.world) if self._turns else plan)
-            self._pace = planner.pace
+            self._pace, self._planned = planner.pace, (planner, planner.order)
         except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
             self._drop(error, now)
 
@@ -254,7 +232,8 @@ class LipmWalk(ReferenceSource):
     def _drop(self, error: Exception, now: Standing) -> None:
         """Come to a stand for a reason."""
         self.reason = dropped(error)
-        self.planner = stand = self.velocity_source()
+        self.steering.command(None)
+        self.planner = stand = self._steered_steps()
         try:
             self._steer(stand.footsteps(now))
         except InputError:

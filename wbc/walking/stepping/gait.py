@@ -29,6 +29,7 @@ from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait, SwingShape
 from wbc.walking.plans.sources import Standing
 from wbc.walking.source import Reference
+from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.law import (
     SIDEWAYS,
@@ -41,7 +42,6 @@ from wbc.walking.stepping.law import (
     viability,
 )
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
-from wbc.walking.stepping.steering import Steering, StepVelocity
 from wbc.walking.swing import REST, FootMotion, SwingFoot
 
 LOOKS = 4
@@ -96,7 +96,7 @@ class SteppingGait:
         """Stand, with a heading (rad); an `InputError` for steps that cannot be walked."""
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
         self.constants = c = in_si(SteppingConstants(), scale)
-        self.steering = Steering(self.settings, scale, c.brisk, heading, dt)
+        self.steering = PathSteering(self.settings, scale, c.brisk, heading, dt)
         self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
         self.steps_done = 0
         self._shape = SwingShape(

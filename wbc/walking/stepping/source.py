@@ -7,12 +7,18 @@ from collections.abc import Sequence
 from wbc.base.checked import checked
 from wbc.core.drive.control import State
 from wbc.core.robot import Robot
-from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading
+from wbc.walking.plans.footsteps import Footstep, heading
 from wbc.walking.plans.reach import Reach
-from wbc.walking.plans.sources import FootstepSource, Standing, Velocity, dropped, next_steps, planner_of
-from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
+from wbc.walking.plans.sources import (
+    FootstepSource,
+    Standing,
+    Velocity,
+    dropped,
+    next_steps,
+)
+from wbc.walking.source import Progress, Reference, ReferenceSource
+from wbc.walking.steering import PathSteering
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
@@ -21,12 +27,12 @@ class SteppingWalk(ReferenceSource):
     """Walk that balances by its steps: it stands, walks where it is steered, and stands.
 
     Attributes:
-        gait: Law of the steps, with the steering.
+        gait: Law of the steps.
         com_height: Height of the CoM over the soles while walking, m.
-        planner: Planner of the footsteps; None for a walk that is steered.
     """
 
     com_height: float
+    steering: PathSteering
     by_steps = True
 
     @checked
@@ -49,10 +55,9 @@ class SteppingWalk(ReferenceSource):
         sight = None if self.ground is None else self.ground.sight
         self.com_height = scale.height
         self.gait = SteppingGait(self._settings, scale, towards, self._dt)
-        self.planner: FootstepSource | None = None
-        self.reason = ""
-        self._steering, self.ground = self.gait.steering, self.gait.ground
-        self.ground.sight = sight
+        self.planner, self.reason = None, ""
+        self.steering, self.ground = self.gait.steering, self.gait.ground
+        self.gait.ground.sight = sight
         self._robot: Robot | None = None  # that of the state
 
     def update(self, state: State) -> Reference:
@@ -92,46 +97,16 @@ class SteppingWalk(ReferenceSource):
     @property
     def finished(self) -> bool:
         """True when nothing asks for steps and the robot has stood for as long as a step takes."""
-        return self.gait.stands and self.planner is None and not self._steering.pending
-
-    @property
-    def steered(self) -> bool:
-        """True: a velocity or a goal may come at any tick."""
-        return True
-
-    @property
-    def velocity(self) -> Velocity | None:
-        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None for a stand, or with a goal."""
-        return self._steering.target
-
-    @velocity.setter
-    def velocity(self, velocity: Sequence[float] | None) -> None:
-        self._steering.command(velocity)
-        self._take(None)
+        return self.gait.stands and self.planner is None and not self.steering.pending
 
     @property
     def granted(self) -> Velocity:
         """Velocity of the steps now: forward (m/s), left (m/s) and turn (rad/s)."""
-        return (*self._steering.velocity, self._steering.turn)
+        return (*self.steering.velocity, self.steering.turn)
 
-    @property
-    def limits(self) -> VelocityLimits:
-        """Greatest velocities that are granted."""
-        return self._steering.limits
-
-    def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place in the world, m, with a heading, rad, and stand there."""
-        self._steering.go_to(x, y, yaw)
-        self._take(None)
-
-    def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a planner, from the next step on."""
-        planner = planner_of(source)
-        self._steering.command(None)
-        self._take(planner)
-
-    def _take(self, planner: FootstepSource | None) -> None:
-        self.planner, self.reason = planner, ""
+    def take(self, planner: FootstepSource | None) -> None:
+        """Take footsteps from a planner, from the next step on; None for those of the steering."""
+        super().take(planner)
         self.gait.plan = None if planner is None else self._footsteps
 
     def _footsteps(self, now: Standing) -> Sequence[Footstep]:
@@ -141,17 +116,9 @@ class SteppingWalk(ReferenceSource):
             plan = next_steps(self.planner, now, self._made_for, self._reach)
         except Exception as error:  # of a planner of the user's own, too
             reason = dropped(error)
-            self._take(None)
+            self.take(None)
             self.reason = reason
             return ()
         if not plan.steps:
-            self._take(None)
+            self.take(None)
         return plan.steps
-
-    def see(self, ground: KnownGround) -> None:
-        """Put feet by what is known of the ground, from the next swing on."""
-        self.gait.ground.sight = ground
-
-    def stop(self) -> None:
-        """Come to a stand."""
-        self.velocity = None

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import wbc
+from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.law import SteppingConstants
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
-from wbc.walking.stepping.steering import Steering, StepVelocity
 
 DT = 0.002
 
@@ -25,8 +25,8 @@ def settings() -> SteppingSettings:
     return SteppingSettings().in_si(SIZE)
 
 
-def steered(settings: SteppingSettings, heading: float = 0.0) -> Steering:
-    return Steering(settings, SIZE, BRISK, heading, DT)
+def steered(settings: SteppingSettings, heading: float = 0.0) -> PathSteering:
+    return PathSteering(settings, SIZE, BRISK, heading, DT)
 
 
 def test_a_velocity_after_a_goal_leaves_the_line_to_that_goal(settings: SteppingSettings) -> None:
@@ -62,7 +62,7 @@ def turned(point: tuple[float, float], angle: float) -> tuple[float, float]:
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
 
 
-def drive(steering: Steering, yaw: float, side: float) -> list[StepVelocity]:
+def drive(steering: PathSteering, yaw: float, side: float) -> list[StepVelocity]:
     """Steps of a robot that is slower than them and sways to a side first, in a world turned by an angle."""
     place, steps, speed, seconds = (0.0, 0.0), [], (0.0, 0.0), 3.0
     for tick in range(round(seconds / DT)):
