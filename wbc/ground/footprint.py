@@ -56,7 +56,7 @@ class FootprintSettings:
     Attributes:
         least_known: Least share of known ground under a sole; with less the ground is unknown.
         trust: Number of standard deviations by which each height is lowered, so that noise does not raise the highest.
-        unrest: Cost of the tilt of resting planes, m/rad.
+        tilt_cost: Foothold tilt cost: of the mean tilt of the planes that the sole may rest on, m/rad.
         distance: Cost of moving a landing, m/m.
         move: Cost of moving it at all, m.
         edge: Cost of a height of the first contact that differs within a node of the place, m/m.
@@ -67,7 +67,7 @@ class FootprintSettings:
 
     least_known: Share = 0.35
     trust: Annotated[NonNegative, ""] = 1.5
-    unrest: Annotated[NonNegative, "m/rad"] = 0.1
+    tilt_cost: Annotated[NonNegative, "m/rad"] = 0.1
     distance: Annotated[NonNegative, "m/m"] = 0.15
     move: Annotated[NonNegative, "m"] = 0.002
     edge: Annotated[NonNegative, "m/m"] = 0.2
@@ -168,7 +168,9 @@ class Footprint:
             moving = s.distance * np.abs(moves) + s.move * (moves != 0.0)
             if cost is not None:
                 moving += cost(moves)
-            costs = np.where(usable, s.unrest * self._unrest(soles, top) + s.edge * spread + moving, np.inf)
+            costs = np.where(
+                usable, s.tilt_cost * self._mean_tilt(soles, top) + s.edge * spread + moving, np.inf
+            )
             for k in np.argsort(costs, kind="stable").tolist():
                 place = complex(complex(x, y) + turn * moves[k])
                 if usable[k] and (moves[k] == 0.0 or allowed(place.real, place.imag)):
@@ -229,7 +231,7 @@ class Footprint:
         z = np.minimum(highest - top[:, None], LOOSE).astype(np.float32)
         return np.asarray((z[:, None] - self._planes).max(axis=2))
 
-    def _unrest(self, low: Array, top: Array) -> Array:
+    def _mean_tilt(self, low: Array, top: Array) -> Array:
         """Return the mean tilt of the planes on which a sole rests under the loads, shape (places,), rad."""
         lowest = self._resting(low, top)
         rest = np.argmin(lowest[:, None] + self._under_loads, axis=2)  # (places, loads)

@@ -168,7 +168,7 @@ class LipmWalk(ReferenceSource):
         super().take(planner)
         self._steered = True
         if planner is not before:
-            self._next, self.walk.world = 0.0, pin.SE3.Identity()
+            self._next, self.walk.drift_correction = 0.0, pin.SE3.Identity()
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""
@@ -199,7 +199,7 @@ class LipmWalk(ReferenceSource):
         now = standing(phases, self._gait, time)
         try:
             plan = next_steps(planner, self._unturned(now), self._robot, self.walk.reach, self._extent)
-            self._steer(plan.moved(self.walk.world) if self._turns else plan)
+            self._steer(plan.moved(self.walk.drift_correction) if self._turns else plan)
             self._pace, self._planned = planner.pace, (planner, planner.order)
         except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
             self._drop(error, now)
@@ -207,11 +207,13 @@ class LipmWalk(ReferenceSource):
     @property
     def _turns(self) -> bool:
         """True if soles have turned on the ground since the planner was taken."""
-        return not self.walk.world.isIdentity(0.0)
+        return not self.walk.drift_correction.isIdentity(0.0)
 
     def _unturned(self, now: Standing) -> Standing:
         """Return the feet in the world that the planner was taken in."""
-        return now._replace(start=now.start.moved(self.walk.world.inverse())) if self._turns else now
+        return (
+            now._replace(start=now.start.moved(self.walk.drift_correction.inverse())) if self._turns else now
+        )
 
     @property
     def _comes_to_rest(self) -> bool:

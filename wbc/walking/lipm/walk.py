@@ -97,8 +97,8 @@ class Walk:
         omega: Natural frequency of the pendulum, 1/s.
         com_height: Height of the CoM over the support while walking, m.
         ground: What is known of the ground.
-        world: Motion of landings to come since it was set, with the soles that have turned on the ground: the world as
-            estimated follows the feet.
+        drift_correction: Yaw-drift correction of the remaining footsteps: their motion since it was set, for soles that
+            have turned on the ground, which the estimated world follows.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class Walk:
         self._pattern = self._preview.plan(self.phases.supports(), rest)
         self._pattern_status = self._preview.status
         self._time = 0.0  # since the pattern was planned, s
-        self.world = pin.SE3.Identity()
+        self.drift_correction = pin.SE3.Identity()
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
         self.ground = GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
 
@@ -286,7 +286,7 @@ class Walk:
         self._turned += turn
         rotation = pin.rpy.rpyToMatrix(0.0, 0.0, turn)
         move = pin.SE3(rotation, stance.translation - rotation.dot(stance.translation))
-        self.world = move * self.world
+        self.drift_correction = move * self.drift_correction
         self.phases.set_landing(self.phases.plan.steps[self.phases.step].moved(move))
 
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:

@@ -19,7 +19,7 @@ from wbc.ground.height_map import Places
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.area import HeldArea
-from wbc.walking.stepping.law import NEAR, Divergent, Orbit, Point, SteppingConstants
+from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, Point, SteppingConstants
 from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 from wbc.walking.swing import RISE
@@ -38,7 +38,7 @@ class StepState(NamedTuple):
         foot: Foot that stands: 0 left, 1 right.
         direction: Cosine and sine of the heading.
         pivot: Carrying point of the foot that stands, m.
-        told: Commanded centre of pressure on it, m.
+        cop_command: Commanded centre of pressure on it, m.
         contact: Measured one, low-passed, m.
         dcm: Divergent component of motion about it.
         orbit: Orbit of the steps that are asked for.
@@ -50,7 +50,7 @@ class StepState(NamedTuple):
     foot: int
     direction: Point
     pivot: Vector
-    told: Vector
+    cop_command: Vector
     contact: Vector
     dcm: Divergent
     orbit: Orbit
@@ -129,7 +129,9 @@ class StepDecision:
         """
         c, omega, elapsed = self._c, stance.dcm.omega, stance.elapsed
         offset = stance.offset(stance.dcm.x, stance.dcm.y)
-        ahead, left = stance.along(stance.contact[0] - stance.told[0], stance.contact[1] - stance.told[1])
+        ahead, left = stance.along(
+            stance.contact[0] - stance.cop_command[0], stance.contact[1] - stance.cop_command[1]
+        )
         contact = (
             min(max(ahead, -c.cop_error), c.cop_error),
             stance.side * min(max(left, -c.cop_error), c.cop_error),
@@ -163,10 +165,10 @@ class StepDecision:
         low, high = area.aside if stance.side > 0.0 else (-area.aside[1], -area.aside[0])
         # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
         shortest = max(s.shortest - elapsed, 0.0)
-        most = max(abs(stance.orbit.forward) + c.stretch, NEAR) / max(abs(ahead), NEAR)
+        most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(ahead), LEAST_OFFSET)
         stretched = max(math.log(most), 0.0) / stance.dcm.omega
         greatest = max(min(max(longest - elapsed, 0.0), stretched), shortest)
-        if outwards < low - c.over:
+        if outwards < low - c.outer_cop:
             greatest = shortest
         half_length, half_width = self._scale.sole
         return Bounds(
@@ -204,7 +206,7 @@ class StepDecision:
             goal = [min(max(p, least), most) for p, least, most in zip(place, low, high, strict=True)]
             dx, dy = goal[0] - ahead, goal[1] - outwards
             way = math.hypot(dx, dy)
-            speed = (dx * rates[0] + dy * rates[1]) / max(way, NEAR)
+            speed = (dx * rates[0] + dy * rates[1]) / max(way, LEAST_OFFSET)
             short = max(way - (0.5 * speed + a * time) * time, 0.0)
             return short + math.hypot(place[0] - goal[0], place[1] - goal[1])
 

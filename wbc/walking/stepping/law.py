@@ -35,8 +35,8 @@ Point = tuple[float, float]
 SIDEWAYS = 0.8
 """Greatest ratio of the distance between the feet by which they come together in a walk to the side."""
 
-NEAR = 1e-3
-"""Least offset that is divided by, m: it takes longer than any step to grow."""
+LEAST_OFFSET = 1e-3
+"""Regularisation of divisions by a DCM offset, m: an offset this small takes longer than any step to grow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class SteppingConstants:
     brisk: Annotated[float, "hω"] = 0.23  # velocity about which steps begin to take longer: hips lack torque
     time_lag: Annotated[float, "1/ω"] = 0.12  # noise of ξ would move the time by more than 10 ms
     later: float = 1.15  # greatest time of a step at its begin, over the nominal one
-    over: Annotated[float, "h"] = 0.008  # ξ beyond the stance foot, where waiting does not help
+    outer_cop: Annotated[float, "h"] = 0.008  # DCM past the outer CoP bound: step at once
     stretch: Annotated[float, "h"] = (
         0.09  # of ξ ahead beyond the orbit: ends a step that would wait for ξ aside
     )
@@ -214,5 +214,5 @@ def takes_over(there: Point, here: Point, orbit: Orbit, stretch: float, wait: fl
 
 def viability(ahead: float, inwards: float, orbit: Orbit, stretch: float) -> float:
     """Return the viability of a place from which ξ is so far ahead and inwards, m: see `takes_over`."""
-    aside = orbit.inwards / max(inwards, NEAR)
-    return min(aside, (abs(orbit.ahead) + 0.5 * stretch) / max(abs(ahead), NEAR))
+    aside = orbit.inwards / max(inwards, LEAST_OFFSET)
+    return min(aside, (abs(orbit.ahead) + 0.5 * stretch) / max(abs(ahead), LEAST_OFFSET))
