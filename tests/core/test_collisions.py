@@ -144,6 +144,41 @@ def test_an_obstacle_that_moves_pushes_the_hand() -> None:
     assert -hand.error[1] > 0.1  # 0.05 + 0.06 + 0.02 m, but for the start
 
 
+def test_no_pair_that_is_near_is_left_out() -> None:
+    """Pairs are left out by their bounding spheres; the result is that of measuring each of them."""
+    description = wbc.load_robot("g1")
+    robot, rng = description.robot(), np.random.default_rng(0)
+    arms = [f"{side}_{link}" for side in ("left", "right") for link in ("elbow_link", "rubber_hand")]
+    legs = [f"{side}_{link}" for side in ("left", "right") for link in ("hip_yaw_link", "knee_link")]
+    pairs = [(arm, other) for arm in arms for other in ("torso_link", *legs)]
+    ball = wbc.Obstacle("ball", wbc.CollisionSphere(0.1))
+    limit = wbc.CollisionLimit(
+        pairs,
+        obstacles=[ball],
+        against=arms,
+        shapes=description.collision_hulls(),
+        influence=0.1,
+        margin=0.0,
+    )
+    limit.bind(robot)
+    rows, lower, upper = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
+    seen = 0
+    for _ in range(30):
+        q = robot.half_sitting.copy()
+        q[7:] = rng.uniform(robot.position_lower, robot.position_upper)
+        ball.placement = pin.SE3(np.eye(3), robot.placement(arms[0]).translation + rng.uniform(-0.3, 0.3, 3))
+        robot.update_jacobians(q)
+        limit.write_velocity(0.01, rows, lower, upper)
+        distances = np.array(list(limit.distances.values()))
+        near = distances <= 0.1
+        seen += near.sum()
+        assert (np.isfinite(lower) == near).all() and not rows[~near].any()
+        assert lower[near] == pytest.approx(
+            np.minimum(-distances[near] / 0.1, abs(rows[near]).sum(axis=1)), abs=1e-6
+        )
+    assert seen > 50
+
+
 def test_a_controller_keeps_its_robot_away_from_an_obstacle() -> None:
     robot = panda().robot()
     controller = wbc.Controller(robot, 0.002)

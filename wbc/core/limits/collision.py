@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, scalar
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
 from wbc.core.limits.shapes import SHAPES, CollisionHalfSpace, Obstacle, Shape, geometry_of
@@ -27,9 +28,6 @@ POSTURES = 1000
 SAMPLES = 200
 """Postures in which a pair is looked at that is closer than its margin in half-sitting."""
 
-
-FEW = 64
-"""Pairs that are measured one and all, in one call; of more, those whose bounding spheres are near."""
 
 ENDLESS = 1e6
 """Radius from which on a shape has no end, m."""
@@ -60,6 +58,9 @@ def _xml(source: str | Path, what: str) -> ET.Element:
 
 
 Body = tuple[Array, list[float], Array]
+Lever = tuple[float, float, float, float, float, float]
+
+_NOT_CLOSING = scalar(0.0)
 
 
 def _body(robot: Robot, joint: int) -> Body:
@@ -81,6 +82,32 @@ def _centripetal(body: Body, point: Array, direction: Array) -> float:
     along, square = wx * rx + wy * ry + wz * rz, wx * wx + wy * wy + wz * wz
     centripetal = along * (nx * wx + ny * wy + nz * wz) - square * (nx * rx + ny * ry + nz * rz)
     return float(np.dot(lever, acceleration) + centripetal)
+
+
+@dataclass(slots=True)
+class _Near:
+    """Pairs that are near: their rows, distances less the margin, closing speeds by obstacles, and coal's results."""
+
+    rows: NDArray[np.intp]
+    room: Array
+    closing: Array
+    results: list[Any]
+
+
+@dataclass(slots=True)
+class _Place:
+    """Place of an obstacle among the shapes, and the placement that it has there."""
+
+    obstacle: Obstacle
+    index: int
+    local: pin.SE3
+    seen: pin.SE3 | None = None
+
+    def follow(self, geometry: pin.GeometryModel) -> None:
+        """Take a new placement of the obstacle over."""
+        if self.obstacle._placement is not self.seen:
+            self.seen = self.obstacle._placement
+            geometry.geometryObjects[self.index].placement = self.seen * self.local
 
 
 class CollisionLimit(Limit):
@@ -205,11 +232,11 @@ class CollisionLimit(Limit):
                 item.name = f"{frame} {number}"
                 objects[frame].append(geometry.addGeometryObject(item))
                 radii.append(float(getattr(item.geometry, "radius", 0.0)) if _is_round(item) else 0.0)
-        self._places: list[tuple[Obstacle, int, pin.SE3]] = []
+        self._places: list[_Place] = []
         for obstacle in self.obstacles:
             body, local = geometry_of(obstacle.shape)
             item = pin.GeometryObject(f"obstacle {obstacle.name}", 0, 0, obstacle.placement * local, body)
-            self._places.append((obstacle, geometry.addGeometryObject(item), local))
+            self._places.append(_Place(obstacle, geometry.addGeometryObject(item), local))
             radii.append(float(getattr(body, "radius", 0.0)) if _is_round(item) else 0.0)
 
         self._radii, self._objects = radii, objects
@@ -227,33 +254,33 @@ class CollisionLimit(Limit):
         if self._all:
             for pair in self._all_pairs():
                 self._add_pair(*pair)
-        for obstacle, index, _ in self._places:
+        for place in self._places:
             for link in near:
                 for i in objects[link]:
-                    self._add_row(link, obstacle.name, i, index, obstacle)
+                    self._add_row(link, place.obstacle.name, i, place.index, place.obstacle)
         self.dim = len(self._rows)
         if self.dim == 0:
             raise InputError(f"limit '{self.name}' has no pair that can touch: give the pairs")
         self._geometry_data = geometry.createData()
         for request in self._geometry_data.distanceRequests:
             request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
-        boxes = [item.geometry for item in geometry.geometryObjects]
-        for body in boxes:
-            body.computeLocalAABB()
-        self._centres = np.array([body.aabb_center for body in boxes])
-        self._sizes = np.array([body.aabb_radius for body in boxes])
-        endless = ~(self._sizes < ENDLESS)
-        self._centres[endless], self._sizes[endless] = 0.0, np.inf
+        for item in geometry.geometryObjects:
+            item.geometry.computeLocalAABB()
+        sizes = np.array([_reach(item.geometry) for item in geometry.geometryObjects])
         ends = [(pair.first, pair.second) for pair in geometry.collisionPairs]
-        self._radius_1, self._radius_2 = np.array([row[2:] for row in self._rows]).T
-        self._leaders = _leaders(robot)
-        ends_of = [row[0] for row in self._rows], [row[1] for row in self._rows]
-        self._carried_1, self._carried_2 = (
-            np.array([_carrying(robot, joint) for joint in joints]) for joints in ends_of
-        )
         self._first, self._second = np.array(ends, dtype=np.intp).reshape(-1, 2).T
+        self._reach = sizes[self._first] + sizes[self._second]
+        self._origins = _origins(self._geometry_data)
+        self._leaders = _leaders(robot)
+        # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
+        carried = {joint: _carrying(robot, joint) for row in self._rows for joint in row[:2]}
+        self._moves = np.array([carried[row[1]] - carried[row[0]] for row in self._rows])
         self._distance = np.full(self.dim, np.inf)
-        self._measure(np.inf)
+        self._filled: NDArray[np.intp] = np.zeros(0, dtype=np.intp)  # rows that are not zero
+        self._written: Array | None = None  # the array that they are in
+        pin.updateGeometryPlacements(robot.model, robot.data, geometry, self._geometry_data)
+        for row in range(self.dim):
+            self._distance[row] = pin.computeDistance(geometry, self._geometry_data, row).min_distance
         self._check_obstacles()
 
     def _links_near_obstacles(self, robot: Robot) -> list[str]:
@@ -334,97 +361,99 @@ class CollisionLimit(Limit):
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill one row for each pair of shapes; see `Limit.write`."""
-        near, room, closing, points = self._fill(rows, lower, upper, self._influence)
-        if near.size:
-            moving = rows[near]
-            demand = -(room / self._time + moving.dot(self._robot.v) + closing) / dt
+        near = self._fill(rows, lower, upper, self._influence)
+        if near.rows.size:
+            moving, room = rows[near.rows], near.room
+            demand = -(room / self._time + moving.dot(self._robot.v) + near.closing) / dt
             most = np.maximum(room, 0.0) / self._time**2 + self._recovery
-            demand = np.minimum(demand, most) - self._drift(near, *points)
+            demand = np.minimum(demand, most) - self._drift(near)
             # Where the joints hardly change the distance, no demand is one that they cannot meet.
-            lower[near] = np.minimum(demand, ATTAINABLE * np.abs(moving).sum(axis=1))
+            lower[near.rows] = np.minimum(demand, ATTAINABLE * np.abs(moving).sum(axis=1))
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the distance that each pair may lose, or has to gain; see `Limit.write_step`."""
-        near, room, _, _ = self._fill(rows, lower, upper, self._influence)
-        if near.size:
-            lower[near] = np.minimum(-room, np.abs(rows[near]).sum(axis=1))
+        near = self._fill(rows, lower, upper, self._influence)
+        if near.rows.size:
+            lower[near.rows] = np.minimum(-near.room, np.abs(rows[near.rows]).sum(axis=1))
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the least change of each distance; see `Limit.write_velocity`."""
-        near, room, closing, _ = self._fill(rows, lower, upper, min(self._influence, self._margin + NEAR))
-        if near.size:
-            demand = -room / max(self._time, dt) - closing
-            lower[near] = np.minimum(demand, np.abs(rows[near]).sum(axis=1))
+        near = self._fill(rows, lower, upper, min(self._influence, self._margin + NEAR))
+        if near.rows.size:
+            demand = near.room / -max(self._time, dt) - near.closing
+            lower[near.rows] = np.minimum(demand, np.abs(rows[near.rows]).sum(axis=1))
 
-    def _fill(
-        self, rows: Array, lower: Array, upper: Array, influence: float
-    ) -> tuple[NDArray[np.intp], Array, Array, tuple[Array, Array, Array]]:
+    def _fill(self, rows: Array, lower: Array, upper: Array, influence: float) -> _Near:
         """Fill the rows of pairs within a distance, m, and return what their bounds are made of.
 
-        That is their rows, their distances less the margin, the rates at which obstacles change them, and the points
-        and normals, each of shape (n, 3).
-
-        With J the Jacobians of the joints at the origin of the world, a pair with normal n and points p has the row
-        [n, p₂ × n]·J over the joints that carry the second body, less [n, p₁ × n]·J over those that carry the first.
+        With J the Jacobians of the joints at the origin of the world, a pair with the normal n from a point p₁ of the
+        first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
+        [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
-        self._measure(influence)
-        results = self._geometry_data.distanceResults
-        rows[:] = 0.0
+        near, distances, levers, found = self._measure(influence)
+        if rows is self._written:
+            rows[self._filled] = 0.0
+        else:
+            rows[:], self._written = 0.0, rows
+            upper[:] = np.inf
         lower[:] = -np.inf
-        upper[:] = np.inf
-        near = (self._distance <= influence).nonzero()[0]
-        found = [results[row] for row in near.tolist()]
-        normal = np.array([result.normal for result in found]).reshape(-1, 3)
-        # Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
-        first = np.array([result.getNearestPoint1() for result in found]).reshape(-1, 3)
-        second = np.array([result.getNearestPoint2() for result in found]).reshape(-1, 3)
-        first -= self._radius_1[near, None] * normal
-        second += self._radius_2[near, None] * normal
-        jacobian = self._robot.data.J
-        for points, carried, sign in ((first, self._carried_1, -1.0), (second, self._carried_2, 1.0)):
-            lever = np.hstack([normal, _crosses(points, normal)])
-            moved = sign * lever.dot(jacobian) * carried[near]
-            rows[near] += moved if self._leaders is None else moved.dot(self._leaders)
-        closing = np.zeros(near.size)
-        for place, row in enumerate(near.tolist() if self.obstacles else ()):
+        self._filled = numbers = np.array(near, dtype=np.intp)
+        if near:
+            moved = np.array(levers).dot(self._robot.data.J)
+            moved *= self._moves[numbers]
+            rows[numbers] = moved if self._leaders is None else moved.dot(self._leaders)
+        closing = np.zeros(len(near)) if self.obstacles else _NOT_CLOSING
+        for place, row in enumerate(near if self.obstacles else ()):
             obstacle = self._moving[row]
-            if obstacle is not None:
-                arm = second[place] - obstacle._placement.translation
-                closing[place] = normal[place].dot(
-                    obstacle._velocity[:3] + np.cross(obstacle._velocity[3:], arm)
-                )
-        return near, self._distance[near] - self._margin, closing, (first, second, normal)
+            if obstacle is not None and obstacle.moving:
+                arm = found[place].getNearestPoint2() - obstacle._placement.translation
+                speed = obstacle._velocity[:3] + np.cross(obstacle._velocity[3:], arm)
+                closing[place] = found[place].normal.dot(speed)
+        return _Near(numbers, np.array(distances) - self._margin, closing, found)
 
-    def _drift(self, near: NDArray[np.intp], first: Array, second: Array, normal: Array) -> Array:
-        """Return the acceleration of the distances at no acceleration of the joints, m/s²."""
-        bodies, drift = dict[int, Any](), np.zeros(near.size)
-        for place, row in enumerate(near.tolist()):
-            joints = self._rows[row]
-            for joint, point, sign in ((joints[0], first[place], -1.0), (joints[1], second[place], 1.0)):
+    def _drift(self, near: _Near) -> Array:
+        """Return the acceleration of the distances at no acceleration of the joints, m/s².
+
+        Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
+        """
+        bodies, drift = dict[int, Any](), np.zeros(near.rows.size)
+        for place, (row, result) in enumerate(zip(near.rows.tolist(), near.results, strict=True)):
+            one, other, radius, other_radius = self._rows[row]
+            normal = result.normal
+            first = result.getNearestPoint1() - radius * normal
+            second = result.getNearestPoint2() + other_radius * normal
+            for joint, point, sign in ((one, first, -1.0), (other, second, 1.0)):
                 if joint > 0:
                     if joint not in bodies:
                         bodies[joint] = _body(self._robot, joint)
-                    drift[place] += sign * _centripetal(bodies[joint], point, normal[place])
+                    drift[place] += sign * _centripetal(bodies[joint], point, normal)
         return drift
 
-    def _measure(self, influence: float) -> None:
-        """Measure the distances of pairs whose bounding spheres are within a distance, m; the others are bounds."""
+    def _measure(self, influence: float) -> tuple[list[int], list[float], list[Lever], list[Any]]:
+        """Measure the pairs whose bounding spheres are within a distance, m; of the others `_distance` is a bound.
+
+        Returned are the pairs that are within that distance, their distances, [n, p₁ × n] of each, and coal's results.
+        """
         robot, geometry, data = self._robot, self._geometry, self._geometry_data
-        for obstacle, index, local in self._places:
-            geometry.geometryObjects[index].placement = obstacle._placement * local
+        for place in self._places:
+            place.follow(geometry)
         pin.updateGeometryPlacements(robot.model, robot.data, geometry, data)
-        if self.dim <= FEW:
-            pin.computeDistances(geometry, data)
-            self._distance[:] = [result.min_distance for result in data.distanceResults]
-            return
-        poses = np.array([placement.homogeneous for placement in data.oMg])
-        centres = np.einsum("nij,nj->ni", poses[:, :3, :3], self._centres) + poses[:, :3, 3]
-        apart = centres[self._first] - centres[self._second]
+        apart = self._origins[self._first]
+        apart -= self._origins[self._second]
         bounds = np.sqrt(np.einsum("ij,ij->i", apart, apart))
-        bounds -= self._sizes[self._first] + self._sizes[self._second]
-        self._distance[:] = bounds
+        bounds -= self._reach
+        self._distance = bounds
+        near, distances, levers, found = list[int](), list[float](), list[Lever](), list[Any]()
         for row in (~(bounds > influence)).nonzero()[0].tolist():
-            self._distance[row] = pin.computeDistance(geometry, data, row).min_distance
+            result = pin.computeDistance(geometry, data, row)
+            bounds[row] = distance = result.min_distance
+            if distance <= influence:
+                (nx, ny, nz), (x, y, z) = result.normal.tolist(), result.getNearestPoint1().tolist()
+                near.append(row)
+                distances.append(distance)
+                levers.append((nx, ny, nz, y * nz - z * ny, z * nx - x * nz, x * ny - y * nx))
+                found.append(result)
+        return near, distances, levers, found
 
     def _check_separable(self) -> None:
         """Refuse a pair that is in collision in half-sitting, or closer than the margin wherever its joints are."""
@@ -467,11 +496,20 @@ class CollisionLimit(Limit):
         return f"{type(self).__name__}('{self.name}', rows={self.dim})"
 
 
-def _crosses(a: Array, b: Array) -> Array:
-    """Return the cross products of vectors, shape (n, 3), in a third of the time that NumPy takes for few."""
-    ax, ay, az = a.T
-    bx, by, bz = b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+def _reach(shape: coal.CollisionGeometry) -> float:
+    """Return the radius about its origin of a shape whose box is known, m; infinity of one without an end."""
+    radius = float(shape.aabb_radius)
+    return radius + float(np.linalg.norm(shape.aabb_center)) if radius < ENDLESS else np.inf
+
+
+def _origins(data: pin.GeometryData) -> Array:
+    """Return the origins of all shapes in the world, shape (n, 3), m: a view that follows their placements."""
+    origins = [np.asarray(place.translation) for place in data.oMg]
+    starts = [origin.__array_interface__["data"][0] for origin in origins]
+    steps = set(np.diff(starts).tolist())
+    if len(steps) != 1:
+        raise RuntimeError("pinocchio does not keep the placements of shapes one behind the other")
+    return np.lib.stride_tricks.as_strided(origins[0], (len(origins), 3), (steps.pop(), 8), writeable=False)
 
 
 def _carrying(robot: Robot, joint: int) -> Array:

@@ -181,6 +181,11 @@ class Obstacle:
     def velocity(self, value: ArrayLike) -> None:
         self._velocity = finite_array(f"velocity of obstacle '{self.name}'", value, (6,))
 
+    @property
+    def moving(self) -> bool:
+        """True where the velocity is not zero."""
+        return bool(self._velocity.any())
+
     def __repr__(self) -> str:
         return f"Obstacle('{self.name}', {self.shape!r})"
 
@@ -193,7 +198,9 @@ def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
         place = pin.SE3(pin.exp3(np.array(shape.turn)), np.array(shape.centre, dtype=float))
         return coal.Box(*shape.size), place
     if isinstance(shape, CollisionHull):
-        return convex_hull(np.array(shape.points, dtype=float)), pin.SE3.Identity()
+        points = np.array(shape.points, dtype=float)
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        return convex_hull(points - middle), pin.SE3(np.eye(3), middle)
     if isinstance(shape, CollisionHalfSpace):
         length = math.hypot(*shape.normal)
         return coal.Halfspace(np.array(shape.normal) / length, shape.offset), pin.SE3.Identity()
