@@ -173,8 +173,9 @@ def test_no_pair_that_is_near_is_left_out() -> None:
         near = distances <= 0.1
         seen += near.sum()
         assert (np.isfinite(lower) == near).all() and not rows[~near].any()
+        # GJK measures a distance to 1e-6 m or so, as it starts anew or from the last tick.
         assert lower[near] == pytest.approx(
-            np.minimum(-distances[near] / 0.1, abs(rows[near]).sum(axis=1)), abs=1e-6
+            np.minimum(-distances[near] / 0.1, abs(rows[near]).sum(axis=1)), abs=1e-4
         )
     assert seen > 50
 
