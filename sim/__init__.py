@@ -24,7 +24,7 @@ from wbc.sim.terrain.families.solids import dome
 from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import Trial, TrialHook
-from wbc.sim.trial.loops import TrialLoop, register_loop
+from wbc.sim.trial.loops import TrialLoop, register_loop, trial_loop
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
@@ -62,6 +62,7 @@ __all__ = [
     "TrialHook",
     "TrialLoop",
     "register_loop",
+    "trial_loop",
     # Walks: spec in, result out
     "WalkPlan",
     "WalkPush",

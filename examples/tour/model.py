@@ -71,6 +71,10 @@ ARMATURE = dict(
 )
 """Inertia of each joint's rotor, kg m²: ankles, waist roll and waist pitch have two motors."""
 
+GAINS = ("*=40,1", "*hip*=60,1", "*knee*=100,2", "waist_yaw_joint=60,1")
+"""Gains of the machine's servos, Nm/rad and Nms/rad: those of Unitree's example for the G1 (unitree_sdk2_python at
+37116c5, example/g1/low_level/g1_low_level_example.py)."""
+
 FRICTION, STEP = 0.01, 0.002
 """Damping, Nms/rad, and dry friction, Nm, of every joint; physics step, s."""
 

@@ -12,25 +12,29 @@ from wbc.sim.studies import mean_interval, share_interval
 
 
 class Published(NamedTuple):
-    """Best row of a policy in MuJoCo: mean survival, s, runs completed, %, errors of place, cm, and heading, °."""
+    """Best row of a policy in MuJoCo: mean survival, s, runs completed, %, errors of place, cm, and heading, °.
+
+    `other` is the mean survival in PhysX, s.
+    """
 
     name: str
     survived: float
     completed: float
     position: float = math.nan
     heading: float = math.nan
+    other: float = math.nan
 
 
 SOURCE = "rhoyn/teleop-walking-benchmark, README at 0b2ea7ac (34 policies, 512 to 5,120 runs each)"
 
 PUBLISHED = (
-    Published("gr00t_wbc", 85.2, 80, 17, 8),
-    Published("decoupled_wbc", 83.8, 74, 10, 7),
-    Published("homie", 78.2, 55, 17, 32),
-    Published("amo", 75.9, 54, 24, 17),
-    Published("grove", 74.9, 49, 21, 7),
-    Published("wbc_agile", 71.2, 34, 23, 8),
-    Published("sonic", 69.2, 36, 29, 9),
+    Published("gr00t_wbc", 85.2, 80, 17, 8, 82.9),
+    Published("decoupled_wbc", 83.8, 74, 10, 7, 81.9),
+    Published("homie", 78.2, 55, 17, 32, 79.0),
+    Published("amo", 75.9, 54, 24, 17, 79.5),
+    Published("grove", 74.9, 49, 21, 7, 80.5),
+    Published("wbc_agile", 71.2, 34, 23, 8, 67.1),
+    Published("sonic", 69.2, 36, 29, 9, 54.0),
     Published("run_residual", 50.7, 6),
     Published("mimic_lite", 47.9, 9),
     Published("asap", 46.3, 7),
@@ -45,27 +49,50 @@ PUBLISHED = (
 
 
 def table(rows: Sequence[Mapping[str, Any]], name: str = "wbc") -> str:
-    """Return a Markdown table of some runs beside the published ones, with 95 % intervals."""
-    survived = np.array([row["survived"] for row in rows])
+    """Return a Markdown table of some runs beside the published ones, with 95 % intervals.
+
+    Runs of one setup are a row; those in another engine than MuJoCo are its last column.
+    """
+    setups: dict[str, dict[bool, list[Mapping[str, Any]]]] = {}
+    for row in rows:
+        there = row.get("engine", "mujoco") == "mujoco"
+        setups.setdefault(str(row.get("setup", "")), {}).setdefault(there, []).append(row)
+    lines = []
+    for setup, found in setups.items():
+        here, other = found.get(True, []), found.get(False, [])
+        title = f"**{name}**" + (f", {setup}" if setup else "")
+        cells = [f"{title}, {_runs(here or other)}", *([""] * 4 if not here else _figures(here))]
+        cells.append(f"{_survived(other)} ({other[0]['engine']}, {_runs(other)})" if other else "")
+        lines.append((float(np.mean([row["survived"] for row in here or other])), cells))
+    for policy in PUBLISHED:
+        rest = (policy.survived, policy.completed, policy.position, policy.heading, policy.other)
+        lines.append((policy.survived, [policy.name, *("" if math.isnan(v) else f"{v:g}" for v in rest)]))
+    lines.sort(key=lambda line: -line[0])
+    head = ["", "survived, s", "completed, %", "place, cm", "heading, °", "survived in another engine, s"]
+    body = [head, ["---"] * len(head), *(cells for _, cells in lines)]
+    text = "\n".join("| " + " | ".join(cells) + " |" for cells in body)
+    return f"{text}\n\nPublished: {SOURCE}; their other engine is PhysX."
+
+
+def _runs(rows: Sequence[Mapping[str, Any]]) -> str:
+    return f"{len(rows)} run{'s' if len(rows) > 1 else ''}"
+
+
+def _survived(rows: Sequence[Mapping[str, Any]]) -> str:
+    return mean_interval(np.array([row["survived"] for row in rows])).text()
+
+
+def _figures(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return survival, share completed and errors of some runs, with intervals."""
     completed = int(sum(row["completed"] for row in rows))
+    low, high = share_interval(completed, len(rows))
     places, headings = (
         np.array([row[what] for row in rows if row[what] is not None])
         for what in ("position_error", "heading_error")
     )
-    low, high = share_interval(completed, len(rows))
-    own = [
-        f"**{name}**, {len(rows)} runs",
-        mean_interval(survived).text(),
+    return [
+        _survived(rows),
         f"{100.0 * completed / len(rows):.0f} [{100.0 * low:.0f}, {100.0 * high:.0f}]",
         mean_interval(100.0 * places).text(2),
         mean_interval(np.degrees(headings)).text(2),
     ]
-    lines = [(float(survived.mean()), own)]
-    for policy in PUBLISHED:
-        rest = (policy.completed, policy.position, policy.heading)
-        cells = [policy.name, f"{policy.survived:g}", *("" if math.isnan(v) else f"{v:g}" for v in rest)]
-        lines.append((policy.survived, cells))
-    lines.sort(key=lambda line: -line[0])
-    head = ["", "survived, s", "completed, %", "place, cm", "heading, °"]
-    body = [head, ["---"] * len(head), *(cells for _, cells in lines)]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in body) + f"\n\nPublished: {SOURCE}."

@@ -7,15 +7,17 @@ python examples/tour/tour.py tour.jsonl                               the table 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
+import hashlib
 import json
 import logging
 import math
-import multiprocessing
 import sys
-from collections.abc import Iterator, Sequence
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import model
 import numpy as np
@@ -23,14 +25,29 @@ from table import table
 from task import COMMANDS, DURATION, FLOOR, SECONDS, MovingArms, Teleoperator, punches, standing
 
 import wbc
-from wbc.sim import Machine, MujocoLoop
+from wbc.app import Recorder
+from wbc.core.estimation.observer import ObserverSettings
+from wbc.sim import Machine, MujocoLoop, TrialLoop, trial_loop
+from wbc.sim.studies import Journal, SweepSummary, register_trial, sweep
+from wbc.sim.studies.trials import KINDS, Outcome, TrialKind
 from wbc.walking import WalkingControl, WalkingControlSettings
+
+HERE = Path(__file__).resolve().parent
 
 PERIOD = 0.002
 """Control period, s."""
 
 LIMITS = (0.5, 0.25, 0.5)
 """Greatest velocity that the harness asks for: forward and aside, m/s, and turn, rad/s."""
+
+ENGINES = {"mujoco": "", "dart": f"{HERE.parent / 'other_engine.py'}:DartLoop"}
+"""Physics engine → its loop; MuJoCo simulates the benchmark's model as it is."""
+
+DART_STEP = 0.001
+"""Physics step in DART, s."""
+
+LONGEST = 3600.0
+"""Wall time after which a run is given up, s."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,8 +60,23 @@ class Setup:
     delay: float = 0.0  # of measurements, and of commands, s
     own_arms: bool = False  # the walk has the arms as well, and nobody else moves them
     punched: bool = True
+    drop: float = 0.0  # height over the ground at the start, m
     seconds: float = SECONDS
+    engine: str = "mujoco"
     settings: WalkingControlSettings | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the row of such runs in a table, whatever the engine."""
+        parts = ["force sensors" if self.force_sensors else "no force sensors"]
+        parts += [f"{self.noise} noise"] if self.noise != "none" else []
+        parts += ["hybrid, machine's gains"] if self.mode == "hybrid" else []
+        parts += [f"delays {1e3 * self.delay:g} + {1e3 * self.delay:g} ms"] if self.delay > 0.0 else []
+        parts += ["with arms (unranked)"] if self.own_arms else []
+        parts += [] if self.punched else ["no punches"]
+        parts += [f"dropped by {1e3 * self.drop:g} mm"] if self.drop > 0.0 else []
+        parts += [f"{self.seconds:g} s"] if self.seconds != SECONDS else []
+        return ", ".join(parts)
 
 
 class Tour:
@@ -56,30 +88,27 @@ class Tour:
         operator: The harness's commands, and the errors at the waypoints.
         fell: Time of the fall, s; None before one.
         told: Time, s, and reason of the fall that the control has named; None before.
+        record: Called with loop, walk, measurement and command of each tick, such as a `Recorder`; None for nothing.
     """
 
-    def __init__(self, run: int, setup: Setup) -> None:
+    def __init__(self, run: int, setup: Setup, record: Callable[..., object] | None = None) -> None:
         """Put the robot on the ground."""
-        self.run, self.setup = run, setup
+        self.run, self.setup, self.record = run, setup, record
         simulated = model.load()
         description = wbc.RobotDescription.from_mjcf(simulated)
-        machine = Machine(
-            measurement_delay=setup.delay,
-            command_delay=setup.delay,
-            torque_sensors=True,
-            force_sensors=setup.force_sensors,
-        )
-        self.loop = MujocoLoop(
-            description, simulated, control_period=PERIOD, noise=setup.noise, seed=run, machine=machine
-        )
+        if setup.mode == "hybrid":
+            description = description.with_servos(model.GAINS)
+        self.loop = _loop(description, simulated, run, setup)
         robot = description.robot()
         self.arms = MovingArms(run, robot)
-        self.loop.reset(standing(robot))
+        start = standing(robot)
+        start[2] += setup.drop
+        self.loop.reset(start)
         robot.update(standing(robot), np.zeros(robot.nv))
         settings = setup.settings or WalkingControlSettings(mode=setup.mode, step_kind="free")
         observer = None
         if setup.delay > 0.0:
-            stated = wbc.ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)
+            stated = ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)
             observer = wbc.Observer(robot, stated, adopt=True)
         self.walking = WalkingControl(robot, None, PERIOD, settings, observer=observer)
         self.operator = Teleoperator(run, LIMITS)
@@ -88,11 +117,6 @@ class Tour:
         self.ticks = 0
         self.fell: float | None = None
         self.told: tuple[float, str] | None = None
-        places = self.loop.places
-        self._positions, self._rates = (
-            indices[self.arms.columns] for indices in (places.joint_qpos, places.joint_dof)
-        )
-        self._pelvis = simulated.body("pelvis").id
         if not setup.own_arms:
             self.walking.release(model.ARMS)
 
@@ -103,30 +127,32 @@ class Tour:
 
     def step(self) -> None:
         """Walk one control period."""
-        time, data, walking = self.ticks * PERIOD, self.loop.data, self.walking
+        time, loop, walking, arms = self.ticks * PERIOD, self.loop, self.walking, self.arms
         if self.ticks % round(COMMANDS / PERIOD) == 0:
-            x, y, height = (float(v) for v in data.xpos[self._pelvis])
-            if height < FLOOR:
+            x, y, height, i, j, k, w = loop.base_pose
+            if height < FLOOR or loop.diverged is not None:
                 self.fell = time
                 return
-            a, b, c, d = (float(v) for v in data.xquat[self._pelvis])
-            yaw = math.atan2(2.0 * (a * d + b * c), 1.0 - 2.0 * (c * c + d * d))
+            yaw = math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
             velocity = self.operator.command(time, x, y, yaw)
             walking.velocity = velocity if any(velocity) else None
             if not self.setup.own_arms:
-                self.arms.move(time)
+                arms.move(time)
         if self.given < len(self.punches) and time >= self.punches[self.given].time - 1e-9:
             punch = self.punches[self.given]
             self.given += 1
-            simulated = self.loop.model
-            body = simulated.body(simulated.jnt_bodyid[simulated.joint(punch.joint).id]).name
-            self.loop.push(body, punch.force, DURATION, at=[0.0, 0.0, 0.0])
-        command = walking.command(self.loop.measure())
-        if not self.setup.own_arms:
+            loop.push(punch.joint, punch.force, DURATION, at=[0.0, 0.0, 0.0])
+        measurement = loop.measure()
+        command = walking.command(measurement)
+        if self.record is not None:
+            self.record(loop, walking, measurement, command)
+        if not self.setup.own_arms:  # the walk leaves their torques and gains at zero
             torque = np.array(command.joint_torque)
-            torque[self.arms.columns] = self.arms.torque(data.qpos[self._positions], data.qvel[self._rates])
+            torque[arms.columns] = arms.torque(
+                loop.joint_position[arms.columns], loop.joint_velocity[arms.columns]
+            )
             command = dataclasses.replace(command, joint_torque=torque, released=None)
-        self.loop.step(command)
+        loop.step(command)
         self.ticks += 1
         if walking.fallen is not None and self.told is None:
             self.told = time, walking.fallen.value
@@ -140,6 +166,8 @@ class Tour:
         last = self.punches[self.given - 1] if self.given else None
         return {
             "run": self.run,
+            "setup": self.setup.name,
+            "engine": self.setup.engine,
             "survived": self.setup.seconds if self.fell is None else self.fell,
             "completed": self.fell is None,
             "position_error": places,
@@ -151,22 +179,116 @@ class Tour:
         }
 
 
-def walk(job: tuple[int, Setup]) -> dict[str, Any]:
-    """Walk a run and return its row."""
+def _loop(description: wbc.RobotDescription, simulated: Any, run: int, setup: Setup) -> TrialLoop:
+    """Return the simulation."""
+    machine = Machine(
+        measurement_delay=setup.delay,
+        command_delay=setup.delay,
+        torque_sensors=True,
+        force_sensors=setup.force_sensors,
+    )
+    options = {"control_period": PERIOD, "noise": setup.noise, "seed": run, "machine": machine}
+    if place := ENGINES[setup.engine]:
+        loop: TrialLoop = trial_loop(place).make(description, timestep=DART_STEP, **options)
+        return loop
+    return MujocoLoop(description, simulated, **options)
+
+
+def walk(job: tuple[int, Setup], each: Callable[[], object] | None = None) -> dict[str, Any]:
+    """Walk a run and return its row; `each` is called every tenth of a second."""
     tour = Tour(*job)
     while not tour.over:
+        if each is not None and tour.ticks % 50 == 0:
+            each()
         tour.step()
     return tour.result()
 
 
-def walked(runs: Sequence[int], setup: Setup, processes: int) -> Iterator[dict[str, Any]]:
-    """Walk runs over processes; their rows come in order."""
-    jobs = [(run, setup) for run in runs]
-    if processes <= 1:
-        yield from map(walk, jobs)
-        return
-    with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        yield from pool.imap(walk, jobs)
+@dataclasses.dataclass(frozen=True)
+class TourSpec:
+    """A run as a trial of a study."""
+
+    kind: ClassVar[str] = "tour"
+
+    run: int
+    setup: Setup
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the spec as plain values, with a hash of this program, so that a journal keeps its versions apart."""
+        setup = {k: v for k, v in dataclasses.asdict(self.setup).items() if k != "settings"}
+        return {"kind": self.kind, "program": program(), "run": self.run, **setup}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> TourSpec:
+        """Return the spec that `to_json` wrote."""
+        setup = {k: v for k, v in data.items() if k not in ("kind", "program", "run")}
+        return cls(int(data["run"]), Setup(**setup))
+
+
+def program() -> str:
+    """Return a hash of the files of this program."""
+    files = (*sorted(HERE.glob("*.py")), model.FILE, HERE.parent / "other_engine.py")
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
+
+
+if TourSpec.kind not in KINDS:  # processes of a study import this module once more
+    register_trial(
+        TourSpec.kind,
+        TrialKind(
+            TourSpec.from_json,
+            lambda spec, check: Outcome("done", walk((spec.run, spec.setup), check)),
+            metric="survived",
+        ),
+    )
+
+
+def walked(
+    runs: Sequence[int], setup: Setup, processes: int, journal: Path | None = None
+) -> list[dict[str, Any]]:
+    """Walk the runs that are not in a journal yet, over processes; print the row of each, and return all rows."""
+    specs = [TourSpec(run, setup) for run in runs]
+    rows: list[dict[str, Any]] = []
+    with contextlib.ExitStack() as stack:
+        place = journal or Path(stack.enter_context(tempfile.TemporaryDirectory())) / "tour.journal"
+        book = stack.enter_context(Journal(place))
+        wanted, told = {json.dumps(spec.to_json(), sort_keys=True) for spec in specs}, set()
+
+        def tell(_: SweepSummary) -> None:
+            for key, entry in book.entries.items():
+                if key not in told and json.dumps(dict(entry.spec), sort_keys=True) in wanted:
+                    told.add(key)
+                    if entry.result is None:
+                        print(f"run {entry.spec['run']}: {entry.status}: {entry.error}", file=sys.stderr)
+                    else:
+                        rows.append(dict(entry.result))
+                        print(json.dumps(rows[-1]), flush=True)
+
+        sweep(specs, book, workers=processes, timeout=LONGEST, retry=True, progress=tell)
+    return sorted(rows, key=lambda row: int(row["run"]))
+
+
+def film(run: int, setup: Setup, path: Path) -> dict[str, Any]:
+    """Walk a run, film it, and return its row."""
+    from wbc.app.log.reader import Log  # noqa: PLC0415 - slow
+    from wbc.app.replay.film import check_film, render_video  # noqa: PLC0415 - slow
+    from wbc.app.replay.replay import Replay  # noqa: PLC0415 - slow
+
+    check_film(path)
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "tour.arrow"
+        with Recorder(log, title=f"tour, run {run}") as record:
+            tour = Tour(run, setup, record)
+            while not tour.over:
+                tour.step()
+        render_video(Replay(Log.open(log)), path)
+    return tour.result()
+
+
+def read(path: Path) -> list[dict[str, Any]]:
+    """Return the rows in a file: rows as they were printed, or a journal."""
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+    rows = [line.get("result") if "spec" in line else line for line in lines]
+    return [row for row in rows if row is not None]
 
 
 def numbers(text: str) -> list[int]:
@@ -187,16 +309,24 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     parser.add_argument(
         "--noise", default="none", choices=("none", "realistic"), help="errors of all sensors"
     )
-    parser.add_argument("--mode", default="torque", choices=("torque", "hybrid"), help="control mode")
+    parser.add_argument(
+        "--mode", default="torque", choices=("torque", "hybrid"), help="hybrid: with the machine's gains"
+    )
     parser.add_argument(
         "--delay", type=float, default=0.0, help="stated delay of sensors, and of commands (s)"
     )
     parser.add_argument("--own-arms", action="store_true", help="the walk has the arms, and holds them")
     parser.add_argument("--no-punches", action="store_true", help="nobody punches")
     parser.add_argument(
+        "--drop", type=float, default=0.0, help="height at the start (m), default on the ground"
+    )
+    parser.add_argument("--engine", default="mujoco", choices=tuple(ENGINES), help="physics engine")
+    parser.add_argument(
         "--seconds", type=float, default=SECONDS, help="time of a run (s), default %(default)s"
     )
     parser.add_argument("--processes", type=int, default=1, help="runs at a time, default %(default)s")
+    parser.add_argument("--journal", type=Path, help="file that keeps what has been walked, to go on from")
+    parser.add_argument("--film", type=Path, help="film of one run (.mp4)")
     parser.add_argument("--json", action="store_true", help="print rows alone, without the table")
     options = parser.parse_args(arguments)
     files = [Path(given) for given in options.runs if Path(given).is_file()]
@@ -207,6 +337,11 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     for name, least in (("seconds", 0.0), ("processes", 0)):
         if not getattr(options, name) > least:
             parser.error(f"{name} must be above {least:g}, got {getattr(options, name):g}")
+    for name, most in (("drop", 1.0), ("delay", 0.1)):
+        if not 0.0 <= getattr(options, name) <= most:
+            parser.error(f"{name} must be from 0 to {most:g}, got {getattr(options, name):g}")
+    if options.film is not None and (len(runs) != 1 or files or options.journal is not None):
+        parser.error(f"a film shows one run, without a journal; got {len(runs)} runs and {len(files)} files")
     setup = Setup(
         force_sensors=not options.no_force_sensors,
         noise=options.noise,
@@ -214,16 +349,25 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
         delay=options.delay,
         own_arms=options.own_arms,
         punched=not options.no_punches,
+        drop=options.drop,
         seconds=options.seconds,
+        engine=options.engine,
     )
-    rows: list[dict[str, Any]] = []
-    for file in files:
-        rows += [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
-    for row in walked(runs, setup, options.processes):
-        rows.append(row)
-        print(json.dumps(row), flush=True)
-    if not options.json:
+    try:
+        rows = [row for file in files for row in read(file)]
+        if options.film is not None:
+            rows.append(film(runs[0], setup, options.film))
+            print(json.dumps(rows[-1]))
+        elif runs:
+            if setup.engine != "mujoco":
+                trial_loop(ENGINES[setup.engine])
+            rows += walked(runs, setup, options.processes, options.journal)
+    except (wbc.WbcError, ValueError) as error:
+        parser.error(str(error))
+    if not options.json and rows:
         print(table(rows), file=sys.stderr if runs else sys.stdout)
+    if {row["run"] for row in rows} < {*runs}:
+        raise SystemExit(1)  # the rest has crashed, as is said
     return rows
 
 

@@ -210,6 +210,11 @@ class EngineLoop(ABC):
         return tuple(self._q[:7].tolist())
 
     @property
+    def joint_position(self) -> Array:
+        """True positions of the actuated joints now, shape (na,), rad."""
+        return self._q[7:]
+
+    @property
     def joint_velocity(self) -> Array:
         """True velocities of the actuated joints now, shape (na,), rad/s."""
         return self._v[6:]
@@ -386,6 +391,8 @@ class EngineLoop(ABC):
             kd = self._kd if command.kd is None else command.kd
             rate = 0.0 if command.joint_velocity is None else command.joint_velocity
             torque = torque + kp * (command.joint_position - self._q[7:]) + kd * (rate - self._v[6:])
+        elif command.kd is not None:  # damped torques
+            torque = torque - command.kd * self._v[6:]
         return np.clip(torque, self._least, self._most)
 
     def _forces(self) -> list[EnginePush]:

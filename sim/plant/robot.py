@@ -129,6 +129,11 @@ class SimulatedRobot(ABC):
         return x, y, z, qx, qy, qz, qw
 
     @property
+    def joint_position(self) -> Array:
+        """True positions of the actuated joints now, shape (na,), rad."""
+        return np.asarray(self.data.qpos[self.places.joint_qpos])
+
+    @property
     def joint_velocity(self) -> Array:
         """True velocities of the actuated joints now, shape (na,), rad/s."""
         return np.asarray(self.data.qvel[self.places.joint_dof])

@@ -77,6 +77,10 @@ class TrialLoop(Protocol):
         """Torques of the drives in the physics step that ended now, shape (na,), Nm."""
 
     @property
+    def joint_position(self) -> Array:
+        """True positions of the actuated joints now, shape (na,), rad."""
+
+    @property
     def joint_velocity(self) -> Array:
         """True velocities of the actuated joints now, shape (na,), rad/s."""
 

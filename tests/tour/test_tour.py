@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import model
 import numpy as np
@@ -15,6 +17,7 @@ from table import PUBLISHED, table
 from task import DELAY, DURATION, POINTS, SEGMENT, MovingArms, Teleoperator, punches, standing, waypoints
 
 import wbc
+from wbc.sim.studies import trial_from_json
 
 LIBSTDCXX = {
     (0, 2): (3825457058, 706492411, 2134599173, 1489500560, 883974307),
@@ -131,10 +134,97 @@ def test_a_table_has_intervals_and_the_published_rows(
     assert tour.main([str(file)]) == rows and "**wbc**, 9 runs" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("runs", ["x", "5-3", "-4", "1-"])
-def test_runs_that_are_none_are_refused(runs: str) -> None:
+def test_setups_are_rows_of_the_table_and_another_engine_is_its_column() -> None:
+    def row(setup: tour.Setup, survived: float) -> dict[str, Any]:
+        errors = {"position_error": 0.1, "heading_error": 0.1}
+        return {
+            "setup": setup.name,
+            "engine": setup.engine,
+            "survived": survived,
+            "completed": False,
+            **errors,
+        }
+
+    plain, noisy = tour.Setup(force_sensors=False), tour.Setup(noise="realistic", mode="hybrid", delay=0.002)
+    there = dataclasses.replace(plain, engine="dart")
+    text = table(
+        [row(plain, 60.0), row(plain, 70.0), row(there, 50.0), row(noisy, 20.0), row(tour.Setup(), 80.0)]
+    )
+    lines = [line for line in text.splitlines() if "**wbc**" in line]
+    assert len(lines) == 3 and "82.9" in text  # a published one in PhysX
+    assert lines[0].startswith("| **wbc**, force sensors, 1 run | 80 ")
+    assert "no force sensors, 2 runs" in lines[1] and lines[1].endswith("| 50 (dart, 1 run) |")
+    assert "realistic noise, hybrid, machine's gains, delays 2 + 2 ms" in lines[2]
+    assert "unranked" in tour.Setup(own_arms=True).name
+
+
+def test_a_run_is_a_trial_that_a_journal_keeps(tmp_path: Path) -> None:
+    spec = tour.TourSpec(10_000, tour.Setup(force_sensors=False, delay=0.002, engine="dart", drop=0.02))
+    assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
+    file = tmp_path / "some.journal"
+    lines = [
+        {"spec": {}, "status": "done", "result": {"run": 1}},
+        {"spec": {}, "status": "crashed", "result": None},
+    ]
+    file.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+    assert tour.read(file) == [{"run": 1}]
+
+
+def test_the_machines_gains_are_those_of_its_servos() -> None:
+    description = wbc.RobotDescription.from_mjcf(model.load()).with_servos(model.GAINS)
+    gains = dict(zip(description.joint_names, zip(description.kp, description.kd, strict=True), strict=True))
+    assert gains["left_knee_joint"] == (100.0, 2.0) and gains["right_hip_yaw_joint"] == (60.0, 1.0)
+    assert gains["waist_yaw_joint"] == (60.0, 1.0) and gains["left_ankle_roll_joint"] == (40.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["x"],
+        ["5-3"],
+        ["-4"],
+        ["1-"],
+        ["1", "--seconds", "0"],
+        ["1", "--processes", "0"],
+        ["1", "--engine", "physx"],
+        ["1", "--delay", "-0.001"],
+        ["1", "--drop", "nan"],
+        ["1-2", "--film", "tour.mp4"],
+        ["1", "--film", "tour.txt"],
+    ],
+)
+def test_runs_and_options_that_are_none_are_refused(arguments: list[str]) -> None:
+    first, *options = arguments
     with pytest.raises(SystemExit):
-        tour.main(["--json", "--", runs])
+        tour.main(["--json", *options, "--", first])
+
+
+@pytest.mark.slow
+def test_a_study_goes_on_from_its_journal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    common = ["--json", "--seconds", "0.1", "--journal", str(tmp_path / "tour.journal")]
+    first = tour.main(["10000", *common])
+    both = tour.main(["10000-10001", *common])
+    assert both[0] == first[0] and [row["run"] for row in both] == [10_000, 10_001]
+    assert len((tmp_path / "tour.journal").read_text(encoding="utf-8").splitlines()) == 2
+    assert capsys.readouterr().out.count('"run": 10000') == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "setup",
+    [
+        tour.Setup(mode="hybrid", delay=0.002, force_sensors=False, seconds=4.0),
+        tour.Setup(own_arms=True, noise="realistic", seconds=4.0),
+        tour.Setup(engine="dart", force_sensors=False, seconds=4.0),
+        tour.Setup(drop=0.02, force_sensors=False, seconds=4.0),
+    ],
+    ids=lambda setup: setup.name if setup.engine == "mujoco" else setup.engine,
+)
+def test_the_first_seconds_are_survived_in_every_setup(setup: tour.Setup) -> None:
+    if setup.engine == "dart":
+        pytest.importorskip("dartpy")
+    row = tour.walk((10_001, setup))
+    assert row["completed"] and row["steps"] > 2 and row["failed_ticks"] == 0
 
 
 @pytest.mark.slow
