@@ -16,7 +16,7 @@ import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from wbc.app.replay.film import draw, renderer
+from wbc.app.replay.film import renderer
 from wbc.app.view.stage import SimulatedStage
 from wbc.sim import Plant
 from wbc.sim.trial.loop import TrialHook, TrialTick
@@ -77,7 +77,7 @@ def photograph(plant: Plant) -> Image.Image:
     camera.distance, camera.azimuth, camera.elevation = 3.3 * height, 130.0, -14.0
     camera.lookat[:] = (*picture.target[:2], stage.floor + 0.85 * height)
     with renderer(stage.model, *SIZE, samples=4) as drawn:
-        return Image.fromarray(draw(drawn, stage, picture, camera))
+        return Image.fromarray(drawn.draw(stage, picture, camera))
 
 
 def picture_of(name: str, instant: float) -> Image.Image:

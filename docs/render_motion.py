@@ -15,7 +15,7 @@ from PIL import Image
 from render_walk import MARKS, brighten
 
 import wbc
-from wbc.app.replay.film import draw, renderer
+from wbc.app.replay.film import renderer
 from wbc.app.view.stage import SimulatedStage
 from wbc.motion import make_feasible, read_motion
 from wbc.sim import TrackSpec
@@ -64,7 +64,7 @@ def main() -> None:
                 picture.marks = [mark for mark in picture.marks if mark.name in MARKS]
                 if not frames or options.clip is not None:  # a robot that walks is followed
                     camera.lookat[:2] = picture.target[:2]
-                frames.append(Image.fromarray(draw(drawn, stage, picture, camera)))
+                frames.append(Image.fromarray(drawn.draw(stage, picture, camera)))
 
         class Film(TrialHook):
             """Draws the pictures that are due."""

@@ -11,7 +11,6 @@ import numpy as np
 from PIL import Image
 
 from wbc.app import Log, Recorder, Replay
-from wbc.app.replay.film import draw as draw_picture
 from wbc.app.replay.film import renderer
 from wbc.sim import WalkPlan, WalkPush, WalkSpec, walk
 
@@ -103,7 +102,7 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
             camera.lookat[:] = (*near.mean(axis=0), replay.floor + 0.74)
             picture = replay.picture(tick)
             picture.marks = [mark for mark in picture.marks if mark.name in MARKS]
-            frames.append(Image.fromarray(draw_picture(drawn, replay, picture, camera)))
+            frames.append(Image.fromarray(drawn.draw(replay, picture, camera)))
     return frames
 
 

@@ -20,7 +20,7 @@ import wbc
 from wbc.app import Log, Player, Recorder, Replay, convert_log, render_video
 from wbc.app.cli import main
 from wbc.app.drift import Drift
-from wbc.app.replay.film import RenderError, add_marks, renderer
+from wbc.app.replay.film import Marks, RenderError, renderer
 from wbc.app.view.marks import Mark, stiffness_colour
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
@@ -178,12 +178,33 @@ def test_marks_are_drawn_where_they_are() -> None:
             drawn.update_scene(data, camera)
             before = drawn.render().astype(int)
             mark = Mark("m", kind, np.array(points, dtype=float), (1.0, 0.0, 0.0, 1.0), 0.1)  # type: ignore[arg-type]
-            add_marks(drawn.scene, [mark])
+            Marks(drawn.scene).add([mark])
             changed = np.abs(drawn.render().astype(int) - before).sum(axis=2) > 60
             assert changed[SIZE[1] // 2, SIZE[0] // 2], kind
             columns = np.flatnonzero(changed.any(axis=0))
             assert columns.mean() == pytest.approx(0.5 * SIZE[0], abs=2.5), kind
             assert not changed[0].any() and changed.sum() < 0.5 * changed.size, kind
+
+
+@drawing
+def test_a_cloud_that_stays_is_drawn_as_one_that_is_made_anew(replay: Replay) -> None:
+    import mujoco  # noqa: PLC0415 - with the driver that `film` has chosen
+
+    camera, colour = mujoco.MjvCamera(), (1.0, 0.0, 0.0, 1.0)
+    camera.distance, camera.elevation = 3.0, -60.0
+    picture = replay.picture(0)
+    cloud, other = (
+        Mark("known ground", "cloud", np.array([(x, y, 0.0)]), colour, 0.1)
+        for x, y in ((0.5, 0.0), (0.0, 0.5))
+    )
+    ball = Mark("ball", "ball", np.array([(0.0, -0.5, 0.5)]), colour, 0.1)
+    with renderer(replay.model, *SIZE) as drawn:
+        for clouds in ([cloud], [cloud], [other], [], [cloud, other], [cloud, other], [cloud]):
+            picture.marks = [ball, *clouds]
+            kept = drawn.draw(replay, picture, camera).astype(int)
+            drawn.update_scene(replay.data, camera)
+            Marks(drawn.scene).add(picture.marks)
+            np.testing.assert_allclose(drawn.render().astype(int), kept, atol=2)
 
 
 @drawing

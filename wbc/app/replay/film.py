@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 
@@ -40,6 +41,12 @@ FOLLOW_TIME = 0.5
 MOST_MARKS = 10_000
 """Geoms of marks in a picture."""
 
+SHADOW = 1024
+"""Side of the map of shadows, pixels; without a graphics card the time of a picture grows with it."""
+
+LEVEL, ONES = np.eye(3), np.ones(3)
+"""Axes of a mark that is level; size of a triangle, whose axes are its sides."""
+
 
 class RenderError(WbcError):
     """Pictures cannot be rendered or written on this machine."""
@@ -54,12 +61,33 @@ def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     return target
 
 
-def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -> mujoco.Renderer:
+class Renderer(mujoco.Renderer):  # type: ignore[misc]  # MuJoCo has no types
+    """Renderer of stages with their marks; see `renderer`."""
+
+    def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
+        """Begin a picture of a size in pixels."""
+        super().__init__(model, height, width, max_geom=model.ngeom + MOST_MARKS)
+        self._marks = Marks(self.scene)
+
+    def draw(self, stage: Stage, picture: Picture, camera: mujoco.MjvCamera) -> Pixels:
+        """Return a picture of a stage, whose bodies are where they are to be, with its marks."""
+        model = stage.model
+        for body, colour in picture.colours.items():
+            model.geom_rgba[model.geom_bodyid == body] = colour
+        model.light_pos[:] = camera.lookat - 4.0 * model.light_dir  # shadows are drawn around the lamp alone
+        mujoco.mj_camlight(model, stage.data)
+        self.update_scene(stage.data, camera)
+        self._marks.add(picture.marks)
+        pixels: Pixels = self.render()
+        return pixels
+
+
+def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -> Renderer:
     """Return a renderer of pictures of a size in pixels, with samples per pixel, 4 for smooth edges."""
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-    model.vis.quality.offsamples = samples
+    model.vis.quality.offsamples, model.vis.quality.shadowsize = samples, SHADOW
     try:
-        return mujoco.Renderer(model, height, width, max_geom=model.ngeom + MOST_MARKS)
+        return Renderer(model, height, width)
     except Exception as error:  # depends on the missing library
         kind, reason = os.environ.get("MUJOCO_GL", ""), str(error) or type(error).__name__
         raise RenderError(f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
@@ -111,46 +139,60 @@ def _pictures(replay: Replay, ticks: Iterable[int], rate: float, size: tuple[int
         for tick in ticks:
             picture = replay.picture(tick)
             camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
-            yield _with_caption(draw(drawn, replay, picture, camera), replay.title, picture)
+            yield _with_caption(drawn.draw(replay, picture, camera), replay.title, picture)
 
 
-def draw(drawn: mujoco.Renderer, stage: Stage, picture: Picture, camera: mujoco.MjvCamera) -> Pixels:
-    """Return a picture of a stage, whose bodies are where they are to be, with its marks."""
-    model = stage.model
-    for body, colour in picture.colours.items():
-        model.geom_rgba[model.geom_bodyid == body] = colour
-    model.light_pos[:] = camera.lookat - 4.0 * model.light_dir  # shadows are drawn around the lamp alone
-    mujoco.mj_camlight(model, stage.data)
-    drawn.update_scene(stage.data, camera)
-    add_marks(drawn.scene, picture.marks)
-    pixels: Pixels = drawn.render()
-    return pixels
+class Marks:
+    """Geoms of marks in MuJoCo's pictures.
 
+    A cloud has thousands of points. Its geoms come first behind those of the model, which every picture makes anew, and
+    stay from picture to picture while the cloud is the same.
+    """
 
-def add_marks(scene: mujoco.MjvScene, marks: Sequence[Mark]) -> None:
-    """Add geoms for marks to MuJoCo's picture; those beyond its room are left out."""
-    kinds, level = mujoco.mjtGeom, np.eye(3)
+    def __init__(self, scene: mujoco.MjvScene) -> None:
+        self._scene, self._geoms = scene, scene.geoms
+        self._kept: list[Mark] = []
+        self._places = (0, 0)  # first of the geoms that are kept, and the one after the last
 
-    def add(kind: mujoco.mjtGeom, mark: Mark, size: float, place: Array, axes: Array = level) -> None:
-        if scene.ngeom < scene.maxgeom:
-            geom, colour = scene.geoms[scene.ngeom], np.array(mark.colour, dtype=np.float32)
-            mujoco.mjv_initGeom(geom, kind, np.full(3, size), place, axes.ravel(), colour)
-            scene.ngeom += 1
+    def add(self, marks: Sequence[Mark]) -> None:
+        """Add the marks of a picture behind the geoms of the model; those beyond the room are left out."""
+        scene, clouds = self._scene, [mark for mark in marks if mark.kind == "cloud"]
+        first, same = scene.ngeom, len(clouds) == len(self._kept)
+        if same and first == self._places[0] and all(map(operator.is_, clouds, self._kept)):
+            scene.ngeom = self._places[1]
+        else:
+            for mark in clouds:
+                self._draw(mark)
+            self._kept, self._places = clouds, (first, scene.ngeom)
+        for mark in marks:
+            if mark.kind != "cloud":
+                self._draw(mark)
 
-    for mark in marks:
-        points = np.asarray(mark.points, dtype=np.float64)
+    def _draw(self, mark: Mark) -> None:
+        kinds, size, points = mujoco.mjtGeom, np.full(3, mark.size), np.asarray(mark.points, dtype=np.float64)
         if mark.kind == "ball":
-            add(kinds.mjGEOM_SPHERE, mark, mark.size, points[0])
-        elif mark.kind == "arrow" and scene.ngeom < scene.maxgeom:
-            add(kinds.mjGEOM_ARROW, mark, mark.size, points[0])
-            geom = scene.geoms[scene.ngeom - 1]
-            mujoco.mjv_connector(geom, kinds.mjGEOM_ARROW, mark.size, points[0], points[1])
-            geom.size[2] *= 2.0  # it is drawn half as long as the connector says
+            self._add(kinds.mjGEOM_SPHERE, mark, size, points[0])
+        elif mark.kind == "arrow":
+            geom = self._add(kinds.mjGEOM_ARROW, mark, size, points[0])
+            if geom is not None:
+                mujoco.mjv_connector(geom, kinds.mjGEOM_ARROW, mark.size, points[0], points[1])
+                geom.size[2] *= 2.0  # it is drawn half as long as the connector says
         else:
             vertices, faces = mark_mesh(mark)
-            for corner, one, other in np.asarray(vertices, dtype=np.float64)[faces]:
-                sides = np.stack([one - corner, other - corner])
-                add(kinds.mjGEOM_TRIANGLE, mark, 1.0, corner, np.column_stack([*sides, np.cross(*sides)]))
+            corner, one, other = np.asarray(vertices, dtype=np.float64)[faces].swapaxes(0, 1)
+            sides = np.stack([one - corner, other - corner, np.cross(one - corner, other - corner)], axis=-1)
+            for place, axes in zip(corner, sides, strict=True):
+                self._add(kinds.mjGEOM_TRIANGLE, mark, ONES, place, axes)
+
+    def _add(self, kind: mujoco.mjtGeom, mark: Mark, size: Array, place: Array, axes: Array = LEVEL) -> Any:
+        """Add a geom and return it; None where there is no room."""
+        scene = self._scene
+        if scene.ngeom >= scene.maxgeom:
+            return None
+        geom = self._geoms[scene.ngeom]
+        mujoco.mjv_initGeom(geom, kind, size, place, axes.ravel(), np.array(mark.colour, dtype=np.float32))
+        scene.ngeom += 1
+        return geom
 
 
 def _with_caption(pixels: Pixels, title: str, picture: Picture) -> Pixels:
