@@ -44,7 +44,7 @@ from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, WholeBody
 from wbc.walking.swing import FootMotion
-from wbc.walking.tasks import TaskGains
+from wbc.walking.table import TaskGains
 
 START = 0.1
 """Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""

@@ -7,6 +7,7 @@ plans       footsteps: plans, gait, reach of the legs, and who is asked for them
 lipm        planned steps: phases, preview control, step adjustment
 stepping    free steps, which are decided as the robot goes
 ground, swing, contact, tasks    the same for both: what is known of the ground … the targets of the tasks
+table       costs and gains of the tasks, for steps of both kinds
 balance     the stabilizer of planned steps
 body, hands, load
 """

@@ -58,8 +58,8 @@ from wbc.walking.plans.sources import FootstepSource, Velocity, VelocityLimits, 
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.stepping.source import SteppingWalk
-from wbc.walking.stepping.tasks import stepping_tasks
-from wbc.walking.tasks import WalkTasks, stabilized_tasks
+from wbc.walking.table import free_steps, planned_steps
+from wbc.walking.tasks import WalkTasks
 
 logger = logging.getLogger(__name__)
 
@@ -164,11 +164,10 @@ class WalkingControl:
         tables: dict[Kind, WalkTasks] = {}
         for kind in sorted(has, key=first.__eq__):  # the first one stays in the controller
             if self._free is not None and kind == "free":
-                tables[kind] = stepping_tasks(controller, self._free.gait)
+                table = free_steps(robot, self._free.gait)
             else:
-                tables[kind] = stabilized_tasks(
-                    controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque
-                )
+                table = planned_steps(robot, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
+            tables[kind] = WalkTasks(controller, table)
             if kind != first:
                 tables[kind].leave()
         self.arms = Arms(controller, tables[first], dt, s.arms)

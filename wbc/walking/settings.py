@@ -18,7 +18,7 @@ from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.stepping.settings import SteppingSettings
-from wbc.walking.tasks import TaskGains
+from wbc.walking.table import TaskGains
 
 Kind = Literal["planned", "free"]
 """Kind of steps: planned ahead, on which a stabilizer balances the robot, or free, which balance it themselves."""

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
-from wbc.base.settings import Positive, settings
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import GainOptions
-from wbc.core.robot import Robot
-from wbc.tasks.balance import BodyGains
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.stabilizer.distribution import DistributionSettings
-from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.body import Twist
@@ -31,42 +26,38 @@ from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
 from wbc.walking.stepping.rise import RiseLimit
 
-FREE_FRICTION = 2.0
-"""Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
-
-
-SWING_TURN_WEIGHT, CONTACT_RETURN = 1.0, 100.0
-"""In torque control: cost of the rotation of the foot in the air, per (rad/s²)² (where a joint of the ankle meets its
-limit the foot turns by a hundred rad/s², which the CoM must not pay for); stiffness of a standing foot towards its
-place, 1/s²."""
-
-
 GAINS = ("weight", "stiffness", "damping")
 """Gains of a task that a user may set at any tick."""
 
-LEGS = 0.01
-"""Ratio of the weight of the posture for joints of the legs where moments go by load: soles, CoM and pelvis decide."""
 
-
-@settings
-class TaskGains(BodyGains):
-    """Weights and gains of the tasks of a walk: those of `wbc.tasks.balance.BodyGains`, and these.
+class TaskTable(NamedTuple):
+    """Tasks and contacts of one kind of steps, with their costs and gains; see `wbc.walking.table`.
 
     Attributes:
-        swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
-        swing_stiffness: 1/s².
-        contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
-        wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
+        com: Task of the centre of mass, and where a stabilizer balances the robot that of the wrenches on the feet.
+        contacts: Contacts of the left and of the right sole.
+        swing: Gains of the pose of a foot in the air.
+        trunk: Gains of the rotation of the pelvis, and of the torso where it is another link.
+        posture: Task of all joints.
+        stance: How feet carry that no stabilizer loads; None with one.
+        rise: Limit on the rise of the centre of mass; None without.
+        reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
+        torque: True under torques, where the feedback's acceleration is about that of the pendulum.
     """
 
-    swing_weight: Positive = 1000.0
-    swing_stiffness: Annotated[Positive, "1/s²"] = 400.0
-    contact_stiffness: Annotated[Positive, "1/s²"] = 1000.0
-    wrench_weight: Positive = 1e-3
+    com: CoMTask
+    contacts: Sequence[SoleContact]
+    swing: GainOptions
+    trunk: tuple[GainOptions, GainOptions]
+    posture: PostureTask
+    stance: StanceContacts | None = None
+    rise: RiseLimit | None = None
+    reaching: float = 1.0
+    torque: bool = True
 
 
 class WalkTasks:
-    """CoM, swing feet, trunk, posture, contacts and limits of one walk, for any law; each law makes its own table.
+    """CoM, swing feet, trunk, posture, contacts and limits of one walk, by the table of a kind of steps.
 
     Attributes:
         contacts: Contacts of the left and of the right sole.
@@ -75,66 +66,30 @@ class WalkTasks:
         reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
     """
 
-    def __init__(
-        self,
-        controller: Controller,
-        com: CoMTask,
-        contacts: Sequence[SoleContact],
-        swing: GainOptions,
-        trunk: Mapping[str, GainOptions],
-        posture: PostureTask,
-        stance: StanceContacts | None = None,
-        rise: RiseLimit | None = None,
-        *,
-        torque: bool = True,
-        reaching: float = 1.0,
-    ) -> None:
-        """Add all to a controller; `stance` and `rise` say how feet carry that no stabilizer loads."""
+    def __init__(self, controller: Controller, table: TaskTable) -> None:
+        """Add all to a controller."""
         robot, self._controller = controller.robot, controller
-        self.contacts, self._stance, self._torque = list(contacts), stance, torque
-        self._rise = rise
-        self.com, self.reaching = controller.add(com), reaching
+        com, contacts, swing, trunk, posture, self._stance, rise, self.reaching, self._torque = table
+        self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
         self._swing_weight = np.array(swing["weight"], dtype=float)
         self._swings = [
-            controller.add(
-                PoseTask(
-                    sole.frame,
-                    name=f"{sole.name} swing",
-                    weight=0.0,
-                    stiffness=swing["stiffness"],
-                    damping=swing.get("damping"),
-                )
-            )
+            PoseTask(sole.frame, **_named(f"{sole.name} swing", {**swing, "weight": 0.0}))
             for sole in robot.soles
         ]
-        frames = {"pelvis": robot.base_frame, "torso": robot.torso_frame}
+        parts = [("pelvis", robot.base_frame), ("torso", robot.torso_frame)]
+        if robot.torso_frame == robot.base_frame:
+            parts.pop()
         self._trunk = [
-            controller.add(
-                OrientationTask(
-                    frames[name],
-                    name=name,
-                    weight=gains["weight"],
-                    stiffness=gains["stiffness"],
-                    damping=gains.get("damping"),
-                )
-            )
-            for name, gains in trunk.items()
-            if name == "pelvis" or robot.torso_frame != robot.base_frame
+            OrientationTask(frame, **_named(name, gains))
+            for (name, frame), gains in zip(parts, trunk, strict=False)
         ]
-        self.posture = controller.add(posture)
+        limits = [JointLimits(), TorqueLimits(), *(() if rise is None else (rise,))]
+        self._all: list[Any] = [com, *self._swings, *self._trunk, posture, *limits, *self.contacts]
+        first, *others = self._all
+        controller.add(first, *others)
         forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
-        limits = JointLimits(), TorqueLimits()
-        controller.add(limits[0])
-        for contact in self.contacts:
-            controller.add(contact)
-        controller.add(limits[1])
-        if rise is not None:
-            controller.add(rise)
-        self._all: list[Any] = [self.com, *self._swings, *self._trunk, self.posture, *limits, *self.contacts]
-        if rise is not None:
-            self._all.append(rise)
         self._tuned = {task.name: task for task in (*self._trunk, self.posture)}
         self._own_gains = {
             name: {gain: np.array(getattr(task, gain)) for gain in GAINS}
@@ -304,51 +259,8 @@ class StanceContacts:
                 contact.min_force = self.least_force * (0.2 if both else 1.0)
 
 
-def stabilized_tasks(
-    controller: Controller,
-    gains: TaskGains,
-    stabilizer: StabilizerGains,
-    distribution: DistributionSettings,
-    estimate: Robot,
-    *,
-    torque: bool,
-) -> WalkTasks:
-    """Add the tasks of a walk that a stabilizer balances; contacts have the friction of the distribution on torques."""
-    robot, friction = controller.robot, distribution.friction
-    contacts = [
-        SoleContact(
-            sole.name,
-            min_force=0.0,
-            margin=0.0,
-            ramp=0.0,
-            stiffness=CONTACT_RETURN if torque else gains.contact_stiffness,
-            friction=friction if torque else FREE_FRICTION,
-            even=torque and distribution.by_load,
-        )
-        for sole in robot.soles
-    ]
-    com = StabilizerTask(
-        contacts,
-        drives="torque" if torque else "position",
-        gains=stabilizer,
-        distribution=distribution,
-        estimate=estimate,
-        wrench_weight=gains.wrench_weight,
-        weight=gains.com_weight,
-        stiffness=gains.com_stiffness,
-    )
-    turn = SWING_TURN_WEIGHT if torque else gains.swing_weight
-    swing: GainOptions = {
-        "weight": np.repeat([gains.swing_weight, turn], 3),
-        "stiffness": gains.swing_stiffness,
-    }
-    trunk: GainOptions = {"weight": gains.orientation_weight, "stiffness": gains.orientation_stiffness}
-    weight = np.full(robot.na, gains.posture_weight)
-    if distribution.by_load:
-        weight[robot.leg_joints] *= LEGS
-    posture = PostureTask(joints=robot.joint_names, weight=weight, stiffness=gains.posture_stiffness)
-    parts = {"pelvis": trunk, "torso": trunk}
-    return WalkTasks(controller, com, contacts, swing, parts, posture, torque=torque)
+def _named(name: str, gains: GainOptions) -> GainOptions:
+    return {**gains, "name": name}
 
 
 def _yaw_rotation(yaw: float) -> Array:

@@ -1,18 +1,108 @@
-"""Tasks and contacts of the stepping walk: its table of weights, gains and boxes, in units of the robot."""
+"""Table of the tasks of a walk: what each task and contact costs, its gains and boxes, for steps of both kinds.
+
+The table of planned steps is one of settings, in SI units; that of free steps is one of constants, in units of the
+robot, so that the same numbers walk robots of any size.
+"""
 
 from __future__ import annotations
+
+from typing import Annotated
 
 import numpy as np
 
 from wbc.base.numbers import Array
+from wbc.base.settings import Positive, settings
 from wbc.core.qp.contact import SoleContact
-from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import GainOptions
+from wbc.core.robot import Robot
+from wbc.tasks.balance import BodyGains
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.stabilizer.distribution import DistributionSettings
+from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.stepping.gait import SteppingGait
 from wbc.walking.stepping.rise import RiseLimit
-from wbc.walking.tasks import StanceContacts, WalkTasks
+from wbc.walking.tasks import StanceContacts, TaskTable
+
+# ---- planned steps --------------------------------------------------------------------------------------------------
+
+FREE_FRICTION = 2.0
+"""Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
+
+SWING_TURN_WEIGHT, CONTACT_RETURN = 1.0, 100.0
+"""In torque control: cost of the rotation of the foot in the air, per (rad/s²)² (where a joint of the ankle meets its
+limit the foot turns by a hundred rad/s², which the CoM must not pay for); stiffness of a standing foot towards its
+place, 1/s²."""
+
+LEGS = 0.01
+"""Ratio of the weight of the posture for joints of the legs where moments go by load: soles, CoM and pelvis decide."""
+
+
+@settings
+class TaskGains(BodyGains):
+    """Weights and gains of the tasks of a walk: those of `wbc.tasks.balance.BodyGains`, and these.
+
+    Attributes:
+        swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
+        swing_stiffness: 1/s².
+        contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
+        wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
+    """
+
+    swing_weight: Positive = 1000.0
+    swing_stiffness: Annotated[Positive, "1/s²"] = 400.0
+    contact_stiffness: Annotated[Positive, "1/s²"] = 1000.0
+    wrench_weight: Positive = 1e-3
+
+
+def planned_steps(
+    robot: Robot,
+    gains: TaskGains,
+    stabilizer: StabilizerGains,
+    distribution: DistributionSettings,
+    estimate: Robot,
+    *,
+    torque: bool,
+) -> TaskTable:
+    """Return the table of planned steps, on which a stabilizer balances the robot, with the friction of its feet."""
+    friction = distribution.friction
+    contacts = [
+        SoleContact(
+            sole.name,
+            min_force=0.0,
+            margin=0.0,
+            ramp=0.0,
+            stiffness=CONTACT_RETURN if torque else gains.contact_stiffness,
+            friction=friction if torque else FREE_FRICTION,
+            even=torque and distribution.by_load,
+        )
+        for sole in robot.soles
+    ]
+    com = StabilizerTask(
+        contacts,
+        drives="torque" if torque else "position",
+        gains=stabilizer,
+        distribution=distribution,
+        estimate=estimate,
+        wrench_weight=gains.wrench_weight,
+        weight=gains.com_weight,
+        stiffness=gains.com_stiffness,
+    )
+    turn = SWING_TURN_WEIGHT if torque else gains.swing_weight
+    swing: GainOptions = {
+        "weight": np.repeat([gains.swing_weight, turn], 3),
+        "stiffness": gains.swing_stiffness,
+    }
+    trunk: GainOptions = {"weight": gains.orientation_weight, "stiffness": gains.orientation_stiffness}
+    weight = np.full(robot.na, gains.posture_weight)
+    if distribution.by_load:
+        weight[robot.leg_joints] *= LEGS
+    posture = PostureTask(joints=robot.joint_names, weight=weight, stiffness=gains.posture_stiffness)
+    return TaskTable(com, contacts, swing, (trunk, trunk), posture, torque=torque)
+
+
+# ---- free steps -----------------------------------------------------------------------------------------------------
 
 # In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
 COM = 100.0, 3.67, 3.46
@@ -33,7 +123,7 @@ torque left for the swing foot."""
 SLACK = 0.03
 """Distance of the ceiling of the CoM above its height, h: steps over stones need no more."""
 
-POSTURE, LEGS = (1.39, 4.9, 3.96), (2.8e-3, 0.5)
+POSTURE, LEG_JOINTS = (1.39, 4.9, 3.96), (2.8e-3, 0.5)
 """The same of joints that are not in the legs; cost and damping, ω, of those of the legs."""
 
 REACHING = 0.03
@@ -51,9 +141,9 @@ FORCE, MOMENT = 1.1e-3, 2.0
 times half of the width of the sole."""
 
 
-def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
-    """Add all tasks, contacts and limits of a stepping walk."""
-    robot, scale, law = controller.robot, gait.scale, gait.constants
+def free_steps(robot: Robot, gait: SteppingGait) -> TaskTable:
+    """Return the table of free steps, which balance the robot."""
+    scale, law = gait.scale, gait.constants
     omega, square = scale.omega, scale.omega**2
     turn = scale.height**2  # from (h rad/s²)² to (rad/s²)²
     weight, height_gains = COM[0], (COM[1] * square, COM[2] * omega)
@@ -104,11 +194,11 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
         np.full(robot.na, value) for value in (POSTURE[0] * turn, POSTURE[1] * square, POSTURE[2] * omega)
     )
     legs = robot.leg_joints
-    costs[legs] *= LEGS[0] / POSTURE[0]
-    gains[legs], dampings[legs] = 0.0, LEGS[1] * omega
+    costs[legs] *= LEG_JOINTS[0] / POSTURE[0]
+    gains[legs], dampings[legs] = 0.0, LEG_JOINTS[1] * omega
     posture = PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
-    trunk, rise = {"pelvis": pelvis, "torso": torso}, RiseLimit(SLACK * scale.height)
-    return WalkTasks(controller, com, contacts, swing, trunk, posture, stance, rise, reaching=REACHING)
+    rise = RiseLimit(SLACK * scale.height)
+    return TaskTable(com, contacts, swing, (pelvis, torso), posture, stance, rise, reaching=REACHING)
 
 
 def _com_gains(place: tuple[float, float], height: tuple[float, float]) -> tuple[Array, Array]:
