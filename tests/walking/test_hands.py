@@ -14,13 +14,14 @@ import pytest
 from wbc.base.errors import InputError
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.robot import GRAVITY
+from wbc.core.trajectories import Follower
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.hand import Hand, HandState
 from wbc.walking.hands.hands import Hands
-from wbc.walking.hands.motion import FOLLOW, Follower, MovingFrame
+from wbc.walking.hands.motion import FOLLOW, MovingFrame
 
 TABLE = {"distance": 0.18, "height": 0.7}
 DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)

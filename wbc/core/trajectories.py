@@ -3,6 +3,8 @@
     minimum_jerk   share of the way between two rests, and its slope
     Quintic        position, velocity and acceleration at both ends (a minimum jerk between them)
     Trajectory     minimum jerk through waypoints, from rest to rest, of any number of coordinates
+    Ramp           value that goes to a goal along a quintic, from rest to rest
+    Follower       value that follows a goal that may move, like a critically damped mass
     approach       next velocity towards a goal that may move, with bounded speed and acceleration
 
 Swing feet, hands, the height of the pendulum and `move_to` of every task use these and no others.
@@ -93,6 +95,59 @@ class Quintic(Generic[ValueT]):
             c1 + t * (2 * c2 + t * (3 * c3 + t * (4 * c4 + t * 5 * c5))),
             2 * c2 + t * (6 * c3 + t * (12 * c4 + t * 20 * c5)),
         )
+
+
+class Ramp:
+    """A value that goes to its goal along a quintic, from rest to rest.
+
+    Attributes:
+        value: Present value.
+        goal: Value in the end.
+    """
+
+    def __init__(self, value: float = 0.0) -> None:
+        """Rest at a value."""
+        self.value = self.goal = value
+        self._curve: Quintic[float] | None = None
+        self._elapsed = 0.0
+
+    def to(self, goal: float, duration: float) -> None:
+        """Go to a goal within a time, s, from rest."""
+        self._curve = Quintic((self.value, 0.0, 0.0), (goal, 0.0, 0.0), duration)
+        self.goal, self._elapsed = goal, 0.0
+
+    def advance(self, dt: float) -> None:
+        """Advance by a period, s."""
+        if self._curve is None:
+            return
+        self._elapsed += dt
+        if self._elapsed >= self._curve.duration:
+            self.value, self._curve = self.goal, None
+        else:
+            self.value = self._curve.at(self._elapsed)[0]
+
+
+class Follower(Generic[ValueT]):
+    """Value that follows its goal like a critically damped mass: two low-passes in a row.
+
+    Attributes:
+        value: Present value.
+        velocity: Its derivative.
+        acceleration: The derivative of that.
+    """
+
+    def __init__(self, time_constant: float, value: ValueT) -> None:
+        """Rest at a value; the time constant, s, is that of each low-pass."""
+        self._rate = 1.0 / time_constant
+        self.value: ValueT = value
+        self.velocity: ValueT = 0.0 * value
+        self.acceleration: ValueT = self.velocity
+
+    def follow(self, error: ValueT, dt: float) -> None:
+        """Advance by a period, s, towards a goal: `error` is goal minus value."""
+        self.acceleration = self._rate * self._rate * error - 2.0 * self._rate * self.velocity
+        self.velocity = self.velocity + dt * self.acceleration
+        self.value = self.value + dt * self.velocity
 
 
 class Trajectory:

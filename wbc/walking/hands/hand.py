@@ -31,10 +31,11 @@ from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.move import least_turn
+from wbc.core.trajectories import Quintic, Ramp, minimum_jerk
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import HandArm
-from wbc.walking.hands.motion import MovingFrame, Ramp, quintic_part
+from wbc.walking.hands.motion import MovingFrame
 
 logger = logging.getLogger(__name__)
 
@@ -60,6 +61,9 @@ fed forward, times the mass of the hand, answers a force by more than that force
 WRENCH_WEIGHT, BOUNDED = 1.0, 1.0
 """Cost of a force other than the asked one, per N² and (Nm)², beside 10⁻³ per (Nm)² of a sole; lack of force from
 which on an arm counts as too weak, N."""
+
+STAGE = 0.6
+"""Share of its time that each of the two motions of a hand takes on its way to a surface: along, and across."""
 
 NO_MOMENT = np.zeros(3)
 
@@ -320,13 +324,15 @@ class Hand:
         duration = self._settings.reach_time
         self._elapsed = min(self._elapsed + dt, duration)
         along = float(self._path @ self.direction)
-        early, late = (quintic_part(self._elapsed, duration, *span) for span in ((0.0, 0.6), (0.4, 1.0)))
+        way = Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), STAGE * duration)
+        early = way.at(min(self._elapsed, way.duration))
+        late = way.at(max(self._elapsed - (duration - way.duration), 0.0))
         first, last = (early, late) if along < 0.0 else (late, early)
         straight = along * self.direction
         point, velocity, acceleration = (
             first[i] * straight + last[i] * (self._path - straight) for i in range(3)
         )
-        turned = quintic_part(self._elapsed, duration, 0.0, 1.0)[0]
+        turned, _ = minimum_jerk(self._elapsed / duration)
         self._rotation = self._start.rotation @ pin.exp3(turned * self._turn)
         self._move(self._start.translation + point, velocity, acceleration)
         if self._elapsed < duration:

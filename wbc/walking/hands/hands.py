@@ -28,11 +28,12 @@ from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
+from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
-from wbc.walking.hands.motion import Follower, MovingFrame
+from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.hands.turn import GyroTurn
 from wbc.walking.plans.footsteps import heading

@@ -22,6 +22,7 @@ from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING
 from wbc.base.vectors import Rotation, Vector
 from wbc.core.robot import GRAVITY, SIDES
+from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
@@ -135,9 +136,7 @@ class SteppingGait:
         self._tilt = (0.0, 0.0)  # pitch and roll of the landing as seen, rad
         self._level = 0.0  # height of the feet that carry, low-passed, m
         self._from: Vector = LEVEL  # CoM at the start of the shift
-        self._high: tuple[float, float] | None = (
-            None  # reference of the CoM over the feet, m, and its speed, m/s
-        )
+        self._high: Follower[float] | None = None  # reference of the CoM's height over the feet, m
         self._ticks = 0
         self._seconds = 0.0  # since the start
         self._timing = Gait(feet_spacing=self.settings.width)
@@ -295,11 +294,10 @@ class SteppingGait:
 
     def _sink(self, now: float) -> tuple[float, float]:
         """Move the CoM's height over the feet on by a tick, from that of the start, m, to that of the steps."""
-        high, speed = (now, 0.0) if self._high is None else self._high
-        omega = self.scale.omega
-        speed += omega * (omega * (self.scale.height - high) - 2.0 * speed) * self._dt
-        self._high = high + speed * self._dt, speed
-        return self._high
+        if self._high is None:
+            self._high = Follower(1.0 / self.scale.omega, now)
+        self._high.follow(self.scale.height - self._high.value, self._dt)
+        return self._high.value, self._high.velocity
 
     def leaves(self, state: BodyState, share: float) -> bool:
         """Return True if the DCM of a robot on both feet has left their standing boxes, scaled by `share`."""
