@@ -236,12 +236,12 @@ def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(
 ) -> None:
     """A step of 0.6 m becomes one that the walk's planner allows; steps within reach stay."""
     motion, standing = stepping
-    same, body, shortened = footsteps(g1, motion, standing)
+    same, body, shortened = footsteps(g1, motion.soles, motion.com[:, 2], motion.rate, standing)
     assert shortened == 0.0 and np.allclose([move.homogeneous for move in body], np.eye(4), atol=1e-12)
     first = runs(standing[:, 1])[1][0]  # where the right foot lands first
     away = pin.SE3(np.eye(3), np.array([0.6, 0.0, 0.0]))
     far = [(left, away * right if i >= first else right) for i, (left, right) in enumerate(motion.soles)]
-    moved, body, shortened = footsteps(g1, replace(motion, soles=far), standing)
+    moved, body, shortened = footsteps(g1, far, motion.com[:, 2], motion.rate, standing)
     step = moved[first][0].actInv(moved[first][1])
     longest = Reach.of(g1, float(np.median(motion.com[standing.sum(axis=1) == 1, 2]))).max_length
     assert step.translation[0] == pytest.approx(longest, abs=1e-3)
@@ -288,7 +288,7 @@ def test_feet_leave_and_reach_their_places_from_above(
 ) -> None:
     """A foot that drags or glides along the ground lands early, and beside its place."""
     motion, standing = stepping
-    steps, *_ = footsteps(g1, motion, standing)
+    steps, *_ = footsteps(g1, motion.soles, motion.com[:, 2], motion.rate, standing)
     _, lift_off = runs(standing[:, 1])[0]
     landing, _ = runs(standing[:, 1])[1]
     path = [pair[1] for pair in steps[lift_off - 1 : landing + 1]]
@@ -309,7 +309,7 @@ def test_feet_leave_and_reach_their_places_from_above(
     tip = pin.SE3(pin.utils.rotate("y", 0.8), np.zeros(3))
     middle = (lift_off + landing) // 2
     tipped = [(left, right * tip if i == middle else right) for i, (left, right) in enumerate(motion.soles)]
-    steps, *_ = footsteps(g1, replace(motion, soles=tipped), standing)
+    steps, *_ = footsteps(g1, tipped, motion.com[:, 2], motion.rate, standing)
     assert corners_of(g1, steps[middle : middle + 1])[0, 1, :, 2].min() == pytest.approx(0.01, abs=1e-9)
 
 

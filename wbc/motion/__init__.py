@@ -1,9 +1,11 @@
-"""Motions: clips of joint positions read from the field's formats, measured, made feasible for a robot, and tracked."""
+"""Motions: clips of robots and of people, read from the field's formats, retargeted, made feasible, and tracked."""
 
 from wbc.motion.clip import MotionClip
 from wbc.motion.feasible import make_feasible
-from wbc.motion.files import read_motion, write_motion
+from wbc.motion.files import read_motion, read_skeleton, write_motion
 from wbc.motion.measures import check_motion
+from wbc.motion.retarget import retarget
+from wbc.motion.skeleton import SkeletonClip
 from wbc.motion.source import MotionSource, tracking_settings
 
 __all__ = [
@@ -11,6 +13,10 @@ __all__ = [
     "MotionClip",
     "read_motion",
     "write_motion",
+    # Motions of people
+    "SkeletonClip",
+    "read_skeleton",
+    "retarget",
     # Measured, and made feasible
     "check_motion",
     "make_feasible",

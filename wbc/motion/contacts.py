@@ -44,16 +44,25 @@ def find_contacts(
     alone is found. When one foot takes over, both stand for a least time, s. An `InputError` names the time at which
     the robot leaves the ground for longer than `FLIGHT`.
     """
-    ground, standing = _contacts(motion, known)
+    if known is not None and known.any():
+        ground = float(np.percentile(motion.corners[..., 2].min(axis=2)[known], 5.0))
+        standing = known.copy()
+    else:
+        ground, standing = touching(motion.corners, motion.rate)
+    return ground, always_standing(standing, motion.rate, double_support)
+
+
+def always_standing(standing: Array, rate: float, double_support: float = 0.0) -> Array:
+    """Fill short times in which no sole stands; see `find_contacts`. `standing` (T, 2) is changed and returned."""
     for first, last in runs(~standing.any(axis=1)):
-        begin, end = first / motion.rate, last / motion.rate
+        begin, end = first / rate, last / rate
         if end - begin > FLIGHT + ROUNDING:
             raise InputError(
                 f"a motion must have a foot on the ground at all times: no sole stands from {begin:.2f} s to "
                 f"{end:.2f} s, {end - begin:.2f} s, at most {FLIGHT:g} s are let pass"
             )
         standing[first:last] = standing[first - 1] if first else standing[min(last, len(standing) - 1)]
-    overlap = round(double_support * motion.rate)
+    overlap = round(double_support * rate)
     for side in (0, 1):
         for _, last in runs(standing[:, side]):
             before = max(0, last - overlap)
@@ -61,16 +70,17 @@ def find_contacts(
             if last < len(standing) and not standing[before:last, 1 - side].all():
                 landing = before + int(landed[0]) if landed.size else last
                 standing[last : landing + overlap, side] = True
-    return ground, standing
+    return standing
 
 
-def _contacts(motion: BodyMotion, known: Array | None) -> tuple[float, Array]:
-    """Return the height of the ground, m, and where each sole stands, shape (T, 2)."""
-    heights, rate = motion.corners[..., 2], motion.rate
+def touching(corners: Array, rate: float) -> tuple[float, Array]:
+    """Return the height of the ground, m, and where each sole stands on it by its points, shape (T, 2).
+
+    `corners` are points of both soles, shape (T, 2, n, 3), m, at a rate, Hz.
+    """
+    heights = corners[..., 2]
     lowest, highest = heights.min(axis=2), heights.max(axis=2)
-    if known is not None and known.any():
-        return float(np.percentile(lowest[known], 5.0)), known.copy()
-    speed = np.linalg.norm(np.gradient(motion.corners, 1.0 / rate, axis=0), axis=-1).max(axis=-1)
+    speed = np.linalg.norm(np.gradient(corners, 1.0 / rate, axis=0), axis=-1).max(axis=-1)
     slow = speed < SPEED
     level = lowest[slow] if slow.any() else lowest.ravel()
     # Soles may rest at several heights, such as a raised foot that is held still: the ground is the lowest of them.

@@ -203,7 +203,7 @@ def _integral(values: Array) -> Array:
 def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion, Array, float]:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
     given, standing = on_ground(robot, clip, DOUBLE_SUPPORT)
-    soles, moves, shortened = footsteps(robot, given, standing)
+    soles, moves, shortened = footsteps(robot, given.soles, given.com[:, 2], RATE, standing)
     q = given.q
     q[:, :7] = [
         pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(moves, q[:, :7], strict=True)

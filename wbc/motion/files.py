@@ -1,4 +1,4 @@
-"""Files of motions: what the field writes, all to `MotionClip`; docs/motion.md lists the formats.
+"""Files of motions: what the field writes, all to `MotionClip` or `SkeletonClip`; docs/motion.md lists the formats.
 
 No pickle is ever opened. Rates and joint orders that a file does not hold are arguments: neither is guessed from a
 shape.
@@ -10,7 +10,7 @@ import csv
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -19,7 +19,11 @@ from wbc.base.errors import InputError
 from wbc.base.files import decoding, parsing, read_text, replacing
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive
+from wbc.motion.bvh import read_bvh
 from wbc.motion.clip import BASE_COLUMNS, MotionClip
+from wbc.motion.skeleton import SkeletonClip
+
+Axis = Literal["x", "y", "z"]
 
 LARGEST = 500_000_000
 """Largest file that is read, bytes; one of arrays unpacks to four times as many at most."""
@@ -82,6 +86,55 @@ def read_motion(
             raise InputError(f"{path} has no {missing}") from missing
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
+
+
+@checked
+def read_skeleton(
+    path: str | Path, *, rate: Annotated[Positive, "Hz"] | None = None, up: Axis | None = None
+) -> SkeletonClip:
+    """Read a clip of a person from a file, in any unit of length.
+
+    Args:
+        path: A .bvh file, as LAFAN1 and CMU publish them; or an .npz file with `joint_names` (n), `positions`
+            (T, n, 3), and `rate` or `fps`, Hz.
+        rate: Frames per second, Hz, of a file that does not say it.
+        up: Axis of the file that points up; y of a .bvh file and z of an .npz file when None.
+    """
+    path = Path(path)
+    if path.suffix not in (".bvh", ".npz"):
+        raise InputError(f"the name of a clip of a person must end in .bvh or .npz, got '{path}'")
+    with parsing(path, "clip of a person"):
+        try:
+            if path.suffix == ".bvh":
+                names, positions, own = read_bvh(path)
+                own_rate: float | None = own
+            else:
+                data = _arrays(path)
+                fps, names, positions = (
+                    data.get("rate", data.get("fps")),
+                    _texts(data["joint_names"]),
+                    data["positions"],
+                )
+                own_rate = None if fps is None else float(np.asarray(fps).item())
+            turn = 2 - "xyz".index(up or ("y" if path.suffix == ".bvh" else "z"))
+            return SkeletonClip(
+                names,
+                _agreed("rate (rate, Hz)", own_rate, rate),
+                np.roll(np.asarray(positions), turn, axis=-1),
+                path.stem,
+            )
+        except KeyError as missing:
+            raise InputError(f"{path} has no {missing}") from missing
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+
+def shows_person(path: Path) -> bool:
+    """Return True for a file that `read_skeleton` reads, by its ending and the names of its arrays."""
+    if path.suffix != ".npz":
+        return path.suffix == ".bvh"
+    with decoding(path, "motion of plain arrays", largest=LARGEST) as place, zipfile.ZipFile(place) as archive:
+        return "positions.npy" in archive.namelist()
 
 
 def _known(path: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ import pinocchio as pin
 from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.motion.contacts import runs
-from wbc.motion.kinematics import BodyMotion, Soles, corners_of
+from wbc.motion.kinematics import Soles, corners_of
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.reach import STANDING, Reach, leg_geometry
 
@@ -37,32 +38,40 @@ class _Stance:
         return self.move * self.given
 
 
-def footsteps(robot: Robot, motion: BodyMotion, standing: Array) -> tuple[list[Soles], list[pin.SE3], float]:
+def footsteps(
+    robot: Robot, soles: Sequence[Soles], com_height: Array, rate: float, standing: Array
+) -> tuple[list[Soles], list[pin.SE3], float]:
     """Return the footsteps of a clip on a ground at z = 0; `standing` (T, 2) is true where a sole stands.
 
+    Given are the placements of left and right sole in each frame, T pairs, the height of the CoM, shape (T,), m, and
+    the frames per second, Hz.
+
     A step that is longer, wider or turned further than the walk's planner allows at the height of the clip is brought
-    within its reach; those after it keep their places relative to the other foot. Given are left and right sole in each
-    frame, the motion over the ground that takes the given body to where the soles are, and the greatest distance by
-    which a step was moved, m.
+    within its reach; those after it keep their places relative to the other foot. Returned are left and right sole in
+    each frame, the motion over the ground that takes the given body to where the soles are, and the greatest distance
+    by which a step was moved, m.
     """
-    stances = [[_stance(motion, side, *frames) for frames in runs(standing[:, side])] for side in (0, 1)]
-    shortened = _bring_within_reach(stances, _reach(robot, motion, standing))
+    given = [[pair[side] for pair in soles] for side in (0, 1)]
+    stances = [[_stance(given[side], *frames) for frames in runs(standing[:, side])] for side in (0, 1)]
+    shortened = _bring_within_reach(stances, _reach(robot, com_height, standing))
     corners = corners_of(robot, [(pin.SE3.Identity(), pin.SE3.Identity())])[0]
-    paths, moves = zip(*(_path(motion, side, stances[side], corners[side]) for side in (0, 1)), strict=True)
+    paths, moves = zip(
+        *(_path(given[side], rate, stances[side], corners[side]) for side in (0, 1)), strict=True
+    )
     body = [pin.SE3.Interpolate(left, right, 0.5) for left, right in zip(*moves, strict=True)]
     return list(zip(*paths, strict=True)), body, shortened
 
 
-def _stance(motion: BodyMotion, side: int, first: int, last: int) -> _Stance:
+def _stance(given: Sequence[pin.SE3], first: int, last: int) -> _Stance:
     """Return a contact of a sole at its median place, flat on the ground."""
-    soles = [pair[side] for pair in motion.soles[first:last]]
+    soles = given[first:last]
     x, y, _ = np.median([sole.translation for sole in soles], axis=0)
     yaw = np.median(np.unwrap([heading(sole.rotation) for sole in soles]))
     place = pin.SE3(pin.utils.rotate("z", float(yaw)), np.array([x, y, 0.0]))
     return _Stance(first, last, place, pin.SE3.Identity())
 
 
-def _reach(robot: Robot, motion: BodyMotion, standing: Array) -> Reach:
+def _reach(robot: Robot, com_height: Array, standing: Array) -> Reach:
     """Return the reach at the height of the clip on one foot; to the side that of half-sitting, as in a walk."""
     widest = Reach.of(robot)
     alone = standing.sum(axis=1) == 1
@@ -70,7 +79,7 @@ def _reach(robot: Robot, motion: BodyMotion, standing: Array) -> Reach:
         return widest
     leg = leg_geometry(robot)
     to_com = leg.com_height - leg.hip_height
-    hips = float(np.median(motion.com[alone, 2])) - to_com
+    hips = float(np.median(com_height[alone])) - to_com
     hips = min(max(hips, leg.shortest + 1e-6), STANDING * leg.length - 1e-6)  # inside of what a leg spans
     return replace(Reach.of(robot, hips + to_com), max_spacing=widest.max_spacing)
 
@@ -97,15 +106,15 @@ def _bring_within_reach(stances: list[list[_Stance]], reach: Reach) -> float:
 
 
 def _path(
-    motion: BodyMotion, side: int, stances: list[_Stance], corners: Array
+    given: Sequence[pin.SE3], rate: float, stances: list[_Stance], corners: Array
 ) -> tuple[list[pin.SE3], list[pin.SE3]]:
     """Return placements of a sole, and the motions over the ground that they contain.
 
     In the air the given path is moved to fit both ends. The foot leaves and reaches its place from above, flat, and
     clears the ground in between with all corners: recorded feet are rolled over toes and heels, and shuffle.
     """
-    count, given = len(motion.q), [pair[side] for pair in motion.soles]
-    ramp, settle = (max(1, round(time * motion.rate)) for time in (BLEND, SETTLE))
+    count = len(given)
+    ramp, settle = (max(1, round(time * rate)) for time in (BLEND, SETTLE))
     path, moves = list(given), [pin.SE3.Identity()] * count
     for stance in stances:
         path[stance.first : stance.last] = [stance.place] * (stance.last - stance.first)

@@ -1,0 +1,200 @@
+"""BVH files: a hierarchy of joints with offsets, then Euler angles frame by frame.
+
+The rotation of a joint is the product of its channels in the order in which they stand, in degrees. Position channels
+take the place of the offset, as the readers of the field have it; so files that write six channels for every joint are
+read, too. Nothing in the format says the unit of length or the axis that points up.
+
+Source: M. Meredith, S. Maddock, "Motion Capture File Formats Explained", University of Sheffield, CS-01-11, 2001.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from wbc.base.errors import InputError, choose
+from wbc.base.files import decoding
+from wbc.base.numbers import Array
+
+LARGEST = 100_000_000
+"""Largest file that is read, bytes."""
+
+FARTHEST = 1e7
+"""Greatest number in a frame, degrees or units of length."""
+
+MOST_JOINTS = 1000
+"""Most joints and end sites of a file."""
+
+CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
+
+
+@dataclass(slots=True)
+class _Joint:
+    """One joint of the hierarchy; `parent` is its place in the list, −1 for the root."""
+
+    name: str
+    parent: int
+    offset: list[float] | None = None
+    channels: list[str] | None = None
+    ends: int = 0  # end sites below it
+
+
+def read_bvh(path: Path) -> tuple[tuple[str, ...], Array, float]:
+    """Return names, positions and rate of the joints of a file.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Names of the joints, an end site as "LeftToe end"; their positions in the axes and the unit of the file, shape
+        (frames, joints, 3); and the frames per second, Hz.
+    """
+    with decoding(path, "BVH file", largest=LARGEST) as file:
+        head, *tail = re.split(
+            r"^\s*MOTION\s*$",
+            file.read_text(encoding="utf-8-sig", errors="replace"),
+            maxsplit=1,
+            flags=re.MULTILINE,
+        )
+        joints = _hierarchy(head)
+        if not tail:
+            raise InputError("it has no MOTION")
+        frames, rate = _frames(tail[0], joints)
+        return tuple(joint.name for joint in joints), _positions(joints, frames), rate
+
+
+def _hierarchy(text: str) -> list[_Joint]:
+    """Return the joints, each after its parent."""
+    joints: list[_Joint] = []
+    opened: list[int] = []  # joints whose braces are open, the innermost last
+    for word, rest in _lines(text):
+        if word in ("ROOT", "JOINT", "End"):
+            joints.append(_joint(word, rest, joints, opened))
+            if len(joints) > MOST_JOINTS:
+                raise InputError(f"a skeleton may have {MOST_JOINTS} joints at most")
+        elif word == "{":
+            if not joints or len(joints) - 1 in opened or joints[-1].offset is not None:
+                raise InputError("a brace opens that belongs to no joint")
+            opened.append(len(joints) - 1)
+        elif word == "}":
+            if not opened:
+                raise InputError("a brace closes that was not opened")
+            opened.pop()
+        elif word in ("OFFSET", "CHANNELS"):
+            if not opened:
+                raise InputError(f"{word} belongs to no joint")
+            joint = joints[opened[-1]]
+            if word == "OFFSET":
+                joint.offset = [float(number) for number in rest.split()]
+                if len(joint.offset) != 3:
+                    raise InputError(
+                        f"OFFSET of joint '{joint.name}' must be three numbers, got {len(joint.offset)}"
+                    )
+            else:
+                joint.channels = _channels(joint.name, rest.split())
+        elif word != "HIERARCHY":
+            raise InputError(f"'{word[:40]}' is no word of a hierarchy")
+    if opened:
+        raise InputError(f"the braces of joint '{joints[opened[-1]].name}' are not closed")
+    if not joints:
+        raise InputError("it has no ROOT")
+    for joint in joints:
+        if joint.offset is None or joint.channels is None:
+            raise InputError(
+                f"joint '{joint.name}' has no {'OFFSET' if joint.offset is None else 'CHANNELS'}"
+            )
+    return joints
+
+
+def _lines(text: str) -> Iterator[tuple[str, str]]:
+    """Yield the first word of each line and the rest; braces stand on lines of their own."""
+    for line in text.replace("{", "\n{\n").replace("}", "\n}\n").splitlines():
+        word, _, rest = line.strip().replace("\t", " ").partition(" ")
+        if word:
+            yield word, rest.strip()
+
+
+def _joint(word: str, name: str, joints: list[_Joint], opened: list[int]) -> _Joint:
+    """Return a new joint below the innermost one that is open."""
+    if (word == "ROOT") != (not joints):
+        raise InputError("a file must have one ROOT, before all other joints")
+    if word != "ROOT" and not opened:
+        raise InputError(f"joint '{name}' is outside the braces of the root")
+    parent = opened[-1] if opened else -1
+    if word == "End":
+        above = joints[parent]
+        above.ends += 1
+        name = f"{above.name} end" if above.ends == 1 else f"{above.name} end {above.ends}"
+        return _Joint(name, parent, channels=[])
+    if not name:
+        raise InputError(
+            "a joint has no name, " + (f"below '{joints[parent].name}'" if joints else "the root")
+        )
+    if any(joint.name == name for joint in joints):
+        raise InputError(f"two joints have the name '{name}'")
+    return _Joint(name, parent)
+
+
+def _channels(name: str, words: list[str]) -> list[str]:
+    """Return the channels of a joint: those of positions and rotations are each of another axis."""
+    channels = words[1:]
+    if not words or words[0] != str(len(channels)):
+        raise InputError(
+            f"CHANNELS of joint '{name}' says {words[0] if words else 'no'} channels, and names {len(channels)}"
+        )
+    for channel in channels:
+        choose(f"channel of joint '{name}'", channel, CHANNELS)
+    if len(set(channels)) != len(channels):
+        raise InputError(f"a channel of joint '{name}' stands twice: {' '.join(channels)}")
+    return channels
+
+
+def _frames(text: str, joints: Sequence[_Joint]) -> tuple[Array, float]:
+    """Return the values of all channels, shape (frames, channels), and the frames per second, Hz."""
+    found = re.match(r"\s*Frames:\s*([0-9]{1,9})\s+Frame\s+Time:\s*(\S+)", text)
+    if found is None:
+        raise InputError("after MOTION must stand 'Frames: NUMBER' and 'Frame Time: SECONDS'")
+    count, period = int(found[1]), float(found[2])
+    if not 1e-4 <= period <= 1.0:
+        raise InputError(f"Frame Time must be 0.0001 to 1 s, got {period:g}")
+    columns = [f"{channel} of joint '{joint.name}'" for joint in joints for channel in joint.channels or ()]
+    values = np.array(text[found.end() :].split(), dtype=float)
+    if values.size != count * len(columns):
+        raise InputError(
+            f"{count} frames of {len(columns)} channels must be {count * len(columns)} numbers, got {values.size}"
+        )
+    values = values.reshape(count, len(columns))
+    if len(bad := np.argwhere(~(abs(values) <= FARTHEST))):
+        frame, column = (int(i) for i in bad[0])
+        raise InputError(
+            f"{columns[column]} must be within ±{FARTHEST:g}, got {values[frame, column]:g} in frame {frame}"
+        )
+    return values, 1.0 / period
+
+
+def _positions(joints: list[_Joint], frames: Array) -> Array:
+    """Return the positions of all joints, shape (frames, joints, 3), by forward kinematics."""
+    positions, at = np.empty((len(frames), len(joints), 3)), 0
+    turns: list[Rotation] = []
+    for number, joint in enumerate(joints):
+        channels = joint.channels or []
+        values = frames[:, at : at + len(channels)]
+        at += len(channels)
+        place = np.tile(joint.offset or [0.0] * 3, (len(frames), 1))
+        for column, channel in enumerate(channels):
+            if channel.endswith("position"):
+                place[:, "XYZ".index(channel[0])] = values[:, column]
+        order = [column for column, channel in enumerate(channels) if channel.endswith("rotation")]
+        axes = "".join(channels[column][0] for column in order)
+        turn = Rotation.from_euler(axes, values[:, order], degrees=True) if axes else Rotation.identity()
+        if joint.parent >= 0:
+            place = positions[:, joint.parent] + turns[joint.parent].apply(place)
+            turn = turns[joint.parent] * turn
+        positions[:, number] = place
+        turns.append(turn)
+    return positions

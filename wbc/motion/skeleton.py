@@ -1,0 +1,172 @@
+"""Clips of a person: positions of the joints of a skeleton over time, and the names by which its limbs are known."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose, shown
+from wbc.base.numbers import Array
+from wbc.motion.clip import LONGEST
+
+NAMES: dict[str, tuple[str, ...]] = {
+    "hip": ("upleg", "upperleg", "thigh", "hip", "hipjoint"),
+    "knee": ("knee", "lowerleg", "lowleg", "shin", "calf", "leg"),
+    "ankle": ("ankle", "foot"),
+    "toe": ("toe", "toebase", "toes", "ball", "bigtoe", "footindex", "foot"),
+    "shoulder": ("upperarm", "uparm", "arm", "shoulder"),
+    "elbow": ("elbow", "forearm", "lowerarm", "lowarm"),
+    "wrist": ("wrist", "hand"),
+}
+"""Joint of a limb → its names in the files of the field without side, the surest first: those of LAFAN1, CMU, Mixamo,
+SMPL, Human3.6M, Unreal and 3ds Max."""
+
+OPTIONAL = ("toe",)
+"""Joints of a limb that a skeleton may lack."""
+
+SIDES = {"left": ("left", "l"), "right": ("right", "r")}
+
+UPRIGHT = 0.5
+"""Least share of the way from the ankles to the shoulders that is vertical in the first frame."""
+
+
+@checked
+@dataclass(frozen=True, slots=True, eq=False)
+class SkeletonClip:
+    """Positions of the joints of a person over time, at a constant rate.
+
+    Attributes:
+        joint_names: Joints, length n.
+        rate: Frames per second, Hz.
+        positions: Positions in the world, z up, shape (T, n, 3), in any unit of length.
+        name: Name of the clip, for reports.
+    """
+
+    joint_names: tuple[str, ...]
+    rate: Annotated[float, Field(ge=1.0, le=10_000.0), "Hz"]
+    positions: Array
+    name: str = "person"
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers."""
+        names = tuple(self.joint_names)
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise InputError(f"a joint must occur once in a skeleton, got '{twice[0]}' twice or more")
+        positions = np.asarray(self.positions)
+        if positions.dtype.kind not in "iuf":
+            raise InputError(
+                f"positions of a skeleton must be real numbers, got an array of type {positions.dtype}"
+            )
+        if positions.ndim != 3 or positions.shape[1:] != (len(names), 3):
+            raise InputError(
+                f"positions of a skeleton must have shape (frames, {len(names)}, 3), got {positions.shape}"
+            )
+        if not 2 <= len(positions) <= LONGEST:
+            raise InputError(f"a clip of a skeleton must have 2 to {LONGEST} frames, got {len(positions)}")
+        if len(bad := np.argwhere(~np.isfinite(positions))):
+            frame, joint, _ = (int(i) for i in bad[0])
+            raise InputError(
+                f"positions of a skeleton must be finite, got {shown(positions[frame, joint])} in frame {frame} "
+                f"({frame / self.rate:.3f} s), joint '{names[joint]}'"
+            )
+        object.__setattr__(self, "joint_names", names)
+        object.__setattr__(self, "positions", np.array(positions, dtype=float))
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last frame, s."""
+        return (len(self) - 1) / self.rate
+
+    @checked
+    def part(self, begin: float = 0.0, end: float | None = None) -> SkeletonClip:
+        """Return the clip from one time to another, s; to its end when None."""
+        last = self.duration if end is None else end
+        first, stop = round(begin * self.rate), round(last * self.rate) + 1
+        if not 0 <= first < stop - 1 <= len(self) - 1:
+            raise InputError(
+                f"a part of '{self.name}' must begin and end within 0 to {self.duration:.3f} s, got {begin:g} to "
+                f"{last:g} s"
+            )
+        return SkeletonClip(self.joint_names, self.rate, self.positions[first:stop], self.name)
+
+    def limbs(self, joints: Mapping[str, str] | None = None) -> dict[str, Array]:
+        """Return the positions of the joints of the limbs, such as "left_knee", each of shape (T, 3).
+
+        Args:
+            joints: Joint of a limb → its name in this clip, where the usual names do not find it, or another one.
+
+        Raises:
+            InputError: A joint that is missing; a limb without a length; a person who does not stand upright.
+        """
+        places = limb_places(self.joint_names, joints or {})
+        found = {part: self.positions[:, place] for part, place in places.items()}
+        for side in SIDES:
+            for chain in (("hip", "knee", "ankle"), ("shoulder", "elbow", "wrist")):
+                for upper, lower in zip(chain, chain[1:], strict=False):
+                    self._check_length(found, f"{side}_{upper}", f"{side}_{lower}")
+        for part in ("hip", "shoulder"):
+            self._check_length(found, f"left_{part}", f"right_{part}")
+        ankles, shoulders = (
+            0.5 * (found[f"left_{part}"][0] + found[f"right_{part}"][0]) for part in ("ankle", "shoulder")
+        )
+        way = shoulders - ankles
+        if not way[2] > UPRIGHT * float(np.linalg.norm(way)):
+            raise InputError(
+                f"the person must stand upright in the first frame of '{self.name}': the way from the ankles to the "
+                f"shoulders is {', '.join(f'{part:.3g}' for part in way)}, and the last number should be the greatest; "
+                "does another axis of the file point up?"
+            )
+        return found
+
+    def _check_length(self, found: Mapping[str, Array], upper: str, lower: str) -> None:
+        size = float(np.median(np.linalg.norm(found[upper] - found[lower], axis=1)))
+        whole = float(np.median(np.linalg.norm(found["left_hip"] - found["left_ankle"], axis=1)))
+        if not size > 0.02 * whole:
+            raise InputError(
+                f"{upper} and {lower} of '{self.name}' must lie apart, got {size:g} in the unit of the clip"
+            )
+
+
+def limb_places(names: tuple[str, ...], joints: Mapping[str, str]) -> dict[str, int]:
+    """Return the place of each joint of the limbs among the names of a skeleton; see `SkeletonClip.limbs`."""
+    wanted = [f"{side}_{part}" for part in NAMES for side in SIDES]
+    for part, name in joints.items():
+        choose("joint of a limb", part, wanted)
+        choose(f"joint for {part}", name, names)
+    places = {part: names.index(name) for part, name in joints.items()}
+    sided = [_without_side(name) for name in names]
+    for part in wanted:
+        side, _, kind = part.partition("_")
+        if part not in places:
+            known = ((side, name) for name in NAMES[kind])
+            place = next((sided.index(key) for key in known if key in sided), None)
+            if place is not None and place not in places.values():
+                places[part] = place
+    missing = [part for part in wanted if part not in places and part.partition("_")[2] not in OPTIONAL]
+    if missing:
+        raise InputError(
+            f"no joint is known as {', '.join(missing[:4])}{' …' if len(missing) > 4 else ''} among "
+            f"{', '.join(names[:30])}; give it, such as joints={{'{missing[0]}': '{names[-1]}'}}"
+        )
+    return places
+
+
+def _without_side(name: str) -> tuple[str, str] | None:
+    """Return side and rest of the name of a joint: LeftUpLeg, mixamorig:LeftUpLeg, left_hip, thigh_l, Bip01 L Thigh."""
+    words = re.findall(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+", name)
+    words = [word.lower() for word in words]
+    for place, word in enumerate(words):
+        for side, marks in SIDES.items():
+            if word in marks:
+                return side, "".join(words[place + 1 :] or words[:place])
+    return None
