@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_person import LAFAN1, person, write_bvh
 from mjcf_biped import biped
 from PIL import Image
 from properties import examples
@@ -37,6 +38,8 @@ def write_valid(folder: Path) -> None:
     np.savetxt(folder / "ground.csv", heights, delimiter=",")
     robot = wbc.load_robot("g1").robot()
     q = np.tile(robot.half_sitting, (5, 1))
+    people = {name: (place[:8], turn[:8]) for name, (place, turn) in person(30.0).items()}
+    write_bvh(folder / "person.bvh", LAFAN1, people, 30.0)
     for name in ("motion.npz", "motion.csv"):
         write_motion(MotionClip(robot.joint_names, 30.0, q[:, :7], q[:, 7:]), folder / name)
     (folder / "walk.toml").write_text(

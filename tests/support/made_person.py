@@ -40,7 +40,9 @@ def make_person(rate: float = 30.0, seed: int = 0, noise: float = 1.0) -> Skelet
         noise: Factor of that; without any, feet that stand are at rest on z = 0.
     """
     joints = person(rate, seed, noise)
-    return SkeletonClip(tuple(joints), rate, np.stack([place for place, _ in joints.values()], axis=1), "made")
+    return SkeletonClip(
+        tuple(joints), rate, np.stack([place for place, _ in joints.values()], axis=1), "made"
+    )
 
 
 def person(rate: float, seed: int = 0, noise: float = 1.0) -> Joints:
@@ -74,29 +76,28 @@ def person(rate: float, seed: int = 0, noise: float = 1.0) -> Joints:
     trunk = Rotation.from_euler("y", lean[:, None])
     chest = hips + TRUNK * trunk.apply([0.0, 0.0, 1.0])
     joints: Joints = {"hips": (hips, trunk)}
-    for side, sign in (("left", 1.0), ("right", -1.0)):
-        number = 0 if sign > 0.0 else 1
+    for number, (name, sign) in enumerate((("left", 1.0), ("right", -1.0))):
         hip, ankle = hips + [0.0, sign * HIP, 0.0], ankles[:, number]
         knee = _knee(hip, ankle)
         foot = Rotation.from_euler("ZY", np.column_stack([np.full(len(t), 0.12 * sign), pitch[:, number]]))
-        joints[f"{side}_hip"] = hip, _limb(knee - hip, ahead)
-        joints[f"{side}_knee"] = knee, _limb(ankle - knee, ahead)
-        joints[f"{side}_ankle"] = ankle, foot
-        joints[f"{side}_toe"] = ankle + foot.apply([FOOT, 0.0, -0.6 * ANKLE]), foot
+        joints[f"{name}_hip"] = hip, _limb(knee - hip, ahead)
+        joints[f"{name}_knee"] = knee, _limb(ankle - knee, ahead)
+        joints[f"{name}_ankle"] = ankle, foot
+        joints[f"{name}_toe"] = ankle + foot.apply([FOOT, 0.0, -0.6 * ANKLE]), foot
         shoulder = chest + trunk.apply([0.0, sign * SHOULDER, 0.0])
         out = np.column_stack([np.zeros(len(t)), 0.15 + 1.2 * raise_arms]) * [1.0, -sign]
         upper = Rotation.from_euler("yx", np.column_stack([-0.9 * squat, -out[:, 1]]))
         elbow = shoulder + UPPER * upper.apply([0.0, 0.0, -1.0])
         lower = upper * Rotation.from_euler("y", -(0.3 + 0.9 * raise_arms)[:, None])
-        joints[f"{side}_shoulder"] = shoulder, upper
-        joints[f"{side}_elbow"] = elbow, lower
-        joints[f"{side}_wrist"] = elbow + LOWER * lower.apply([0.0, 0.0, -1.0]), lower
+        joints[f"{name}_shoulder"] = shoulder, upper
+        joints[f"{name}_elbow"] = elbow, lower
+        joints[f"{name}_wrist"] = elbow + LOWER * lower.apply([0.0, 0.0, -1.0]), lower
     return joints
 
 
 def _bump(t: Array, rise: float, high: float, fall: float, low: float) -> Array:
     up, down = (t - rise) / (high - rise), (low - t) / (low - fall)
-    return minimum_jerk(np.clip(up, 0.0, 1.0))[0] * minimum_jerk(np.clip(down, 0.0, 1.0))[0]
+    return np.asarray(minimum_jerk(np.clip(up, 0.0, 1.0))[0] * minimum_jerk(np.clip(down, 0.0, 1.0))[0])
 
 
 def _knee(hip: Array, ankle: Array) -> Array:
@@ -108,7 +109,7 @@ def _knee(hip: Array, ankle: Array) -> Array:
     aside = np.sqrt(THIGH**2 - along**2)
     direction = way / length
     bend = np.array([1.0, 0.0, 0.0]) - direction * direction[:, :1]
-    return hip + along * direction + aside * bend / np.linalg.norm(bend, axis=1, keepdims=True)
+    return np.asarray(hip + along * direction + aside * bend / np.linalg.norm(bend, axis=1, keepdims=True))
 
 
 def _limb(down: Array, ahead: Array) -> Rotation:
@@ -239,7 +240,9 @@ def write_bvh(path: Path, dialect: Dialect, joints: Joints, rate: float) -> None
         for child in children:
             write(child, depth + 1)
         if not children:
-            lines.extend([f"{indent}\tEnd Site", f"{indent}\t{{", f"{indent}\t\tOFFSET 0 1 0", f"{indent}\t}}"])
+            lines.extend(
+                [f"{indent}\tEnd Site", f"{indent}\t{{", f"{indent}\t\tOFFSET 0 1 0", f"{indent}\t}}"]
+            )
         lines.append(f"{indent}}}")
 
     write("Hips", 0)

@@ -133,7 +133,10 @@ def shows_person(path: Path) -> bool:
     """Return True for a file that `read_skeleton` reads, by its ending and the names of its arrays."""
     if path.suffix != ".npz":
         return path.suffix == ".bvh"
-    with decoding(path, "motion of plain arrays", largest=LARGEST) as place, zipfile.ZipFile(place) as archive:
+    with (
+        decoding(path, "motion of plain arrays", largest=LARGEST) as place,
+        zipfile.ZipFile(place) as archive,
+    ):
         return "positions.npy" in archive.namelist()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.kinematics.inverse import InverseKinematics
@@ -16,6 +17,9 @@ from wbc.tasks import CoMTask, OrientationTask, PoseTask, PostureTask
 STANCE, SWING, COM, ORIENTATION, JOINTS, LEGS = 1e4, 1e2, 1e3, 1.0, 0.5, 1e-3
 """Weights per squared error: pose of a sole that stands, and of one in the air (m², rad²), centre of mass (m²),
 rotation of base and torso, joints outside the legs, and joints of the legs (rad²), on which the feet decide."""
+
+HELD = 1e3
+"""Weight per squared error of the base and of all joints that are held while legs alone move, m² and rad²."""
 
 ITERATIONS, SMALL = 12, 1e-6
 """Most steps of a frame, and the error at which it ends, rad and m."""
@@ -59,3 +63,50 @@ def inverse_kinematics(
         ik.update(result[i])
         result[i] = ik.reach(SMALL, ITERATIONS).configuration
     return result
+
+
+def planted(robot: Robot, q: Array, soles: Sequence[Soles], standing: Array, fade: int) -> Array:
+    """Return configurations whose legs have the soles that stand exactly at their places, shape (T, nq).
+
+    Nothing but the legs moves. In the air a sole keeps its path, but for the frames beside a contact, as many as
+    `fade`, in which the correction fades. A leg that cannot reach its place stays as it is.
+    """
+    result = q.copy()
+    ik = InverseKinematics(robot.clone(), 0.01)
+    robot = ik.robot
+    feet = [PoseTask(sole.frame) for sole in robot.soles[:2]]
+    legs = set(robot.leg_joints)
+    held = {name: 0.0 if joint in legs else 1.0 for joint, name in enumerate(robot.joint_names)}
+    base, posture = PoseTask(robot.base_frame, weight=HELD), PostureTask(weight=HELD, joint_weights=held)
+    ik.add(*feet, base, posture, JointLimits())
+    data, frames = robot.model.createData(), [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
+    present, corrections = [], np.zeros((len(q), 2, 6))
+    for i, given in enumerate(q):
+        pin.framesForwardKinematics(robot.model, data, given)
+        present.append([data.oMf[frame].copy() for frame in frames])
+        for side, (sole, place) in enumerate(zip(present[i], soles[i], strict=True)):
+            turn = np.asarray(pin.log3(place.rotation @ sole.rotation.T))
+            corrections[i, side] = np.concatenate([place.translation - sole.translation, turn])
+    for side in (0, 1):
+        _fade(corrections[:, side], standing[:, side], fade)
+    for i in np.flatnonzero(abs(corrections).max(axis=(1, 2)) > 0.1 * SMALL).tolist():
+        ik.update(q[i])
+        base.target, posture.target = base.present(robot), q[i, 7:]
+        for foot, sole, correction in zip(feet, present[i], corrections[i], strict=True):
+            foot.target = pin.SE3(pin.exp3(correction[3:]) @ sole.rotation, sole.translation + correction[:3])
+        found = ik.reach(SMALL, ITERATIONS)
+        if found.reached:
+            result[i] = found.configuration
+    return result
+
+
+def _fade(corrections: Array, stands: Array, fade: int) -> None:
+    """Take the corrections of a sole in the air, shape (T, 6), from those of the contacts beside."""
+    contacts = np.flatnonzero(stands)
+    for i in np.flatnonzero(np.logical_not(stands)).tolist():
+        after = int(np.searchsorted(contacts, i))
+        beside = [int(contacts[k]) for k in (after - 1, after) if 0 <= k < len(contacts)]
+        corrections[i] = 0.0
+        for contact in beside:
+            x = min(1.0, abs(i - contact) / fade)
+            corrections[i] += (1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x**2)) * corrections[contact]

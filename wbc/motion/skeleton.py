@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, choose, shown
+from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
 from wbc.motion.clip import LONGEST
 
@@ -71,9 +71,9 @@ class SkeletonClip:
         if not 2 <= len(positions) <= LONGEST:
             raise InputError(f"a clip of a skeleton must have 2 to {LONGEST} frames, got {len(positions)}")
         if len(bad := np.argwhere(~np.isfinite(positions))):
-            frame, joint, _ = (int(i) for i in bad[0])
+            frame, joint, axis = (int(i) for i in bad[0])
             raise InputError(
-                f"positions of a skeleton must be finite, got {shown(positions[frame, joint])} in frame {frame} "
+                f"positions of a skeleton must be finite, got {positions[frame, joint, axis]} in frame {frame} "
                 f"({frame / self.rate:.3f} s), joint '{names[joint]}'"
             )
         object.__setattr__(self, "joint_names", names)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,14 +15,24 @@ from wbc.app.live import LiveView, with_changes
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target
-from wbc.base.settings import Positive, settings, to_json
+from wbc.base.settings import NonNegative, Positive, settings, to_json
 from wbc.core.robot import Robot
-from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion
+from wbc.motion import (
+    MotionClip,
+    check_motion,
+    make_feasible,
+    read_motion,
+    read_skeleton,
+    retarget,
+    write_motion,
+)
 from wbc.motion.feasible import FeasibleMotion
+from wbc.motion.files import Axis, shows_person
 from wbc.motion.measures import MotionMeasures
 from wbc.sim.balance.tracking import TrackSpec, TrackTrial
 
 CLIPS = (".npz", ".csv")
+"""Endings of the clips that are written."""
 
 
 @settings(kw_only=True)
@@ -30,20 +41,40 @@ class TrackOptions(TrackSpec):
 
     Attributes:
         rate: Frames per second, Hz, of a file that does not say it.
-        joint: Joint of the next column, of a file that does not name them; once for each.
+        joint: Joint of the next column, of a file that does not name them; once for each. Of a person's clip a joint
+            that the usual names do not find, such as left_knee=LKnee.
+        up: Axis that points up in a person's clip: y of a .bvh file and z of an .npz file if it is not given.
+        begin: Time in a person's clip at which the motion begins, s.
+        end: Time at which it ends, s; the end of the clip if it is not given.
         out: Clip that filter writes, .npz or .csv.
     """
 
     rate: Annotated[Positive, "Hz"] | None = None
     joint: tuple[str, ...] = ()
+    up: Axis | None = None
+    begin: Annotated[NonNegative, "s"] = 0.0
+    end: Annotated[Positive, "s"] | None = None
     out: Annotated[Path | None, Parameter(alias="-o")] = None
 
     def read(self, file: Path) -> tuple[Robot, MotionClip]:
         """Return robot and clip."""
         robot = robots.load(self.robot).robot()
+        if shows_person(file):
+            person = read_skeleton(file, rate=self.rate, up=self.up).part(self.begin, self.end)
+            return robot, retarget(person, robot, joints=dict(self._joint_of_person())).clip
+        for option in ("up", "begin", "end"):
+            if getattr(self, option):
+                raise InputError(f"--{option} is an option of a person's clip, .bvh or .npz with positions")
         clip = read_motion(file, rate=self.rate, joints=self.joint or None)
         clip.configurations(robot)  # refuses a clip of another robot
         return robot, clip
+
+    def _joint_of_person(self) -> Iterator[tuple[str, str]]:
+        for joint in self.joint:
+            part, found, name = joint.partition("=")
+            if not found:
+                raise InputError(f"--joint of a person's clip must be such as left_knee=LKnee, got '{joint}'")
+            yield part, name
 
     def target(self, file: Path) -> Path:
         """Return the file of the clip to write."""
@@ -55,18 +86,18 @@ class TrackOptions(TrackSpec):
 @reports
 def motion(
     do: Annotated[Literal["check", "filter", "track"], Parameter(help="What is done with it.")],
-    clip: Annotated[Path, Parameter(help="Clip, .npz or .csv.")],
+    clip: Annotated[Path, Parameter(help="Clip of the robot, .npz or .csv, or of a person, .bvh or .npz.")],
     /,
     *,
     options: TrackOptions,
     live: LiveView,
     output: Output,
 ) -> Report:
-    """Check, filter or track a clip of joint positions.
+    """Check, filter or track a clip of joint positions, or of a person.
 
     Check measures limits, speeds, feet on the ground and the ZMP in the supports. Filter
     changes what must change for them, and reports it. Track lets the robot follow it while it balances, on both feet,
-    on one, and where it steps.
+    on one, and where it steps. The clip of a person is retargeted to the robot first.
     """
     if do == "filter":
         return _filter(clip, options, output)

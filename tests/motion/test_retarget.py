@@ -1,0 +1,359 @@
+"""Motions of people: files of BVH and of positions, names of limbs, and clips of a robot that stands on its feet."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fuzzing import mutate
+from made_person import CMU, LAFAN1, Dialect, Joints, make_person, person, write_bvh
+from scipy.spatial.transform import Rotation
+
+from wbc import load_robot
+from wbc.app.cli import main
+from wbc.base.errors import InputError
+from wbc.core.robot import Robot
+from wbc.motion import SkeletonClip, make_feasible, read_skeleton, retarget
+from wbc.motion.retarget import centre_of_turning
+from wbc.motion.skeleton import NAMES, limb_places
+from wbc.sim import TrackSpec, track_motion
+
+SLIDE, DEPTH = 1e-3, 1e-3
+"""Greatest slide of feet that stand, mm/s, and depth of their soles in the floor, mm."""
+
+
+@pytest.fixture(scope="module")
+def g1() -> Robot:
+    return load_robot("g1").robot()
+
+
+@pytest.fixture(scope="module")
+def clip() -> SkeletonClip:
+    return make_person()
+
+
+# Files
+
+SMALL = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 1 2 3
+  CHANNELS 6 Zrotation Yrotation Xrotation Xposition Yposition Zposition
+  JOINT Long name {
+    OFFSET 0 10 0
+    CHANNELS 1 Xrotation
+    JOINT Tip
+    {
+      OFFSET 5 5 5
+      CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+      End Site
+      {
+        OFFSET 0 1 0
+      }
+    }
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.025
+0 0 0  0 0 0  0  0 2 0  0 0 0
+90 0 0  1 0 0  90  0 2 0  0 0 0
+"""
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_positions_of_a_small_file_are_those_by_hand(tmp_path: Path) -> None:
+    """Rotations before positions, one axis alone, six channels in every joint, braces on the line, an end site."""
+    clip = read_skeleton(written(tmp_path / "small.bvh", SMALL), up="z")
+    assert clip.joint_names == ("Hips", "Long name", "Tip", "Tip end") and clip.rate == 40.0
+    np.testing.assert_allclose(clip.positions[0], [[0, 0, 0], [0, 10, 0], [0, 12, 0], [0, 13, 0]], atol=1e-12)
+    # The root is turned about z, so y points to −x; the second joint about its own x, so its y points up.
+    expected = [[1, 0, 0], [-9, 0, 0], [-9, 0, 2], [-9, 0, 3]]
+    np.testing.assert_allclose(clip.positions[1], expected, atol=1e-12)
+    # Positions stand in place of the offset. Up is y if nothing is said.
+    turned = read_skeleton(tmp_path / "small.bvh").positions
+    np.testing.assert_allclose(turned, np.roll(clip.positions, 1, axis=-1), atol=1e-12)
+
+
+@pytest.mark.parametrize(("dialect", "rate"), [(LAFAN1, 30.0), (CMU, 120.0)], ids=["lafan1", "cmu"])
+def test_files_of_both_sources_become_the_same_person(tmp_path: Path, dialect: Dialect, rate: float) -> None:
+    joints = {name: (place[:100], turn[:100]) for name, (place, turn) in person(rate).items()}
+    write_bvh(tmp_path / "person.bvh", dialect, joints, rate)
+    found = read_skeleton(tmp_path / "person.bvh")
+    assert found.rate == pytest.approx(rate, rel=1e-4)
+    limbs = found.limbs()
+    assert set(limbs) == set(joints) - {"hips"}
+    for name, places in limbs.items():
+        np.testing.assert_allclose(dialect.unit * places, joints[name][0], atol=1e-5, err_msg=name)
+
+
+def test_positions_by_name_are_read_in_any_axes(tmp_path: Path, clip: SkeletonClip) -> None:
+    path, arrays = tmp_path / "person.npz", {"joint_names": clip.joint_names, "positions": clip.positions}
+    np.savez(path, **arrays, fps=30.0)
+    assert np.array_equal(read_skeleton(path).positions, clip.positions)
+    np.savez(path, **arrays | {"positions": clip.positions[..., [1, 2, 0]]})
+    assert np.array_equal(read_skeleton(path, up="y", rate=30.0).positions, clip.positions)
+    with pytest.raises(InputError, match="does not say its rate"):
+        read_skeleton(path)
+    with pytest.raises(InputError, match="stand upright"):
+        read_skeleton(path, rate=30.0).limbs()
+
+
+BAD = {
+    "it has no ROOT": "HIERARCHY\n",
+    "one ROOT, before all": "JOINT Hips",
+    "no MOTION": SMALL.partition("MOTION")[0],
+    "one ROOT": SMALL.replace("JOINT Tip", "ROOT Tip"),
+    "outside the braces": SMALL.replace("MOTION", "JOINT Lost\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION"),
+    "'Tip' are not closed": "\n".join(SMALL.split("\n")[:12]),
+    "was not opened": SMALL.replace("MOTION", "}\nMOTION"),
+    "belongs to no joint": SMALL.replace("MOTION", "OFFSET 0 0 0\nMOTION"),
+    "'Bones' is no word": SMALL.replace("CHANNELS 1", "Bones 1"),
+    "a joint has no name": SMALL.replace("JOINT Tip", "JOINT"),
+    "two joints have the name 'Hips'": SMALL.replace("Tip", "Hips"),
+    "'Tip' must be three numbers": SMALL.replace("OFFSET 5 5 5", "OFFSET 5 5"),
+    "could not convert": SMALL.replace("OFFSET 5 5 5", "OFFSET 5 five 5"),
+    "'Tip' has no OFFSET": SMALL.replace("OFFSET 5 5 5", ""),
+    "'Long name' has no CHANNELS": SMALL.replace("CHANNELS 1 Xrotation", ""),
+    "says 2 channels, and names 1": SMALL.replace("CHANNELS 1", "CHANNELS 2"),
+    "no channel of joint 'Long name' 'Wrotation'": SMALL.replace("CHANNELS 1 X", "CHANNELS 1 W"),
+    "stands twice": SMALL.replace("Zrotation Yrotation Xrotation X", "Zrotation Zrotation Xrotation X"),
+    "Frames: NUMBER": SMALL.replace("Frames: 2", "Frames: two"),
+    "Frame Time must be 0.0001 to 1 s, got 0": SMALL.replace("0.025", "0"),
+    "got nan": SMALL.replace("0.025", "nan"),
+    "got -0.025": SMALL.replace("0.025", "-0.025"),
+    "39 numbers, got 26": SMALL.replace("Frames: 2", "Frames: 3"),
+    "26 numbers, got 20": SMALL[:-14],
+    "12999999987 numbers, got 26": SMALL.replace("Frames: 2", "Frames: 999999999"),
+    "after MOTION must stand": SMALL.replace("Frames: 2", "Frames: 1000000000000"),
+    "Zrotation of joint 'Hips' must be within": SMALL.replace("\n90 ", "\nnan "),
+    "Xposition of joint 'Hips' must be within": SMALL.replace("0  1 0 0  90", "0  1e300 0 0  90"),
+    "2 to 1000000 frames, got 1": SMALL.replace("Frames: 2", "Frames: 1").rpartition("90 0 0")[0],
+    "1000 joints at most": "HIERARCHY\nROOT a\n{\n" + "".join(f"JOINT b{i}\n{{\n" for i in range(1001)),
+}  # fmt: skip
+"""What the message says → a file that is wrong."""
+
+
+@pytest.mark.parametrize("said", BAD)
+def test_bad_files_are_refused_in_one_line(tmp_path: Path, said: str) -> None:
+    path = written(tmp_path / "bad.bvh", BAD[said])
+    with pytest.raises(InputError, match=r"bad\.bvh") as refused:
+        read_skeleton(path)
+    assert "\n" not in str(refused.value) and said in str(refused.value)
+
+
+def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
+    for seed in range(100):
+        (tmp_path / "damaged.bvh").write_bytes(mutate(SMALL.encode(), seed))
+        with contextlib.suppress(InputError):
+            assert np.isfinite(read_skeleton(tmp_path / "damaged.bvh").positions).all()
+
+
+# Limbs
+
+PARTS = [f"{side}_{part}" for part in NAMES for side in ("left", "right")]
+SOURCES = {
+    "LAFAN1": "{}UpLeg {}Leg {}Foot {}Toe {}Arm {}ForeArm {}Hand; {}Shoulder Hips {}Toe_end",
+    "CMU": "{}UpLeg {}Leg {}Foot {}ToeBase {}Arm {}ForeArm {}Hand; {0}HipJoint {}Shoulder {}HandIndex1 {0}Thumb",
+    "Mixamo": "m:{}UpLeg m:{}Leg m:{}Foot m:{}ToeBase m:{}Arm m:{}ForeArm m:{}Hand; m:{}Shoulder m:{}HandIndex1",
+    "SMPL": "{}_hip {}_knee {}_ankle {}_foot {}_shoulder {}_elbow {}_wrist; {}_collar {}_hand pelvis",
+    "MediaPipe": "{}_hip {}_knee {}_ankle {}_foot_index {}_shoulder {}_elbow {}_wrist; {}_heel {}_index nose",
+    "3ds Max": "Bip01_{0}_Thigh Bip01_{0}_Calf Bip01_{0}_Foot Bip01_{0}_Toe0 Bip01_{0}_UpperArm Bip01_{0}_Forearm "
+    "Bip01_{0}_Hand; Bip01_{0}_Clavicle Bip01_{0}_Finger0",
+    "Unreal": "thigh_{1} calf_{1} foot_{1} ball_{1} upperarm_{1} lowerarm_{1} hand_{1}; clavicle_{1} thigh_twist_{1}",
+    "classic": "{}Hip {}Knee {}Ankle {}Toe {}Shoulder {}Elbow {}Wrist; {}Collar Chest Neck",
+}  # fmt: skip
+"""Source → names of the limbs' joints in the order of `NAMES`, then others; with a side, {0} its letter."""
+
+
+@pytest.mark.parametrize("source", SOURCES)
+def test_limbs_are_known_by_the_names_of_the_field(source: str) -> None:
+    wanted, others = (part.split() for part in SOURCES[source].split(";"))
+
+    def named(name: str, side: str) -> str:
+        side = side if "{}_" in name else side.capitalize()
+        return name.replace("{}", side).format(side[0].upper(), side[0].lower())
+
+    sides = ("left", "right")
+    names = tuple(dict.fromkeys(named(name, side) for side in sides for name in (*others, *wanted)))
+    places = limb_places(names, {})
+    found = [names[places[part]] for part in PARTS if not (source == "3ds Max" and "toe" in part)]
+    expected = [named(name, side) for name in wanted for side in sides]
+    assert found == [name for name in expected if not name.endswith("Toe0")]
+
+
+@pytest.mark.parametrize(
+    ("joints", "said"),
+    [
+        ({}, "no joint is known as left_knee among"),
+        ({"left_knee": "Patella"}, None),
+        ({"left_knee": "patella"}, "did you mean 'Patella'"),
+        ({"left_kneecap": "Patella"}, "did you mean 'left_knee'"),
+    ],
+)
+def test_a_joint_of_another_name_is_given(
+    clip: SkeletonClip, joints: dict[str, str], said: str | None
+) -> None:
+    names = tuple("Patella" if name == "left_knee" else name for name in clip.joint_names)
+    if said is None:
+        assert limb_places(names, joints)["left_knee"] == names.index("Patella")
+        return
+    with pytest.raises(InputError, match=said):
+        replace(clip, joint_names=names).limbs(joints)
+
+
+def test_people_that_cannot_be_are_refused(clip: SkeletonClip, g1: Robot) -> None:
+    def moved(name: str, places: object) -> SkeletonClip:
+        positions = clip.positions.copy()
+        positions[:, clip.joint_names.index(name)] = places
+        return replace(clip, positions=positions)
+
+    knee = clip.limbs()["left_knee"]
+    up = np.zeros(len(clip))
+    up[100:130] = 0.3
+    jump = replace(clip, positions=clip.positions + up[:, None, None] * (0.0, 0.0, 1.0))
+    for bad, said in (
+        (lambda: moved("left_ankle", knee), "left_knee and left_ankle of 'made' must lie apart"),
+        (lambda: moved("right_hip", clip.limbs()["left_hip"]), "left_hip and right_hip"),
+        (lambda: moved("left_wrist", np.nan), "must be finite, got nan in frame 0 .0.000 s., joint 'left_wrist'"),
+        (lambda: replace(clip, positions=clip.positions * [1.0, 1.0, -1.0]), "upright in the first frame"),
+        (lambda: replace(clip, positions=clip.positions[:, :3]), "must have shape"),
+        (lambda: replace(clip, positions=clip.positions.astype(str)), "real numbers"),
+        (lambda: replace(clip, joint_names=("a",) * len(clip.joint_names)), "'a' twice"),
+        (lambda: replace(clip, rate=0.0), "rate"),
+        (lambda: clip.part(3.0, 2.0), "begin and end within 0 to 15"),
+        (lambda: clip.part(-1.0), "begin and end"),
+        (lambda: jump, "no sole stands from 3.* s to 4"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=said):
+            retarget(bad(), g1)
+    with pytest.raises(InputError, match="two soles"):
+        retarget(clip, load_robot("panda").robot())
+
+
+# Clips of robots
+
+
+@pytest.mark.parametrize(("name", "spread"), [("hrp4_class", 1e-9), ("g1", 0.08), ("talos", 0.2)])
+def test_a_shoulder_is_the_centre_of_where_the_elbow_goes(name: str, spread: float) -> None:
+    """The elbow stays at one distance from it: exactly where the axes of the shoulder meet in a point."""
+    robot = load_robot(name).robot()
+    chain = robot.joints_between(robot.frames["left_hand"], robot.torso_frame)
+    number = robot.joint_numbers[chain[3]]
+    centre, length = centre_of_turning(robot, robot.torso_frame, number, chain[:3])
+    random, q = np.random.default_rng(7), robot.half_sitting.copy()
+    for _ in range(20):
+        q[[7 + joint for joint in chain[:3]]] = random.uniform(-0.5, 0.5, 3)
+        robot.update(q, np.zeros(robot.nv))
+        elbow = robot.placement(robot.torso_frame).actInv(robot.data.oMi[number].translation)
+        assert np.linalg.norm(elbow - centre) == pytest.approx(length, rel=spread)
+
+
+def squat(rate: float = 30.0, noise: float = 1.0) -> SkeletonClip:
+    """Return the first bend of the person."""
+    return make_person(rate, noise=noise).part(0.8, 1.8)
+
+
+def test_feet_that_slide_float_and_tremble_stand_on_the_floor(g1: Robot) -> None:
+    given = squat()
+    ankles = [given.limbs()[f"{side}_ankle"] for side in ("left", "right")]
+    assert min(np.ptp(ankle, axis=0).max() for ankle in ankles) > 2e-3, "the person's feet are not at rest"
+    result = retarget(given, g1)
+    assert result.clip.standing is not None and result.clip.standing.all()
+    assert result.measures.foot_slide < SLIDE and result.measures.penetration < DEPTH
+    assert not result.measures.joint_excess
+    assert all(error < 0.02 for name, error in result.errors.items() if "hand" in name or "elbow" in name)
+    assert result.errors["pelvis"] < 0.02 and result.errors["trunk"] < 0.1
+    # The pelvis goes down as far as the ratio of the legs says.
+    fall = np.ptp(result.clip.base[:, 2])
+    hips = 0.5 * (given.limbs()["left_hip"] + given.limbs()["right_hip"])[:, 2]
+    assert fall == pytest.approx(result.scale * np.ptp(hips), abs=0.03)
+
+
+def test_neither_the_unit_nor_the_place_nor_the_heading_of_a_person_matters(g1: Robot) -> None:
+    given = squat().part(0.0, 0.3)
+    turn = Rotation.from_euler("z", 2.0)
+    away = turn.apply((39.37 * given.positions).reshape(-1, 3)).reshape(given.positions.shape)
+    far = retarget(replace(given, positions=away + [500.0, -70.0, 33.0]), g1)
+    near = retarget(given, g1)
+    assert near.scale == pytest.approx(39.37 * far.scale, rel=1e-9)
+    np.testing.assert_allclose(far.clip.joints, near.clip.joints, atol=1e-3)
+    np.testing.assert_allclose(far.clip.base[:, 2], near.clip.base[:, 2], atol=1e-4)
+
+
+def test_limbs_of_the_robot_point_where_those_of_the_person_point(g1: Robot) -> None:
+    """Arms that are raised to the side, at any length of the limbs."""
+    given = make_person(noise=0.0).part(4.4, 4.6)
+    result = retarget(given, g1)
+    robot = g1.clone()
+    robot.update(result.clip.configurations(robot)[3], np.zeros(robot.nv))
+    limbs = given.limbs()
+    chain = robot.joints_between(robot.frames["left_hand"], robot.torso_frame)
+    elbow = robot.data.oMi[robot.joint_numbers[chain[3]]].translation
+    shoulder = robot.data.oMi[robot.joint_numbers[chain[1]]].translation
+    hand = robot.placement(robot.frames["left_hand"]).translation
+    for ours, theirs in (
+        (elbow - shoulder, limbs["left_elbow"][3] - limbs["left_shoulder"][3]),
+        (hand - elbow, limbs["left_wrist"][3] - limbs["left_elbow"][3]),
+    ):
+        cosine = ours @ theirs / np.linalg.norm(ours) / np.linalg.norm(theirs)
+        assert np.degrees(np.arccos(cosine)) < 12.0
+
+
+@pytest.mark.slow
+def test_a_foot_stands_when_that_of_the_person_does(g1: Robot, clip: SkeletonClip) -> None:
+    """Contacts of the clip against those of the rule that made it: two lifts of each foot, and one more."""
+    result = retarget(clip, g1)
+    standing = result.clip.standing
+    assert standing is not None
+    true = make_person(noise=0.0).limbs()
+    for side, name in enumerate(("left", "right")):
+        up = true[f"{name}_ankle"][:, 2] > 0.091
+        lifts = np.flatnonzero(np.diff(up.astype(int)) == 1)
+        assert len(lifts) == 2 + side
+        assert np.mean(standing[:, side] == ~up) > 0.95
+        for lift in lifts:
+            assert not standing[lift + 6 : lift + 10, side].any(), "in the middle of a step"
+    assert result.measures.foot_slide < SLIDE and result.measures.penetration < DEPTH
+    assert not result.measures.joint_excess and result.shortened < 0.01
+
+
+@pytest.mark.slow
+def test_the_command_retargets_a_file_of_a_person(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    joints: Joints = person(30.0)
+    write_bvh(tmp_path / "person.bvh", LAFAN1, joints, 30.0)
+    file = str(tmp_path / "person.bvh")
+    assert main(["motion", "check", file, "--end", "1", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["foot_slide"] < SLIDE and found["penetration"] < DEPTH and not found["joint_excess"]
+    for words, said in (
+        (["--up", "x"], "upright"),
+        (["--begin", "20"], "begin and end within 0 to 15"),
+        (["--joint", "left_knee"], "such as left_knee=LKnee"),
+        (["--joint", "left_knee=Knee"], "Knee"),
+        (["--rate", "60"], "another rate"),
+    ):
+        assert main(["motion", "check", file, *words]) == 2
+        assert said in capsys.readouterr().err, words
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["g1", "hrp4_class", "talos"])
+def test_the_motion_of_a_person_is_tracked_in_torque_control(name: str, clip: SkeletonClip) -> None:
+    """Squat, arms, weight on one foot, four steps: feasible feet do not slide, and the robot stands at the end."""
+    robot = load_robot(name).robot()
+    feasible = make_feasible(robot, retarget(clip, robot).clip)
+    assert feasible.after.feasible, feasible.after
+    assert feasible.after.foot_slide < 2.0 and feasible.after.penetration < DEPTH
+    result = track_motion(feasible.clip, TrackSpec(robot=name, mode="torque"))
+    assert result.completed and result.failures == 0 and result.landings >= 5, result
+    assert result.worst_joint_rms_deg < 3.0 and result.foot_slide_mm < 5.0, result
