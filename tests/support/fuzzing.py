@@ -43,7 +43,7 @@ READERS = {
     "ground.csv": "terrain image --param source={} --param metres_per_pixel=0.1 --length 0.5 --width 0.3",
     "motion.npz": "motion check {}",
     "motion.csv": "motion check {}",
-    "person.bvh": "motion check {} --robot biped",
+    "person.bvh": "motion check {}",
     "walk.toml": "walk --spec {}",
     "robot.toml": "robots check {}",
     "robot.xml": "robots check {}",

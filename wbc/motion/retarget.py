@@ -56,11 +56,15 @@ of the trunk (rad²), places of elbow and hand (m²), joints, and joints of the 
 MARGIN = 0.05
 """Distance to the joint limits, rad."""
 
-ITERATIONS, FIRST, SMALL = 15, 200, 1e-6
+ITERATIONS, FIRST, SMALL = 30, 200, 1e-6
 """Most steps of a frame, and of the first one; error at which they end, rad and m."""
 
-SAMPLES = 200
-"""Postures of a limb from which the centre of its shoulder or hip is found."""
+JUMP = 12.0
+"""Greatest speed of the hips, in lengths of the legs per second: beyond it, frames of two motions follow each other."""
+
+SAMPLES, ROUND = 200, 0.1
+"""Postures of a limb from which the centre of its shoulder or hip is found; greatest distance of the elbow from the
+sphere about the shoulder, as a share of the upper arm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +104,8 @@ def retarget(
 
     Raises:
         InputError: A joint of a limb is missing, a limb has no length, or the person does not stand upright in the
-            first frame. The person leaves the ground for longer than 0.08 s; the time is named.
+            first frame, or jumps from one place to another. The person leaves the ground for longer than 0.08 s; the
+            time is named.
     """
     if len(robot.soles) < 2 or not robot.floating:
         raise InputError(f"a robot must have two soles to move as a person does, {robot!r} has not")
@@ -108,9 +113,11 @@ def retarget(
     if len(clip) // step < 2:
         raise InputError(f"a clip at {clip.rate:g} Hz must have {2 * step} frames at least, got {len(clip)}")
     rate = clip.rate / step
+    given = clip.limbs(joints)
+    _refuse_jumps(clip, given)
     parts = {
         name: gaussian_filter1d(places, SMOOTHING * clip.rate, axis=0, mode="nearest")[::step]
-        for name, places in clip.limbs(joints).items()
+        for name, places in given.items()
     }
     legs = _Legs.of(robot)
     parts, scale, lift, standing = _on_floor(legs, parts, rate)
@@ -121,6 +128,22 @@ def retarget(
     motion = BodyMotion.of(robot, q, rate)
     made = MotionClip.of(robot, q, rate, clip.name, standing)
     return RetargetedMotion(made, scale, measure(robot, motion, standing, 1.0, 0.7), errors, shortened)
+
+
+def _refuse_jumps(clip: SkeletonClip, parts: Mapping[str, Array]) -> None:
+    hips = 0.5 * (parts["left_hip"] + parts["right_hip"])
+    leg = sum(
+        float(np.median(np.linalg.norm(parts[f"left_{upper}"] - parts[f"left_{lower}"], axis=1)))
+        for upper, lower in (("hip", "knee"), ("knee", "ankle"))
+    )
+    speed = np.linalg.norm(np.diff(hips, axis=0), axis=1) * clip.rate / leg
+    frame = int(speed.argmax())
+    if speed[frame] > JUMP:
+        raise InputError(
+            f"the person of '{clip.name}' jumps {speed[frame] / clip.rate:.2g} times the length of the legs from frame "
+            f"{frame} to the next one; if a pose stands there that is no part of the motion, as in files of CMU, leave "
+            f"it out: part({(frame + 1) / clip.rate:.4g})"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +167,7 @@ class _Legs:
         """Find the legs of a robot."""
         leg, joints = leg_geometry(robot), robot.joints_between(robot.soles[0].frame, robot.base_frame)
         above = joints[: joints.index(leg.knee)]
-        hip, thigh = centre_of_turning(robot, robot.base_frame, robot.joint_numbers[leg.knee], above)
+        hip, thigh, _ = centre_of_turning(robot, robot.base_frame, robot.joint_numbers[leg.knee], above)
         data = robot.model.createData()
         pin.centerOfMass(robot.model, data, robot.half_sitting)
         base = pin.updateFramePlacement(robot.model, data, robot.frame_id(robot.base_frame))
@@ -226,7 +249,8 @@ class _Arm:
         side: Side.
         elbow: Frame at the elbow.
         hand: Frame of the hand.
-        shoulder: Centre of the shoulder in the axes of the torso, shape (3,), m.
+        trunk: Frame that carries the shoulder.
+        shoulder: Centre of the shoulder in the axes of that frame, shape (3,), m.
         upper: Length from shoulder to elbow, m.
         lower: Length from elbow to hand, m.
     """
@@ -234,13 +258,18 @@ class _Arm:
     side: str
     elbow: str
     hand: str
+    trunk: str
     shoulder: Array
     upper: float
     lower: float
 
 
-def _arms(robot: Robot) -> list[_Arm]:
-    """Return the arms of a robot; the elbow is the joint that brings the hand nearest to the shoulder."""
+def arms_of(robot: Robot) -> list[_Arm]:
+    """Return the arms of a robot; the elbow is the joint that brings the hand nearest to the shoulder.
+
+    The joints before the elbow are those of the shoulder. If their axes are far from meeting in a point, the first one
+    moves the shoulder itself, as a collar-bone does, and so on.
+    """
     model, data = robot.model, robot.model.createData()
     arms = []
     for side in SIDES:
@@ -261,17 +290,25 @@ def _arms(robot: Robot) -> list[_Arm]:
             return float(max(ends) - min(ends))
 
         elbow = max(chain[1:], key=reach)
-        number = robot.joint_numbers[elbow]
-        frame = next(
-            frame
-            for frame in model.frames
-            if frame.parentJoint == number and not np.any(frame.placement.translation)
-        )
-        shoulder, upper = centre_of_turning(robot, robot.torso_frame, number, chain[: chain.index(elbow)])
+        number, above = robot.joint_numbers[elbow], chain[: chain.index(elbow)]
+        trunk = robot.torso_frame
+        shoulder, upper, spread = centre_of_turning(robot, trunk, number, above)
+        while spread > ROUND * upper and len(above) > 1:
+            trunk, above = _frame_at(robot, robot.joint_numbers[above[0]]), above[1:]
+            shoulder, upper, spread = centre_of_turning(robot, trunk, number, above)
         pin.framesForwardKinematics(model, data, robot.half_sitting)
         lower = np.linalg.norm(data.oMf[robot.frame_id(hand)].translation - data.oMi[number].translation)
-        arms.append(_Arm(side, str(frame.name), hand, shoulder, upper, float(lower)))
+        arms.append(_Arm(side, _frame_at(robot, number), hand, trunk, shoulder, upper, float(lower)))
     return arms
+
+
+def _frame_at(robot: Robot, number: int) -> str:
+    """Return the name of a frame at the origin of a joint, on the link that the joint moves."""
+    return next(
+        str(frame.name)
+        for frame in robot.model.frames
+        if frame.parentJoint == number and not np.any(frame.placement.translation)
+    )
 
 
 def _range(robot: Robot, joint: int) -> tuple[float, float]:
@@ -279,10 +316,11 @@ def _range(robot: Robot, joint: int) -> tuple[float, float]:
     return max(float(robot.position_lower[joint]), -math.pi), min(float(robot.position_upper[joint]), math.pi)
 
 
-def centre_of_turning(robot: Robot, trunk: str, number: int, joints: list[int]) -> tuple[Array, float]:
-    """Return the centre about which some joints turn the origin of another one, in a trunk frame, and the distance, m.
+def centre_of_turning(robot: Robot, trunk: str, number: int, joints: list[int]) -> tuple[Array, float, float]:
+    """Return the centre about which some joints turn the origin of another one, in a trunk frame, m.
 
-    It is that of the sphere which fits best where the origin can go: p² = 2 c·p + r² − c².
+    It is that of the sphere which fits best where the origin can go, p² = 2 c·p + r² − c². Its radius, and the greatest
+    distance of the origin from the sphere follow, m.
     """
     data, q = robot.model.createData(), robot.half_sitting.copy()
     random, places = np.random.default_rng(0), []
@@ -293,7 +331,8 @@ def centre_of_turning(robot: Robot, trunk: str, number: int, joints: list[int]) 
     points = np.array(places)
     rows = np.column_stack([2.0 * points, np.ones(len(points))])
     centre = np.linalg.lstsq(rows, (points**2).sum(axis=1), rcond=1e-6)[0][:3]
-    return centre, float(np.linalg.norm(points - centre, axis=1).mean())
+    distances = np.linalg.norm(points - centre, axis=1)
+    return centre, float(distances.mean()), float(abs(distances - distances.mean()).max())
 
 
 def _solved(
@@ -316,7 +355,7 @@ def _solved(
         _axes(parts["left_hip"] - parts["right_hip"], _unit(BENT * _unit(trunk) + (1.0 - BENT) * up)),
         _axes(parts["left_shoulder"] - parts["right_shoulder"], _unit(trunk)),
     )
-    arms = _arms(robot)
+    arms = arms_of(robot)
     directions = {
         (arm.side, part): _unit(parts[f"{arm.side}_{end}"] - parts[f"{arm.side}_{begin}"])
         for arm in arms
@@ -349,10 +388,10 @@ def _solved(
             now[7:] = np.clip(now[7:], limits.lower, limits.upper)
         for _ in range(2):  # the shoulders are where the trunk is, which the first search moves
             ik.update(now)
-            shoulders = robot.placement(torso)
             for arm, elbow, hand in zip(arms, elbows, hands, strict=True):
                 upper, lower = (directions[arm.side, part][i] for part in ("upper", "lower"))
-                elbow.target = shoulders.act(arm.shoulder) + arm.upper * move.rotation @ upper
+                shoulder = robot.placement(arm.trunk).act(arm.shoulder)
+                elbow.target = shoulder + arm.upper * move.rotation @ upper
                 hand.target = elbow.target + arm.lower * move.rotation @ lower
             found = ik.reach(SMALL, ITERATIONS if i else FIRST)
             now = found.configuration

@@ -20,7 +20,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "knee": ("knee", "lowerleg", "lowleg", "shin", "calf", "leg"),
     "ankle": ("ankle", "foot"),
     "toe": ("toe", "toebase", "toes", "ball", "bigtoe", "footindex", "foot"),
-    "shoulder": ("upperarm", "uparm", "arm", "shoulder"),
+    "shoulder": ("upperarm", "uparm", "arm", "shldr", "shoulder"),
     "elbow": ("elbow", "forearm", "lowerarm", "lowarm"),
     "wrist": ("wrist", "hand"),
 }
