@@ -26,6 +26,7 @@ from wbc.sim.terrain.spec import terrain
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
+RECIPES = ROOT / "docs" / "howto.md"
 LONG = (
     "control.md",
     "logs.md",
@@ -93,7 +94,7 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     [
         pytest.param(p, marks=pytest.mark.slow) if p.name in LONG else p
         for p in PAGES
-        if p.name != "CONTRIBUTING.md" and programs(p)
+        if p.name != "CONTRIBUTING.md" and p != RECIPES and programs(p)
     ],
     ids=lambda page: page.stem,
 )
@@ -103,10 +104,47 @@ def test_programs_of_a_page_run_one_after_the_other(page: Path, workplace: Path)
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "page", [p for p in PAGES if len(programs(p)) > len(programs(p, slow=False))], ids=lambda page: page.stem
+    "page",
+    [p for p in PAGES if p != RECIPES and len(programs(p)) > len(programs(p, slow=False))],
+    ids=lambda page: page.stem,
 )
 def test_slow_programs_of_a_page_run_too(page: Path, workplace: Path) -> None:
     run(page, slow=True)
+
+
+RECIPE = re.compile(r"^## (.*?)\n(.*?)^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.parametrize(
+    ("text", "program"),
+    [
+        pytest.param(text, program, id=name, marks=pytest.mark.slow if "<!-- slow -->" in text else ())
+        for name, text, program in RECIPE.findall(text_of(RECIPES))
+    ],
+)
+def test_each_recipe_runs_as_it_stands(
+    text: str, program: str, workplace: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each is a file of its own, of 15 to 30 lines, that says how it ended."""
+    lines = [line for line in program.splitlines() if line.strip()]
+    assert len(lines) <= 32 and text.strip(), "a recipe is short, and is explained"
+    (workplace / "recipe.py").write_text(program, encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "recipe.py"],
+        env={**os.environ, "MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if "render_video" in program and "RenderError" in done.stderr:
+        pytest.skip("films need the extra, and a machine that draws")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() and not re.search(r"FallReason|fell", done.stdout), done.stdout
+
+
+def test_there_are_ten_recipes_and_all_are_in_the_table() -> None:
+    names = [name for name, _, _ in RECIPE.findall(text_of(RECIPES))]
+    assert len(names) == 10 and names == re.findall(r"\| \[(.*?)\]\(#", text_of(RECIPES))
 
 
 def run(page: Path, *, slow: bool) -> dict[str, Any]:
