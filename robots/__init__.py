@@ -12,6 +12,9 @@ Where to start, in the order of the data:
 A new built-in robot is a function in `models/` and a line in `registry`; a new default goes to `derivation/`.
 """
 
+from typing import TYPE_CHECKING
+
+from wbc.base.errors import missing_from
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
 from wbc.robots.registry import load, names, register
@@ -28,3 +31,6 @@ __all__ = [
     "RobotDescription",
     "ServoRule",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = missing_from(__name__)

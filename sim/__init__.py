@@ -4,6 +4,9 @@ Many trials, their journals and tables are in `wbc.sim.studies`. A new experimen
 `balance` and `walks`: a `TrialSpec`, a `Trial`, a `TrialResult`.
 """
 
+from typing import TYPE_CHECKING
+
+from wbc.base.errors import missing_from
 from wbc.sim.balance.standing import stand
 from wbc.sim.balance.tracking import TrackSpec, track_motion
 from wbc.sim.loop.engine import EngineContacts, EngineLoop, EnginePush
@@ -84,3 +87,6 @@ __all__ = [
     "FootTest",
     "press",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = missing_from(__name__)

@@ -5,4 +5,16 @@ A new command is a module in `commands`; a new name for programs is a line in `_
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+from wbc.base.errors import missing_from
+
+_load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name; another one is an error that names what is meant."""
+    try:
+        return _load(name)
+    except AttributeError:
+        if name in __all__:
+            raise
+        missing_from(__name__)(name)

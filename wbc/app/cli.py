@@ -38,6 +38,9 @@ def make_app(words: Sequence[str] | None = ()) -> App:
         config=(_prepare,),
         **options,
     )
+    app.register_install_completion_command(
+        help="Install completion of commands and options in your shell: bash, zsh or fish."
+    )
     groups = {name: App(name=name, help=about, **options) for name, about in GROUPS.items()}
     for group in groups.values():
         app.command(group)

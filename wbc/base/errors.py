@@ -7,8 +7,10 @@ wrong value, the rule and the choices, so that a caller can correct the input wi
 from __future__ import annotations
 
 import difflib
+import importlib
 import re
-from collections.abc import Iterable
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -79,6 +81,42 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     else:
         hint = f"there are {len(names)}, among them " + ", ".join(names[:10])
     raise UnknownNameError(f"no {kind} '{given}'; {hint}")
+
+
+def missing_from(
+    module: str, rooms: Sequence[str] = (), elsewhere: Mapping[str, Sequence[str]] | None = None
+) -> Callable[[str], NoReturn]:
+    """Return the `__getattr__` of a module: an `AttributeError` that names what is meant.
+
+        if not TYPE_CHECKING:
+            __getattr__ = missing_from(__name__)
+
+    Args:
+        module: Name of the module; its public names are those of `__all__`.
+        rooms: Other modules whose public names are looked through, too; they are imported for it.
+        elsewhere: Name in another library → names here.
+    """
+
+    def missing(name: str) -> NoReturn:
+        said = f"module '{module}' has no attribute '{name}'"
+        if name.startswith("_"):
+            raise AttributeError(said, name=name)
+        own = [str(each) for each in sys.modules[module].__all__]
+        others = {
+            str(each): room
+            for room in rooms
+            for each in importlib.import_module(room).__all__
+            if each not in own
+        }
+        folded = {each.casefold(): each for each in (*others, *own)}
+        same = folded.get(name.casefold())
+        found = list((elsewhere or {}).get(name, [same] if same else []))
+        found = found or difflib.get_close_matches(name, [*own, *others], n=3, cutoff=0.6)
+        near = [f"'{others[each]}.{each}'" if each in others else f"'{each}'" for each in found]
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise AttributeError(said + hint, name=name)
+
+    return missing
 
 
 def choose(kind: str, name: str, choices: Iterable[str]) -> str:

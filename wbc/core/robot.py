@@ -527,10 +527,18 @@ class Robot:
         )
 
     def frame_id(self, name: str) -> int:
-        """Return the index of a frame."""
+        """Return the index of a frame, by its name, or by a role: that of a hand in `frames`, or of a sole."""
         if name not in self._frame_ids:
-            unknown_name("frame", name, self._frame_ids)
+            roles = self.roles
+            if name not in roles:
+                unknown_name("frame", name, [*self._frame_ids, *roles])
+            name = roles[name]
         return self._frame_ids[name]
+
+    @property
+    def roles(self) -> dict[str, str]:
+        """Frames by role, such as "left_hand" and "left_foot"; a name of a frame goes before a role."""
+        return {**{sole.name: sole.frame for sole in self.soles}, **self.frames}
 
     def joint_index(self, name: str) -> int:
         """Return the index of an actuated joint in arrays of shape (na,)."""

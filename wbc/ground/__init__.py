@@ -4,8 +4,14 @@ A new kind of input becomes a `PointCloud` or an `ElevationMap`; a new question 
 `Footprint`.
 """
 
+from typing import TYPE_CHECKING
+
+from wbc.base.errors import missing_from
 from wbc.ground.cloud import PointCloud
 from wbc.ground.height_map import HeightMap
 from wbc.ground.known import KnownGround
 
 __all__ = ["HeightMap", "KnownGround", "PointCloud"]
+
+if not TYPE_CHECKING:
+    __getattr__ = missing_from(__name__)

@@ -12,6 +12,9 @@ balance     the stabilizer of planned steps
 body, hands, load
 """
 
+from typing import TYPE_CHECKING
+
+from wbc.base.errors import missing_from
 from wbc.core.drive.control import State
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.control import WalkingControl
@@ -51,3 +54,6 @@ __all__ = [
     # Hands that press and grip
     "HandSettings",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = missing_from(__name__)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import logging
 from collections.abc import Sequence
 from pathlib import Path
@@ -63,6 +64,9 @@ def plot(
         try:
             select(logs, signals)
         except LookupError as error:
+            for word in signals:
+                if near := difflib.get_close_matches(word, FIGURES, n=1):
+                    raise InputError(f"no figure or signal '{word}'; did you mean '{near[0]}'?") from error
             raise InputError(f"{error} (ready-made figures: {', '.join(FIGURES)})") from error
     if not drawings:
         figures = [name for name in FIGURES if all(missing(name, log) is None for log in logs)]
