@@ -125,7 +125,7 @@ def draw_person(out: Path) -> None:
                     picture = stage.picture()
                     picture.marks = []
                     camera.lookat[:2] = picture.target[:2]
-                    pictures.append(Image.fromarray(draw(drawn, stage, picture, camera)))
+                    pictures.append(Image.fromarray(drawn.draw(stage, picture, camera)))
 
         if not trial.run([Poses()]).completed:
             raise RuntimeError("the drawn robot has fallen")

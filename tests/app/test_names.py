@@ -1,11 +1,15 @@
 """Names that are loaded when they are used are listed for completion."""
 
+import importlib
+from pathlib import Path
 from types import ModuleType
 
 import pytest
+from recorded import recorded_stand
 
 import wbc
 from wbc import app
+from wbc.app.cli import main
 
 
 @pytest.mark.parametrize("package", [wbc, app])
@@ -13,3 +17,36 @@ def test_all_listed_names_are_there(package: ModuleType) -> None:
     assert dir(package)
     for name in dir(package):
         assert getattr(package, name) is not None
+
+
+@pytest.mark.parametrize(
+    ("module", "name", "said"),
+    [
+        ("wbc", "ComTask", "did you mean 'CoMTask'?"),
+        ("wbc", "FrameTask", "did you mean 'PoseTask' or 'PositionTask' or 'OrientationTask'?"),
+        ("wbc", "solve_ik", "did you mean 'InverseKinematics'?"),
+        ("wbc", "retarget", "did you mean 'wbc.motion.retarget'?"),
+        ("wbc", "walk_distanc", "did you mean 'walk_distance'"),
+        ("wbc.tasks", "ComTask", "did you mean 'CoMTask'?"),
+        ("wbc.walking", "WalkingContrl", "did you mean 'WalkingControl'"),
+        ("wbc.app", "draww", "did you mean 'draw'?"),
+        ("wbc.sim", "zzzzz", "module 'wbc.sim' has no attribute 'zzzzz'"),
+        ("wbc", "__nothing__", "module 'wbc' has no attribute '__nothing__'"),
+    ],
+)
+def test_a_name_that_is_near_is_suggested(module: str, name: str, said: str) -> None:
+    with pytest.raises(AttributeError) as missing:
+        getattr(importlib.import_module(module), name)
+    assert said in str(missing.value)
+    assert missing.value.name == name
+
+
+def test_names_of_other_libraries_lead_to_names_that_exist() -> None:
+    for names in wbc._ELSEWHERE.values():
+        assert all(hasattr(wbc, name) for name in names)
+
+
+def test_a_figure_that_is_near_is_suggested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    recorded_stand(tmp_path / "log.arrow", ticks=5)
+    assert main(["plot", str(tmp_path / "log.arrow"), "balanc"]) == 2
+    assert "no figure or signal 'balanc'; did you mean 'balance'?" in capsys.readouterr().err

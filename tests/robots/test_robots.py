@@ -18,7 +18,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load, names, register, registry, urdf
 from wbc.robots.models import hrp4_class
-from wbc.tasks import CoMTask
+from wbc.tasks import CoMTask, PositionTask
 
 BUILT_IN = ("hrp4_class", "talos", "g1")
 
@@ -218,3 +218,17 @@ def test_names_and_registration(monkeypatch: pytest.MonkeyPatch) -> None:
     assert made == [1]
     with pytest.raises(InputError, match="registered already"):
         register("test_twin", factory)
+
+
+@pytest.mark.parametrize("name", ["g1", "talos", "hrp4_class"])
+def test_the_role_of_a_hand_or_a_sole_is_a_name_of_its_frame(name: str) -> None:
+    robot = load(name).robot()
+    roles = {**robot.frames, **{sole.name: sole.frame for sole in robot.soles}}
+    assert {"left_hand", "right_hand", "left_foot", "right_foot"} <= set(roles)
+    for role, frame in roles.items():
+        assert robot.frame_id(role) == robot.frame_id(frame)
+    controller = Controller(robot, 0.005)
+    task = controller.add(PositionTask("left_hand"))
+    assert np.array_equal(task.target, robot.placement(robot.frames["left_hand"]).translation)
+    with pytest.raises(InputError, match="did you mean .*'left_hand'"):
+        robot.placement("left_hnd")
