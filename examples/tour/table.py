@@ -48,10 +48,11 @@ PUBLISHED = (
 """Rows of the benchmark, best first."""
 
 
-def table(rows: Sequence[Mapping[str, Any]], name: str = "wbc") -> str:
+def table(rows: Sequence[Mapping[str, Any]], name: str = "wbc", most: int | None = None) -> str:
     """Return a Markdown table of some runs beside the published ones, with 95 % intervals.
 
-    Runs of one setup are a row; those in another engine than MuJoCo are its last column.
+    Runs of one setup are a row; those in another engine than MuJoCo are its last column. The table has `most` rows,
+    those of the runs and the best of the published ones; all when None.
     """
     setups: dict[str, dict[bool, list[Mapping[str, Any]]]] = {}
     for row in rows:
@@ -64,7 +65,7 @@ def table(rows: Sequence[Mapping[str, Any]], name: str = "wbc") -> str:
         cells = [f"{title}, {_runs(here or other)}", *([""] * 4 if not here else _figures(here))]
         cells.append(f"{_survived(other)} ({other[0]['engine']}, {_runs(other)})" if other else "")
         lines.append((float(np.mean([row["survived"] for row in here or other])), cells))
-    for policy in PUBLISHED:
+    for policy in PUBLISHED[: None if most is None else max(0, most - len(lines))]:
         rest = (policy.survived, policy.completed, policy.position, policy.heading, policy.other)
         lines.append((policy.survived, [policy.name, *("" if math.isnan(v) else f"{v:g}" for v in rest)]))
     lines.sort(key=lambda line: -line[0])

@@ -327,6 +327,7 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     parser.add_argument("--processes", type=int, default=1, help="runs at a time, default %(default)s")
     parser.add_argument("--journal", type=Path, help="file that keeps what has been walked, to go on from")
     parser.add_argument("--film", type=Path, help="film of one run (.mp4)")
+    parser.add_argument("--rows", type=int, help="rows of the table, default all")
     parser.add_argument("--json", action="store_true", help="print rows alone, without the table")
     options = parser.parse_args(arguments)
     files = [Path(given) for given in options.runs if Path(given).is_file()]
@@ -365,7 +366,7 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     except (wbc.WbcError, ValueError) as error:
         parser.error(str(error))
     if not options.json and rows:
-        print(table(rows), file=sys.stderr if runs else sys.stdout)
+        print(table(rows, most=options.rows), file=sys.stderr if runs else sys.stdout)
     if {row["run"] for row in rows} < {*runs}:
         raise SystemExit(1)  # the rest has crashed, as is said
     return rows

@@ -150,6 +150,8 @@ def test_setups_are_rows_of_the_table_and_another_engine_is_its_column() -> None
     text = table(
         [row(plain, 60.0), row(plain, 70.0), row(there, 50.0), row(noisy, 20.0), row(tour.Setup(), 80.0)]
     )
+    ten = table([row(plain, 60.0), row(tour.Setup(), 80.0)], most=10)
+    assert ten.count("\n|") == 11 and "amo" in ten and "holosoma" not in ten
     lines = [line for line in text.splitlines() if "**wbc**" in line]
     assert len(lines) == 3 and "82.9" in text  # a published one in PhysX
     assert lines[0].startswith("| **wbc**, force sensors, 1 run | 80 ")
