@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -36,6 +36,9 @@ from wbc.sim.plant.truth import GroundTruth
 
 FASTEST = 1e4
 """Speed of a joint, rad/s, or of the base, m/s, from which on a simulation has diverged."""
+
+SAME_PLACE = 1e-4
+"""Error with which an engine keeps what it was put into, m, rad, and their speeds: single precision suffices."""
 
 TOUCHING = 1e-3
 """Height of the soles up to which a robot that is put somewhere stands there, m."""
@@ -67,9 +70,9 @@ class EngineContacts(NamedTuple):
         sole: Sole that each contact belongs to, 0 left, 1 right, −1 for other parts, shape (n,).
     """
 
-    position: ArrayLike
-    force: ArrayLike
-    sole: ArrayLike
+    position: Any
+    force: Any
+    sole: Any
 
 
 @dataclass
@@ -254,6 +257,7 @@ class EngineLoop(ABC):
         self._command = self.hold()
         self.joint_torque = np.zeros(self.robot.na)
         self.place(q.copy())
+        self._check_state(q)
         self._motion.clear()
         self._look()
         wrench = np.zeros((len(self.soles), 6))
@@ -266,6 +270,27 @@ class EngineLoop(ABC):
         self._chain.reset(self._values, self.seed)
         self._measurement: Measurement | None = None
         self._truth: GroundTruth | None = None
+
+    def _check_state(self, q: Array) -> None:
+        """Refuse an engine whose `state` is not what it was put into by `place`, at rest."""
+        there, v = self.state()
+        name, robot = type(self).__name__, self.robot
+        if np.shape(there) != q.shape or np.shape(v) != (robot.nv,):
+            raise InputError(
+                f"{name}.state must return arrays of shapes ({robot.nq},) and ({robot.nv},), got {np.shape(there)} and "
+                f"{np.shape(v)}"
+            )
+        off = np.array(there) - q
+        if there[3:7] @ q[3:7] < 0.0:  # the same rotation
+            off[3:7] = there[3:7] + q[3:7]
+        worst, moving = int(np.argmax(np.abs(off))), float(np.abs(v).max())
+        if not (abs(off[worst]) < SAME_PLACE and moving < SAME_PLACE):
+            parts = (*("x", "y", "z"), *(f"quaternion {i}" for i in "xyzw"), *robot.joint_names)
+            raise InputError(
+                f"{name}.state must return what place was given, at rest: {parts[worst]} is {there[worst]:.6g} in "
+                f"place of {q[worst]:.6g}, and the greatest speed is {moving:.3g}; the base is the origin of its link, "
+                "not its centre of mass, and joints come in the robot's order"
+            )
 
     def hold(self) -> Command:
         """Return a command that holds the posture of the last reset with the servos."""
@@ -377,6 +402,11 @@ class EngineLoop(ABC):
                 np.asarray(force, dtype=float).reshape(-1, 3),
                 np.asarray(sole, dtype=np.intp),
             )
+            if len({len(each) for each in self._touched}) > 1:
+                raise InputError(
+                    f"{type(self).__name__}.contacts must return a point, a force and a sole for each contact, got "
+                    + ", ".join(str(len(each)) for each in self._touched)
+                )
             self._wrenches.append(self._sole_wrenches(self._touched))
             if self._chain.newest <= left <= self._chain.oldest:
                 self._sample()

@@ -169,6 +169,60 @@ def test_what_another_engine_cannot_take_is_refused_and_a_divergence_is_named() 
     assert loop.diverged is None and loop.time == 0.0 and loop.measure().time == 0.0
 
 
+class AtItsCentre(InAir):
+    """Returns the place of the base's centre of mass in place of that of its link."""
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        q, v = super().state()
+        moved = q.copy()
+        moved[:3] += self.robot.model.inertias[1].lever
+        return moved, v
+
+
+class InAnotherOrder(InAir):
+    """Returns the joints in another order."""
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        q, v = super().state()
+        return np.concatenate([q[:7], q[:6:-1]]), v
+
+
+class TooShort(InAir):
+    """Returns the joints alone."""
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        q, v = super().state()
+        return q[7:], v[6:]
+
+
+class HalfTouching(InAir):
+    """Returns a force without a point."""
+
+    def contacts(self) -> EngineContacts:
+        return EngineContacts([], [[0.0, 0.0, 100.0]], [0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        (AtItsCentre, "[xyz] is .* not its centre of mass"),
+        (InAnotherOrder, "joints come in the robot's order"),
+        (TooShort, r"shapes \(41,\) and \(40,\)"),
+    ],
+)
+def test_an_engine_that_returns_another_state_than_it_was_put_into_is_refused(
+    kind: type[InAir], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        kind("hrp4_class")
+
+
+def test_contacts_without_all_parts_are_refused() -> None:
+    loop = HalfTouching("hrp4_class")
+    with pytest.raises(InputError, match="got 0, 1, 1"):
+        loop.step(limp(loop))
+
+
 def test_a_stand_in_a_model_of_ones_own_is_that_in_the_plant(file: str) -> None:
     spec = StandSpec(robot="hrp4_class", mode="torque", seconds=0.1)
     theirs = StandSpec(robot="hrp4_class", mode="torque", seconds=0.1, loop=f"{file}:of_ones_own")
