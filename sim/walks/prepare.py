@@ -102,10 +102,8 @@ def prepare(
     notes += more
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
-    free = "free" in settings.kinds and (
-        settings.step_kind == "free" or plan.drive is not None or not steps.climbs
-    )
     given = plan.footsteps is not None or plan.stairs is not None
+    free = settings.kinds == ("free",) or ("free" in settings.kinds and not given)
     walked = steps if given or not free else replace(steps, steps=())
     if plan.velocity is not None and not free:
         check_velocity(plan.velocity, settings.drive.limits, "planned steps", FASTER)

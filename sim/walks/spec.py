@@ -120,8 +120,8 @@ class WalkSpec(TrialSpec):
             )
         store("foot_changes", _foot_changes(self.foot, self.foot_changes))
         store("changes", checked_changes(self.gains, self.changes))
-        kinds = self.settings().kinds
-        store("_free", "free" in kinds and not ("planned" in kinds and self.plan.stairs is not None))
+        kinds, given = self.settings().kinds, self.plan.stairs is not None or self.plan.footsteps is not None
+        store("_free", "free" in kinds and not ("planned" in kinds and given))
         ground = self.ground()
         store("terrain_params", _as_used(ground, self.terrain_params))
         if self.scene is None and self.scene_params:

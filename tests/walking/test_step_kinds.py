@@ -14,7 +14,14 @@ from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.walks.settings import without_law
-from wbc.walking import FootstepPlan, LoadSettings, WalkingControl, WalkingControlSettings, walk_distance
+from wbc.walking import (
+    FootstepPlan,
+    LoadSettings,
+    WalkingControl,
+    WalkingControlSettings,
+    walk_distance,
+    walk_velocity,
+)
 
 DT = 0.002
 
@@ -90,7 +97,7 @@ def test_orders_choose_the_steps_of_a_robot_that_stands() -> None:
     robot = wbc.load_robot("hrp4_class").robot()
     flat = walk_distance(FootstepPlan.standing(robot), 0.3)
     stairs = replace(flat, steps=[replace(step, z=0.05 * i) for i, step in enumerate(flat.steps)])
-    for plan, kind in ((flat, "free"), (stairs, "planned"), (None, "free")):
+    for plan, kind in ((flat, "planned"), (stairs, "planned"), (None, "free")):
         assert control("hrp4_class", plan).step_kind == kind
         walking = control("hrp4_class")
         if plan is not None:
@@ -202,10 +209,28 @@ def test_a_plan_is_walked_after_a_drive_once_the_robot_stands() -> None:
     run(plant, walking, 2.5)
     assert walking.finished
     walking.follow(walk_distance(FootstepPlan.standing(walking.controller.robot), 0.1))
-    assert walking.step_kind == "free"
+    assert walking.step_kind == "planned"
     steps = walking.steps_done
-    run(plant, walking, 4.0)
+    run(plant, walking, 5.5)
     assert walking.steps_done >= steps + 2 and walking.source.reason == ""
+    assert walking.finished and walking.step_kind == "free", "calm for a second"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["g1", "hrp4_class"])
+def test_footsteps_are_met_while_nothing_pushes(robot: str) -> None:
+    """A plan is a promise: each sole lands within 10 mm of its footstep in the estimated world."""
+    plant = wbc.Plant(wbc.load_robot(robot), noise="realistic", seed=3, control_period=DT)
+    plan = walk_velocity(FootstepPlan.standing(plant.description.robot()), (0.08, 0.0, 0.15), 3)
+    walking = control(robot, plan)
+    landed, estimate = 0, walking.control.observer.robot
+    while not walking.done:
+        plant.step(walking.command(plant.measure()))
+        if walking.steps_done > landed:
+            step, landed = plan.steps[landed], landed + 1
+            place = estimate.placement(estimate.soles[("left", "right").index(step.side)].frame).translation
+            assert np.hypot(place[0] - step.x, place[1] - step.y) < 0.01
+    assert landed == len(plan.steps) and walking.finished
 
 
 def test_mode_and_load_choose_the_kinds_that_a_robot_may_take() -> None:

@@ -12,7 +12,7 @@ its way. Places and times of *free* steps are decided as the robot goes, and the
 drives and from what is asked for:
 
     position control              planned steps
-    torque and hybrid control     free steps; planned ones along footsteps on stairs, and for hands that press or grip
+    torque and hybrid control     free steps; planned ones along footsteps, and for hands that press or grip
 
 It changes between two ticks while the robot stands. Both kinds share robot, controller, drives, estimate, arms and
 body; source, tasks and balance are exchanged. docs/measured.md says what was tried in the middle of a step.
@@ -153,11 +153,8 @@ class WalkingControl:
             self._free = SteppingWalk(robot, dt, s.stepping, s.com_height)
         if plan is not None and "planned" in has:
             source = LipmWalk(robot, plan, dt, s, extent)
-        first: Kind = (
-            "free"
-            if "planned" not in has or (plan is not None and self._free and not plan.climbs)
-            else "planned"
-        )
+        steered = plan is not None and not plan.steps
+        first: Kind = "free" if has == ("free",) or (self._free is not None and steered) else "planned"
         controller = Controller(robot, dt, settings=s.solver)
         observer = observer or Observer(robot, adopt=torque)
         given = observer.inertial.settings
@@ -538,22 +535,25 @@ class WalkingControl:
         self.stopped = False
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a planner of one's own at once, from a plan where they go on from those before.
+        """Take the footsteps from a plan, or from a planner of one's own, from the next step on.
 
-        A robot that takes free steps comes to a stand before it follows a plan.
+        A robot that takes free steps comes to a stand before it follows a plan; a planner it asks at once.
 
         Args:
             source: Footsteps in the world, or a planner. A plan that cannot be walked from where the robot is brings it
                 to a stand (`source.reason`).
         """
-        self._waiting, plan = None, source if isinstance(source, FootstepPlan) else None
-        if self._kind == "free" and plan is not None:
-            if not self._idle:
-                self.source.stop()
-                self._waiting, self.stopped = plan, False
-                return
-            if plan.climbs:
-                self._prefer("planned")
+        self._waiting = None
+        if (
+            self._kind == "free"
+            and "planned" in self._kinds
+            and isinstance(source, FootstepPlan)
+            and not self._idle
+        ):
+            self.source.stop()
+            self._waiting, self.stopped = source, False
+            return
+        self._prefer("planned")
         self.body.check_steps(self.source.swing_height)
         self.source.follow(source)
         self.stopped = False
