@@ -134,9 +134,9 @@ def without_law(spec: Mapping[str, Any]) -> dict[str, Any]:
         next(new + name[len(old) :] for old, new in places if name.startswith(old)): value
         for name, value in changes.items()
     }
-    stairs = "stairs" in (values.get("plan") or {})
+    footsteps = bool({"stairs", "footsteps"} & set(values.get("plan") or {}))
     mode = values.get("mode") or ("position" if law == "lipm" else "torque")
-    if law == "stepping" and (mode == "position" or stairs):
+    if law == "stepping" and (mode == "position" or footsteps):
         renamed["step_kind"] = "free"
     if law == "lipm" and mode != "position" and values.get("gains", PRESETS[0]) == PRESETS[0]:
         renamed["step_kind"] = "planned"

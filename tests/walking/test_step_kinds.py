@@ -257,6 +257,7 @@ def test_mode_and_load_choose_the_kinds_that_a_robot_may_take() -> None:
         ({"law": "lipm", "mode": "torque", "gains": "frizza"}, "torque", {}),
         ({"law": "stepping", "changes": {"gait.width": 0.4}}, "torque", {"stepping.width": 0.4}),
         ({"law": "stepping", "mode": "position"}, "position", {"step_kind": "free"}),
+        ({"law": "stepping", "plan": {"footsteps": []}}, "torque", {"step_kind": "free"}),
         (
             {"law": "auto", "mode": "hybrid", "changes": {"lipm.gains.com_p": 1.0}},
             "hybrid",
