@@ -134,6 +134,11 @@ class OrientationTask(FrameTask):
         """Describe the task; the target is the rotation to the world, shape (3, 3), the present one when None."""
         super().__init__(frame, "orientation", ROTATION_AXES, target, options)
 
+    @property
+    def rotation(self) -> Array:
+        """Rotation of the frame now, shape (3, 3): a view that changes with the robot."""
+        return self._rotation
+
     def present(self, robot: Robot) -> Array:
         """Return the rotation of the frame, shape (3, 3)."""
         return np.array(robot.placement(self.frame).rotation)

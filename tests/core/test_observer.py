@@ -466,3 +466,45 @@ def test_a_filter_that_is_reset_has_turned_by_nothing() -> None:
     assert inertial.turned == 0.0
     tick(0.0, 0.0)  # in no time the gyro bias, which is kept, turns nothing
     assert inertial.turned == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("direction", [(0.0, 0.0, 1.0), (0.7, 0.3, 0.6), (-0.3, -0.6, 0.6)])
+def test_a_leg_that_is_hit_does_not_move_the_estimate_though_its_force_looks_like_ground(
+    direction: tuple[float, float, float],
+) -> None:
+    """Its foot moves by the gyroscope and the accelerometer, which a foot that carries does not."""
+    robot, dt = biped(), 0.002
+    frame = robot.frame_id("left_sole")
+    columns = [6 + robot.joint_index(n) for n in robot.joint_names if n.startswith("left")]
+    wrench = np.array([[0.0, 0.0, robot.mass * GRAVITY, 0.0, 0.0, 0.0], np.zeros(6)])
+    observer = Observer(robot)
+    observer.reset(robot.half_sitting)
+    q, start = np.array(robot.half_sitting), np.array(robot.half_sitting[:3])
+    still = np.array(robot.placement("imu").rotation.T @ [0.0, 0.0, GRAVITY])
+    for tick in range(75):  # the leg stands for 0.1 s, then its foot is thrown off at 10 g for 40 ms
+        speed = max(tick - 50, 0) * dt * 10.0 * GRAVITY * min(1.0, 20.0 / max(tick - 50, 1))
+        pin.computeJointJacobians(robot.model, robot.data, q)
+        pin.updateFramePlacements(robot.model, robot.data)
+        jacobian = pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL_WORLD_ALIGNED)[:, columns]
+        rates = np.zeros(robot.na)
+        rates[np.array(columns) - 6] = np.linalg.solve(jacobian, speed * np.array([*direction, 0, 0, 0]))
+        q[7:] += rates * dt
+        observer.update(Measurement(dt * tick, q[7:].copy(), rates, np.zeros(3), still, wrench))
+        if tick > 60:
+            assert observer.lifts[0] and not observer.lifts[1]
+    np.testing.assert_allclose(observer.robot.q[:3], start, atol=0.02)
+    assert np.linalg.norm(observer.robot.v[:3]) < 0.2
+
+
+def test_a_foot_that_lifts_has_no_wrench_and_the_other_one_carries() -> None:
+    robot = load("hrp4_class").robot()
+    estimator = WrenchEstimator(robot, 0.005)
+    torque = np.array(robot.bias[6:])
+    weight = robot.mass * GRAVITY
+    for sole in robot.soles:
+        frame = robot.frame_id(sole.frame)
+        jacobian = pin.computeFrameJacobian(robot.model, robot.model.createData(), robot.q, frame, pin.LOCAL)
+        torque -= jacobian[:, 6:].T @ [0.0, 0.0, 0.5 * weight, 0.0, 0.0, 0.0]
+    for _ in range(100):
+        found = estimator.update(robot.q, np.zeros(robot.nv), torque, lifts=(True, False))
+    assert estimator.contact == [False, True] and not found[0].any() and found[1, 2] > 0.4 * weight

@@ -119,6 +119,31 @@ def test_measured_accelerations_are_low_passed_differences() -> None:
     assert released._rows.acceleration == pytest.approx(np.full(4, 5.0), rel=1e-3)
 
 
+def test_an_arm_that_is_hit_is_known_by_its_torques_and_not_by_its_reaction() -> None:
+    """The rest of its acceleration is somebody else's; at the end of a joint what is measured counts."""
+    robot = G1.robot()
+    controller = wbc.balance_controller(robot, DT)
+    released = controller.release(ARM)
+    assert released is not None
+    torque, solved = np.array(robot.bias[6:]), np.zeros(robot.nv)
+    v = np.array(robot.v)
+    for _ in range(100):  # 100 rad/s² that no torque makes
+        v[6 + released.index] += 100.0 * DT
+        released.update(robot.q, v, DT, torque, solved)
+    assert np.abs(released._rows.acceleration).max() < 1.0
+    torque[released.index] += 2.0
+    released.update(robot.q, v, DT, torque, solved)
+    rows = robot.mass_matrix[released.columns][:, released.columns]
+    assert rows @ released._rows.acceleration == pytest.approx(np.full(4, 2.0), rel=1e-6)
+    q = np.array(robot.q)
+    q[7 + released.index[0]] = robot.position_upper[released.index[0]]
+    released.update(q, v, DT, torque, solved)
+    assert released._rows.acceleration[0] > 30.0
+    assert rows[1:, 1:] @ released._rows.acceleration[1:] == pytest.approx(
+        np.full(3, 2.0) - rows[1:, 0] * released._rows.acceleration[0], rel=1e-6
+    )
+
+
 def test_an_encoder_of_theirs_beyond_its_range_is_named_and_stops_nothing() -> None:
     plant, robot = wbc.Plant(G1, control_period=DT), G1.robot()
     walk = WalkingControl(robot, None, DT, WalkingControlSettings(mode="torque"))

@@ -247,3 +247,17 @@ def test_a_foot_that_has_lost_the_ground_goes_on_down_from_where_it_is() -> None
     np.testing.assert_allclose(foot.at(0.25).placement.homogeneous, place.homogeneous, atol=1e-12)
     down = [foot.at(t).placement.translation[2] for t in np.linspace(0.25, 0.6, 40)]
     assert (np.diff(down) <= 1e-12).all() and down[-1] == pytest.approx(0.07 - STEPPING.search_depth)
+
+
+def test_a_foot_that_was_thrown_off_its_way_goes_on_from_there_to_the_same_landing() -> None:
+    foot = swing()
+    thrown, velocity = pin.SE3(np.eye(3), np.array([0.4, -0.05, 0.25])), (2.0, -1.0, 0.5)
+    foot.restart(0.3, thrown, velocity)
+    motion = foot.at(0.3)
+    np.testing.assert_allclose(motion.placement.translation, thrown.translation, atol=1e-9)
+    np.testing.assert_allclose(motion.velocity[:3], velocity, atol=1e-9)
+    check_smooth(foot, np.linspace(0.31, 0.79, 25))
+    np.testing.assert_allclose(foot.at(0.8).placement.translation[:2], THERE.position[:2], atol=1e-9)
+    push = np.hypot(*foot.at(0.35).acceleration[:2])
+    most = 0.5 * push
+    assert np.hypot(*foot.at(0.35, most).acceleration[:2]) == pytest.approx(most)

@@ -170,9 +170,29 @@ class SwingFoot:
         self._c["z"].follow(time, (time + self._shape.search_time, (down, 0.0, 0.0)))
         self._plan_place(time, self.duration)
 
-    def at(self, time: float) -> FootMotion:
-        """Return the foot's motion at a time from lift-off, s; past the duration it searches for the ground below."""
+    def restart(self, time: float, place: pin.SE3, velocity: Vector) -> None:
+        """Plan anew to the same landing from the place and the velocity (m/s) of a foot that was thrown off its way."""
+        origin, (u, v, w) = self._origin, velocity
+        self._restart(place, w)
+        self._origin = origin
+        for name, speed in (("x", u), ("y", v)):
+            self._c[name] = _Coordinate(self._c[name].at(0.0)[0], speed)
+        self._plan_height(time)
+        self._plan_place(time, self.duration)
+
+    def place(self, time: float) -> Vector:
+        """Return the place at a time from lift-off, s, in the world, m."""
+        return self._c["x"].at(time)[0], self._c["y"].at(time)[0], self._c["z"].at(time)[0]
+
+    def at(self, time: float, most: float = math.inf) -> FootMotion:
+        """Return the foot's motion at a time from lift-off, s; past the duration it searches for the ground below.
+
+        Its acceleration over the ground is `most` at most, m/s²: legs have no more.
+        """
         (x, vx, ax), (y, vy, ay), (z, vz, az), *angles = [self._c[name].at(time) for name in COORDINATES]
+        push = math.hypot(ax, ay)
+        if push > most:
+            ax, ay = ax * most / push, ay * most / push
         spin, turning = _spin(*angles)
         rotation = pin.rpy.rpyToMatrix(angles[0][0], angles[1][0], angles[2][0])
         return FootMotion(

@@ -108,9 +108,9 @@ def planned_steps(
 COM = 100.0, 3.67, 3.46
 """Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height."""
 
-SWING, LIFT, SWING_TURN = (20.0, 30.6, 9.9), 120.0, (5.6, 24.5, 8.9)
-"""Cost, stiffness, ω², and damping, ω, of the swing foot's place; cost of its height; the same of its rotation. Where
-hips saturate the foot is to come late, not to rub: its height costs more."""
+SWING, LIFT, SWING_TURN = 20.0, 120.0, (5.6, 24.5, 8.9)
+"""Cost of the swing foot's place and of its height; cost, stiffness, ω², and damping, ω, of its rotation. Where hips
+saturate the foot is to come late, not to rub: its height costs more."""
 
 PELVIS, PELVIS_YAW = (27.8, 7.35, 5.45), 2.78
 """The same of the pelvis, its cost that of tilt; cost of its heading."""
@@ -150,9 +150,9 @@ def free_steps(robot: Robot, gait: SteppingGait) -> TaskTable:
     stiffness, damping = _com_gains((0.0, 0.0), height_gains)
     com = CoMTask(weight=weight, stiffness=stiffness, damping=damping)
     swing: GainOptions = {
-        "weight": np.array([SWING[0], SWING[0], LIFT, *[SWING_TURN[0] * turn] * 3]),
-        "stiffness": _halves(SWING[1] * square, SWING_TURN[1] * square),
-        "damping": _halves(SWING[2] * omega, SWING_TURN[2] * omega),
+        "weight": np.array([SWING, SWING, LIFT, *[SWING_TURN[0] * turn] * 3]),
+        "stiffness": _halves(law.swing_gains[0], SWING_TURN[1] * square),
+        "damping": _halves(law.swing_gains[1], SWING_TURN[2] * omega),
     }
     tilt, yaw = PELVIS[0] * turn, PELVIS_YAW * turn
     pelvis: GainOptions = {
@@ -172,6 +172,7 @@ def free_steps(robot: Robot, gait: SteppingGait) -> TaskTable:
         standing_box=law.standing_box,
         carrying=law.carrying,
         least_force=law.least_force,
+        carried=law.carried,
         unloaded=1e-3 * law.most_force,
     )
     contacts = [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -25,6 +26,9 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
 from wbc.walking.stepping.rise import RiseLimit
+
+TURNED = 0.3
+"""Greatest difference of heading of pelvis or torso that is turned back at once, rad."""
 
 GAINS = ("weight", "stiffness", "damping")
 """Gains of a task that a user may set at any tick."""
@@ -183,6 +187,10 @@ class WalkTasks:
 
     def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist | None) -> None:
         """Turn pelvis and torso to a heading (rad) and let them lean."""
+        off = [math.remainder(yaw - heading(task.rotation), math.tau) for task in self._trunk]
+        if max(map(abs, off)) > TURNED:
+            self._turn_back(yaw, off, lean)
+            return
         if twist is None and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
         self._trunk_target = yaw, lean
@@ -198,6 +206,18 @@ class WalkTasks:
                     lean.velocity + twist.rate * up,
                     lean.acceleration + twist.acceleration * up,
                 )
+
+    def _turn_back(self, yaw: float, off: Sequence[float], lean: LeanMotion) -> None:
+        """Bring a trunk upright that is turned far from its heading (rad), by so much each (rad).
+
+        A rotation that is large about the vertical has parts about the level axes that are no tilt, so the heading of
+        the target stays near that of the trunk.
+        """
+        self._trunk_target = None, UPRIGHT
+        for task, tilt, error in zip(self._trunk, self._trunk_tilts, off, strict=True):
+            near = yaw - error + min(max(error, -TURNED), TURNED)
+            turn = lean.rotation.dot(_yaw_rotation(near))
+            task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,6 +236,7 @@ class StanceContacts:
     standing_box: tuple[float, float]  # the same on both feet, m
     carrying: float  # place of the centre of the box ahead of that of the sole, m; not in a stand
     least_force: float  # least force of the foot that stands, N
+    carried: float  # the same of one that carries alone, N
     unloaded: float  # force below which none is asked for, N
     _state: list[object] = field(default_factory=list)  # of the last tick
 
@@ -256,7 +277,7 @@ class StanceContacts:
             contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
             contact.max_force = max(most[side], self.unloaded)
             if full:
-                contact.min_force = self.least_force * (0.2 if both else 1.0)
+                contact.min_force = 0.2 * self.least_force if both else self.carried
 
 
 def _named(name: str, gains: GainOptions) -> GainOptions:

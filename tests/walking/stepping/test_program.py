@@ -202,6 +202,49 @@ def test_an_area_grows_while_the_foot_is_still_and_ends_where_it_turns() -> None
     assert area.width == 0.0, "it carries too little to say"
 
 
+def test_on_level_ground_the_area_of_a_narrow_sole_counts_in_full_and_grows_sooner() -> None:
+    """On rough ground it is as small as a narrow sole makes it, and the width that sets the time of steps always is."""
+    c, dt, weight = in_si(SteppingConstants(), SIZE), 0.002, 300.0
+    sole, flat = (0.085, 0.03), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    found = {}
+    for level in (0.0, 1.0):
+        area = HeldArea(sole, c, dt)
+        area.level = level
+        for ticks in (10, 1000):
+            for _ in range(ticks):
+                area.update(flat, (0.0, 0.0, weight, 0.0, 0.0, 0.0))
+            found[level, ticks] = area.ahead[1] - area.ahead[0], area.width
+    assert found[1.0, 1000][0] == pytest.approx(2.0 * (sole[0] - c.margin))
+    assert found[0.0, 1000][0] < 0.5 * found[1.0, 1000][0]
+    assert found[1.0, 10][0] > 3.0 * found[0.0, 10][0]
+    assert found[1.0, 1000][1] == found[0.0, 1000][1]
+
+
+@pytest.mark.parametrize(
+    ("distance", "elapsed", "down"),
+    [(0.22, 0.02, True), (0.6, 0.02, False), (0.22, 0.18, False)],
+    ids=["just lifted", "far away", "nearly there"],
+)
+def test_a_foot_is_put_down_at_once_where_the_other_one_has_to_step(
+    distance: float, elapsed: float, *, down: bool
+) -> None:
+    """Where the DCM is beyond the outer edge of the foot that stands, unless closing up leaves a shorter step."""
+    c, settings = in_si(SteppingConstants(), SIZE), SteppingSettings().in_si(SIZE)
+    decision, zero = StepDecision(settings, c, SIZE, GroundEstimate(0.5, 0.0, 0.2), 0.002), (0.0, 0.0, 0.0)
+    still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
+    swing = (-c.carrying, distance, 0.0, 0.0)
+    dcm = Divergent(0.0, -0.1, OMEGA)
+    stance = StepState(1, (1.0, 0.0), zero, zero, zero, dcm, still, TIME, elapsed, swing, 0.06)
+    decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
+    assert decision.closes == down
+    if down:
+        assert decision.end == pytest.approx(elapsed + 0.06)
+        assert math.dist(decision.place, swing[:2]) < 0.05
+        later = stance._replace(elapsed=elapsed + 0.03, down=0.06)
+        decision.decide(later, wish_of((0.0, 0.0), 1.0), 0.5, None)
+        assert decision.end == pytest.approx(elapsed + 0.06), "it is not put off"
+
+
 @pytest.mark.parametrize(("speed", "later"), [(0.3, False), (0.7, True), (0.8, True), (1.5, False)])
 def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: bool) -> None:
     """A DCM that runs ahead is stepped after: as soon as legs can where they are quick, else later and further."""
@@ -214,7 +257,7 @@ def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: boo
         still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
         zero = (0.0, 0.0, 0.0)
         swing = (-constants.carrying, 0.22, 0.0, 0.0)
-        stance = StepState(1, (1.0, 0.0), zero, zero, zero, dcm, still, TIME, 0.0, swing)
+        stance = StepState(1, (1.0, 0.0), zero, zero, zero, dcm, still, TIME, 0.0, swing, 0.05)
         decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
         found[push] = decision.end, math.dist(decision.place, swing[:2])
     (slow, far), (quick, near) = found[4.5], found[100.0]

@@ -278,7 +278,9 @@ class DriveControl:
             if self.falls.reason is None and (reason := self.falls.update(estimate.q, estimate.v)):
                 self._fall(reason)
             if self._released is not None:
-                self._released.update(robot.q, robot.v, self.controller.dt)
+                solved = None if self.solution is None else self.solution.accelerations
+                torque = plausible.joint_torque
+                self._released.update(robot.q, robot.v, self.controller.dt, torque, solved)
             self.controller.model_time = perf_counter() - start
         except Exception as error:  # a robot gets a command in every tick
             failed = State(observer.robot, measurement, observer.load, measurement, True, time)
@@ -427,7 +429,7 @@ class DriveControl:
             torque, source = self._sent.torque(measurement), "commanded torques"
         if torque is not None:
             passed, self._stamp = measurement.time - self._stamp, measurement.time
-            self.wrenches.update(*self.observer.measured_state, torque, passed)
+            self.wrenches.update(*self.observer.measured_state, torque, passed, lifts=self.observer.lifts)
         wrench = self.wrenches.wrench.copy()
         return replace(measurement, sole_wrench=wrench, wrench_source=cast(WrenchSource, source))
 

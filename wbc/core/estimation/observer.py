@@ -38,6 +38,9 @@ from wbc.core.signals import SIGNALS, Measurement
 LONGEST_DELAY = 0.1
 """Longest delay that can be stated, s."""
 
+UNAIDED = 2.0
+"""Error of the inertial velocity that may have come up while no foot gave a reference, over the time, m/s²."""
+
 SHARED = 0.15
 """Part of the load from which a foot counts for the rotation that both feet have in common."""
 
@@ -56,6 +59,8 @@ class ObserverSettings:
         spin: Speed of a foot about the vertical, by encoders and gyroscope, from which its heading is no reference for
             the yaw until it rests again, rad/s. Five times the noise of a foot at rest: the encoder of a hip yaw joint
             has 0.0125 rad/s, the gyroscope 0.002 rad/s.
+        slip: Speed of a loaded foot by gyroscope and accelerometer from which it is no reference, m/s: what loads it is
+            not the ground, as of a leg that is hit, or it slips. A foot that stands has some 0.05 m/s there.
         reference_time_constant: Time constant with which anchors follow the sole placements given to `update`, s.
         measurement_delay: Age of a measurement when it arrives, s. The estimate is carried ahead over this and the next
             delay, to when a command will take effect.
@@ -70,6 +75,7 @@ class ObserverSettings:
     cop_time_constant: Annotated[NonNegative, "s"] = 0.02
     slip_time_constant: Annotated[NonNegative, "s"] = 0.2
     spin: Annotated[Positive, "rad/s"] = 0.1
+    slip: Annotated[Positive, "m/s"] = 0.3
     reference_time_constant: Annotated[NonNegative, "s"] = 0.1
     measurement_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
     command_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0
@@ -93,6 +99,8 @@ class Observer:
             zero if they turn differently, as on stones, or if one carries everything.
         stance_rotation: Angular velocity of the foot that carries more, by encoders and gyroscope, in the world, rad/s;
             zero in flight.
+        lifts: True for each foot that moves up or down by gyroscope and accelerometer, faster than `slip` of the
+            settings: what loads its leg is not the ground.
         outside: Observer of the wrench of the surroundings besides the ground; None leaves it out.
     """
 
@@ -150,6 +158,8 @@ class Observer:
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
         self.foot_rotation = 0.0
         self.stance_rotation: Vector = (0.0, 0.0, 0.0)
+        self.lifts = [False] * n
+        self._unaided = 0.0  # time since a foot gave a reference, s
         self.reset(q)
 
     def observe_outside(self) -> OutsideWrench:
@@ -211,6 +221,7 @@ class Observer:
         if self.outside is not None:
             self.outside.reset()
         n = len(self._soles)
+        self.lifts, self._unaided = [False] * n, 0.0
         self._loads, self._shares, self._cops = [0.0] * n, [0.0] * n, [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
         for i, sole in enumerate(self._soles):
@@ -279,9 +290,10 @@ class Observer:
         # In the base frame: CoPs, and headings of the soles.
         points = [(x + u, y + v, z + w) for (_, (x, y, z)), (u, v, w) in zip(frames, arms, strict=True)]
         ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
-        velocity, yaw_error = self._motion_from_anchors(turn, turning, arms, points, ahead)
         moving, at_imu = turned_all(turn, (imu_rate.linear.tolist(), self._imu_position.tolist()))
         imu_arm = np.array(add_cross(moving, turning, at_imu))
+        expected = None if first else (self.inertial.velocity - imu_arm).tolist()
+        velocity, yaw_error = self._motion_from_anchors(turn, turning, arms, points, ahead, expected, dt)
         if velocity is not None:
             velocity += imu_arm
             if first:
@@ -361,32 +373,50 @@ class Observer:
         arms: Sequence[Vector],
         points: Sequence[Vector],
         ahead: Sequence[Vector],
+        expected: Sequence[float] | None,
+        dt: float,
     ) -> tuple[Array | None, float]:
         """Return what anchors at rest say of the base; update rotations of the feet and headings of feet that spin.
 
+        Feet that move have no share.
+
         That is the velocity of the base in the world, shape (3,), m/s (None in flight), and the error of its yaw, rad.
         `spin` is the angular velocity of the base in the world, rad/s; in the base frame, `arms` go from the sole
-        centres to the CoPs, `points` are the CoPs, m, and `ahead` the first axes of the soles.
+        centres to the CoPs, `points` are the CoPs, m, and `ahead` the first axes of the soles; `expected` is the
+        velocity of the base by the inertial measurement unit, m/s, None in the first tick, `dt` after the last, s.
         """
         self.foot_rotation, self.stance_rotation = 0.0, (0.0, 0.0, 0.0)
-        if self.in_flight:
-            return None, 0.0
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
         yaw_error = 0.0
         rotations: list[Vector] = []
+        self._unaided += dt
+        fastest = self.settings.slip + UNAIDED * self._unaided
+        motions: list[tuple[Vector, Vector, Vector]] = []
+        moves = [False] * len(self._soles)
         for i, sole in enumerate(self._soles):
-            share = self._shares[i]
-            if share == 0.0:
-                continue
             rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
             rotating = rate.angular.tolist()
             at_cop = add_cross(rate.linear.tolist(), rotating, arms[i])
-            sliding, (rx, ry, rz), point, axis = turned_all(base, (at_cop, rotating, points[i], ahead[i]))
+            sliding, rotating, point, axis = turned_all(base, (at_cop, rotating, points[i], ahead[i]))
+            speed = add_cross(sliding, spin, point)
+            motions.append((speed, rotating, axis))
+            if expected is not None:
+                x, y, z = (a + b for a, b in zip(speed, expected, strict=True))
+                moves[i], self.lifts[i] = math.hypot(x, y, z) > fastest, abs(z) > fastest
+        shares = [0.0 if moving else share for share, moving in zip(self._shares, moves, strict=True)]
+        total = sum(shares)
+        self._shares = [share / total for share in shares] if total > 0.0 else shares
+        if self.in_flight:
+            return None, 0.0
+        self._unaided = 0.0
+        for i, ((x, y, z), (rx, ry, rz), axis) in enumerate(motions):
+            share = self._shares[i]
+            if share == 0.0:
+                continue
             if share > SHARED:
                 rotations.append((rx + spin[0], ry + spin[1], rz + spin[2]))
                 if share >= 0.5:
                     self.stance_rotation = rotations[-1]
-            x, y, z = add_cross(sliding, spin, point)
             vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
             if abs(rz + spin[2]) > self.settings.spin:
                 self._anchor_yaw[i] = _yaw(axis)

@@ -16,6 +16,7 @@ G. Bledt, P. Wensing, S. Ingersoll, S. Kim, ICRA 2018.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -101,14 +102,21 @@ class WrenchEstimator:
         self.wrench[:, 2] = self._robot.mass * GRAVITY / len(self._frames)
 
     def update(
-        self, q: Array, v: Array, torque: Array, passed: float | None = None, *, held: bool = False
+        self,
+        q: Array,
+        v: Array,
+        torque: Array,
+        passed: float | None = None,
+        *,
+        held: bool = False,
+        lifts: Sequence[bool] = (),
     ) -> Array:
         """Take over a state, and the mean joint torques in the control period that led there, shape (na,), Nm.
 
         `passed` is the time since the last call, s, taken within a quarter and four control periods; one of them when
         None. Something else than the ground, such as a crane, may hold a robot that is `held`: the wrench of a foot is
-        then what the joints of its leg tell, and the rest of the residual is `outside`. Returned is `wrench`, the same
-        array each time.
+        then what the joints of its leg tell, and the rest of the residual is `outside`. A foot that `lifts`, moving up
+        or down, has no wrench: what loads its leg is not the ground. Returned is `wrench`, the same array each time.
         """
         model, data, s = self._model, self._data, self.settings
         mass = pin.crba(model, data, q, pin.Convention.WORLD)
@@ -136,7 +144,8 @@ class WrenchEstimator:
         for i, leg in enumerate(self._legs):
             alone.append(self._solve([i], residual, leg))
             normal = alone[i][2] / weight
-            self.contact[i] = normal > (s.lift_off if self.contact[i] else s.touch_down)
+            loaded = normal > (s.lift_off if self.contact[i] else s.touch_down)
+            self.contact[i] = loaded and not (lifts and lifts[i])
             if self.contact[i]:
                 soles.append(i)
         self.wrench[:] = 0.0

@@ -6,8 +6,9 @@ one has told, as a servo would follow it,
 
     q̈ = q̈_told + (q̇_told − q̇) 2/t + (q_told − q) / t²,
 
-else the low-passed differences of the measured velocities. They enter as a cost that outweighs all others: of a row
-that selects one coordinate it costs the QP nothing but a number on its diagonal.
+else those that their measured torques make, else the low-passed differences of the measured velocities. They enter as a
+cost that outweighs all others: of a row that selects one coordinate it costs the QP nothing but a number on its
+diagonal.
 """
 
 from __future__ import annotations
@@ -29,6 +30,9 @@ WEIGHT = 1e5
 
 LAG = 0.01
 """Time constant of measured accelerations, s: encoders of 500 Hz tell the velocity to some 0.01 rad/s."""
+
+STOP = 0.02
+"""Distance from the end of a joint from which on its stop may act on it, rad or m."""
 
 RESPONSE = 0.05
 """Time t in which servos follow a target, s, where the other one does not say."""
@@ -60,13 +64,16 @@ class ReleasedJoints(SelectionTask):
         self.mask.setflags(write=False)
         self._told: tuple[Array, Array, Array] | None = None
         self._before: Array | None = None  # velocity in the tick before, rad/s
-        self._acceleration = np.zeros(len(names))
+        self._acceleration, self._measured = np.zeros(len(names)), np.zeros(len(names))
 
     def bind(self, robot: Robot) -> None:
         """Look up the columns, and how quick the joints can be."""
         super().bind(robot)
         self.columns = self.index + robot.base_dof
         self._places = self.index + robot.base_nq
+        self._bound = robot
+        self._low = robot.position_lower[self.index] + STOP
+        self._high = robot.position_upper[self.index] - STOP
         inertia = np.diag(robot.mass_matrix)[self.columns]
         self._most = 2.0 * robot.torque_limit[self.index] / inertia
 
@@ -98,22 +105,55 @@ class ReleasedJoints(SelectionTask):
             parts.append(finite_array(f"{name} told of the released joints ({unit})", full, shape))
         self._told = parts[0], parts[1], parts[2]
 
-    def update(self, q: Array, v: Array, dt: float) -> None:
-        """Take the state of this tick, shapes (nq,) and (nv,), `dt` seconds after the last."""
-        velocity = v[self.columns]
+    def update(
+        self,
+        q: Array,
+        v: Array,
+        dt: float,
+        torque: Array | None = None,
+        accelerations: Array | None = None,
+    ) -> None:
+        """Take the state of this tick, `dt` seconds after the last.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            dt: Time since the last tick, s.
+            torque: Measured joint torques, shape (na,), Nm (or N); None where none are measured.
+            accelerations: Those of the last solution, shape (nv,), m/s² and rad/s²; None before one.
+        """
+        velocity, known = v[self.columns], self._acceleration
         if self._told is not None:
             position, speed, push = self._told
             rate = 1.0 / self.response
-            known = push + (speed - velocity) * (2.0 * rate) + (position - q[self._places]) * (rate * rate)
-            self._acceleration[:] = known
+            known[:] = push + (speed - velocity) * (2.0 * rate) + (position - q[self._places]) * (rate * rate)
         elif self._before is not None:
-            self._acceleration += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._acceleration)
+            self._measured += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._measured)
+            known[:] = self._measured
+            if torque is not None and accelerations is not None:
+                known[:] = self._driven(q, torque, accelerations)
         self._before = velocity
-        np.clip(self._acceleration, -self._most, self._most, out=self._acceleration)
-        self._rows.acceleration[:] = self._acceleration
+        np.clip(known, -self._most, self._most, out=known)
+        self._rows.acceleration[:] = known
+
+    def _driven(self, q: Array, torque: Array, accelerations: Array) -> Array:
+        """Return the accelerations that their torques make, shape (dim,), rad/s²; measured ones at the ends of joints.
+
+        The rest of the measured acceleration is that of a force from outside, on an arm that is hit. Its reaction is
+        not on the robot, and a QP that took it for one would push the robot the way that it has been hit.
+        """
+        robot, columns, position = self._bound, self.columns, q[self._places]
+        free = (position > self._low) & (position < self._high)
+        moved = np.array(accelerations)
+        moved[columns] = np.where(free, 0.0, self._measured)
+        rows = robot.mass_matrix[columns]
+        rest = torque[self.index] - robot.bias[columns] - rows.dot(moved)
+        inertia = np.where(free[:, None] & free, rows[:, columns], 0.0)
+        inertia[~free, ~free] = 1.0
+        return np.where(free, np.linalg.solve(inertia, np.where(free, rest, 0.0)), self._measured)
 
     def reset(self) -> None:
         """Forget the motion so far."""
         super().reset()
         self._before = None
-        self._acceleration[:] = 0.0
+        self._acceleration[:] = self._measured[:] = 0.0

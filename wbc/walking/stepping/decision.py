@@ -27,6 +27,9 @@ from wbc.walking.swing import RISE
 MISSED, LATER = 0.02, 8
 """Distance by which a foot may miss its place, m; number of later times that are tried where it misses more."""
 
+KEPT = 0.05
+"""Greatest distance by which the foot may miss more at the time that was chosen before, and this time stays, m."""
+
 HORIZON = 6
 """Number of footsteps that count: E to that power is beyond any error."""
 
@@ -45,6 +48,7 @@ class StepState(NamedTuple):
         nominal: Time T of a step, s.
         elapsed: Time since lift-off, s.
         swing: Place of the swing foot's centre, x and y, m, and its velocity, m/s.
+        down: Time that the swing foot needs to come straight down, s.
     """
 
     foot: int
@@ -57,6 +61,7 @@ class StepState(NamedTuple):
     nominal: float
     elapsed: float
     swing: tuple[float, float, float, float]
+    down: float
 
     @property
     def side(self) -> float:
@@ -110,6 +115,10 @@ class StepDecision:
         self.area.forget()
         self.cop = self._wanted = 0.0, 0.0
         self._decided = False
+        self._put_off: float | None = None  # time of a step that legs need longer for, s
+        self._beside: tuple[float, tuple[Point, Point]] | None = (
+            None  # when and where a foot is put down at once
+        )
         self._about: Point | None = None  # landing of the program about which a place was chosen, m
         self._chosen: Point | None = None  # that place, m
 
@@ -142,7 +151,9 @@ class StepDecision:
         step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds)
         if step is not None:
             later = self._later(stance, step, offset, contact, wish, bounds, max(longest - elapsed, 0.0))
-            if later > step.left:  # legs need longer for that place, and ξ goes on until then
+            if (
+                later > step.left and not self.closes
+            ):  # legs need longer for that place, and ξ goes on until then
                 bounds = bounds.after(later)
                 step = self._program.solve(offset, contact, omega, remaining, step.left, wish, bounds) or step
         if step is None:
@@ -168,15 +179,59 @@ class StepDecision:
         most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(ahead), LEAST_OFFSET)
         stretched = max(math.log(most), 0.0) / stance.dcm.omega
         greatest = max(min(max(longest - elapsed, 0.0), stretched), shortest)
+        places = (-s.reach, s.gap), (s.reach, s.widest)
         if outwards < low - c.outer_cop:
             greatest = shortest
+            self._put_down(stance, ahead, -outwards, shortest)
+        else:
+            self._beside = None
+        if self._beside is not None:
+            end, places = self._beside
+            shortest = greatest = max(end - elapsed, 0.0)
         half_length, half_width = self._scale.sole
         return Bounds(
-            ((-s.reach, s.gap), (s.reach, s.widest)),
+            places,
             ((area.ahead[0], low), (area.ahead[1], high)),
             (c.next_area * half_length, c.next_area * half_width),
             (shortest, greatest),
         )
+
+    @property
+    def closes(self) -> bool:
+        """True while the swing foot is put down beside where it is, at once."""
+        return self._beside is not None
+
+    def _put_down(self, stance: StepState, ahead: float, beyond: float, closing: float) -> None:
+        """Put the swing foot down at once, rather than close up, where the step after that has less far to go.
+
+        ξ is so far ahead and `beyond` the contact, m. From the place (x, d) where a foot is put down after t₁, the foot
+        that stands now has to step out, in the shortest time t of a step: by (ξ e^{ω t₁} − x) e^{ω t} + x ahead, and by
+        (d + ξ e^{ω t₁}) e^{ω t} − d aside.
+        """
+        if self._beside is not None or stance.elapsed <= 0.0:
+            return
+        s, omega, (x, y, _, _) = self._s, stance.dcm.omega, stance.swing
+        time, growth = min(closing, stance.down), math.exp(omega * s.shortest)
+
+        def way(x: float, d: float, after: float) -> float:
+            """Return the way of the step after this one, m."""
+            grown = math.exp(omega * after)
+            return math.hypot((ahead * grown - x) * growth + x, (d + beyond * grown) * growth - d)
+
+        x, d = stance.offset(x, y)
+        near, far = (place[0] - self._c.carrying for place in self._near(stance, closing))
+        closed = min(max(ahead * math.exp(omega * closing), near), far)
+        if way(x, d, time) < way(closed, s.gap, closing):
+            self._beside = stance.elapsed + time, self._near(stance, time)
+
+    def _near(self, stance: StepState, time: float) -> tuple[Point, Point]:
+        """Return the least and the greatest place, m, that the swing foot reaches within a time, s."""
+        s, (x, y, _, _) = self._s, stance.swing
+        ahead, outwards = stance.offset(x, y)
+        ahead, way = ahead + self._c.carrying, time * time * self._c.swing_push / RISE
+        low = min(max(ahead - way, -s.reach), s.reach), min(max(outwards - way, s.gap), s.widest)
+        high = min(max(ahead + way, low[0]), s.reach), min(max(outwards + way, low[1]), s.widest)
+        return low, high
 
     def _later(
         self,
@@ -210,21 +265,29 @@ class StepDecision:
             short = max(way - (0.5 * speed + a * time) * time, 0.0)
             return short + math.hypot(place[0] - goal[0], place[1] - goal[1])
 
+        def missed_at(time: float) -> float:
+            """Return by how much the foot misses the place that ξ asks for at a time, m."""
+            grown = math.exp(stance.dcm.omega * time)
+            x, y = (z + grown * (xi - z) - b for xi, z, b in zip(dcm, contact, wish.offsets[:2], strict=True))
+            return missed(time, (x, y))
+
         best, least = step.left, missed(step.left, step.place)
+        before, self._put_off = self._put_off, None
         if least < MISSED:
             return best
         span = longest - step.left
         for k in range(1, LATER + 1):
             time = step.left + span * k / LATER
-            grown = math.exp(stance.dcm.omega * time)
-            place = [
-                z + grown * (xi - z) - b for xi, z, b in zip(dcm, contact, wish.offsets[:2], strict=True)
-            ]
-            off = missed(time, (place[0], place[1]))
+            off = missed_at(time)
             if off < least - MISSED / LATER:
                 best, least = time, off
             if least < MISSED:
                 break
+        if before is not None:  # a place that jumps to and fro is reached least of all
+            time = min(max(before - stance.elapsed, step.left), longest)
+            if missed_at(time) < least + KEPT:
+                best = time
+        self._put_off = stance.elapsed + best
         return best
 
     def _centre(self, stance: StepState, place: Point) -> Point:

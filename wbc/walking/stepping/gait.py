@@ -43,7 +43,7 @@ from wbc.walking.stepping.law import (
     viability,
 )
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
-from wbc.walking.swing import REST, FootMotion, SwingFoot
+from wbc.walking.swing import REST, RISE, FootMotion, SwingFoot
 
 LOOKS = 4
 """Number of ticks between two looks at the ground under a landing that moves at every tick."""
@@ -119,6 +119,9 @@ class SteppingGait:
         )
         self._swing: SwingFoot | None = None
         self._touch = Touch()
+        self._flying: tuple[Vector, Vector] | None = (
+            None  # place of the swing foot in the last tick, and its velocity
+        )
         self._mode = _Mode.STANDING
         self.stance = 1
         self._elapsed = 0.0  # in this mode, or since lift-off
@@ -373,16 +376,20 @@ class SteppingGait:
         s, c, swing = self.settings, self.constants, 1 - self.stance
         self._ticks += 1
         if self._met is None:
+            self.decision.area.level = self._levelness()
             self.decision.area.update(state.turns[self.stance], state.wrenches[self.stance])
             if self._swing is None or self._ticks % self._period == 0:
                 self._solve(state, dcm, steps)
             nominal, longest = self.steering.step_time, self._longest
-            wanted = min(max(self.decision.end, s.shortest), longest)
+            shortest = min(s.shortest, self.decision.end) if self.decision.closes else s.shortest
+            wanted = min(max(self.decision.end, shortest), longest)
             if self._swing is None:
                 self._time = min(wanted, c.later * nominal) if self._since_stand else nominal
+            elif self.decision.closes:
+                self._time = wanted
             else:
                 self._time += self._time_gain * (wanted - self._time)
-            self._time = min(max(self._time, s.shortest), longest)
+            self._time = min(max(self._time, shortest), longest)
             self.decision.press()
         turn = self.steering.heading + steps.turn * max(self._time - self._elapsed, 0.0)
         if self.footsteps:
@@ -399,8 +406,34 @@ class SteppingGait:
         if self._ticks % LOOKS == 0 and self.ground.sight is not None and touch - self._elapsed > LAST_LOOK:
             landing = self._seen(landing)
         if self._met is None:
-            self._swing.retarget(self._elapsed, landing, touch)
+            velocity = self._thrown(state, self._swing)
+            if velocity is not None:
+                self._swing.restart(self._elapsed, frames[swing], velocity)
+            self._swing.retarget(self._elapsed, landing, touch, c.hardest if self.decision.closes else None)
         return self._swing, landing
+
+    def _thrown(self, state: BodyState, swing: SwingFoot) -> Vector | None:
+        """Return the velocity of a swing foot so far off its motion that legs cannot bring it back, m/s, else None.
+
+        That is where the feedback of its task asks for more than the greatest acceleration of a swing: the trunk would
+        pay for it.
+        """
+        here, there, dt, before = (
+            state.places[1 - self.stance],
+            swing.place(self._elapsed - self._dt),
+            self._dt,
+            self._flying,
+        )
+        self._flying = here, there
+        if before is None:
+            return None
+        stiffness, damping = self.constants.swing_gains
+        moved = [(now - then) / dt for now, then in zip(here, before[0], strict=True)]
+        asked = [
+            stiffness * (q - p) + damping * ((q - then) / dt - speed)
+            for p, q, then, speed in zip(here, there, before[1], moved, strict=True)
+        ]
+        return tuple(moved) if math.hypot(*asked) > self.constants.swing_push else None
 
     @property
     def _longest(self) -> float:
@@ -423,6 +456,7 @@ class SteppingGait:
             self.steering.step_time,
             self._elapsed,
             self._swinging(state),
+            self._down(state),
         )
         stays = self.ground.sight is None or self._swing is None or self._since_stand == 0
         if footsteps:
@@ -457,6 +491,16 @@ class SteppingGait:
             x, y, _ = state.places[1 - self.stance]
             return x, y, 0.0, 0.0
         return self._swing.over_ground(self._elapsed)
+
+    def _down(self, state: BodyState) -> float:
+        """Return the time that the swing foot needs to come straight down, s."""
+        height = max(state.places[1 - self.stance][2] - self.ground.height, 0.0)
+        return self.constants.piece + math.sqrt(RISE * height / self.constants.lift)
+
+    def _levelness(self) -> float:
+        """Return the share from 0 to 1 by which the ground has been level in the last steps."""
+        full, none = self.constants.even
+        return min(max((none - self.ground.uneven) / (none - full), 0.0), 1.0)
 
     def _seen(self, landing: Footstep) -> Footstep:
         """Return a landing at the height and tilt that are seen under it, which are expected from now on."""
@@ -552,7 +596,7 @@ class SteppingGait:
         self._ask(frames, SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
-        self._swing = self._met = None
+        self._swing = self._met = self._flying = None
         self._tilt = (0.0, 0.0)
         self._touch.lift()
 
@@ -625,7 +669,9 @@ class SteppingGait:
         pendulum = Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self.scale.omega)
         side = 1 - self.stance if swing is not None and self._met is None else None
         feet = [
-            swing.at(self._elapsed) if swing is not None and i == side else FootMotion.at_rest(pin.SE3(frame))
+            swing.at(self._elapsed, self.constants.swing_push)
+            if swing is not None and i == side
+            else FootMotion.at_rest(pin.SE3(frame))
             for i, frame in enumerate(frames)
         ]
         return Reference(

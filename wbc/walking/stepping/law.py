@@ -64,6 +64,11 @@ class SteppingConstants:
         0.065,
     )  # half width of a sole whose area counts for nothing; in full
     area_growth: Annotated[float, "hω"] = 0.09  # of each edge: the whole sole within a step
+    even: tuple[Annotated[float, "h"], Annotated[float, "h"]] = (
+        0.01,
+        0.03,
+    )  # heights between the feet up to which the ground counts as level, and from which on as rough
+    level_growth: float = 4.0  # of the growth of the area on level ground, over that on rough ground
     inside: Annotated[float, "h"] = 0.0064  # between the edge of an area that ends and the measured CoP
     still: Annotated[float, "ω"] = 0.07  # greatest rate of a foot that stands
     turning: Annotated[float, "ω"] = 0.14  # least rate of a foot that turns over an edge
@@ -89,6 +94,9 @@ class SteppingConstants:
     unload: Annotated[float, "1/ω"] = 0.20
     most_force: Annotated[float, "mg"] = 1.4  # with 2 robots jump to gain yaw moment
     least_force: Annotated[float, "mg"] = 0.061  # of the foot that stands: no flight
+    carried: Annotated[float, "mg"] = (
+        0.5  # of a foot that carries alone: a trunk that turns costs less than a fall
+    )
     # Swing, over the time of the step.
     apex: float = 0.42
     touch: float = 0.88  # a foot that comes late is what fells robots
@@ -96,6 +104,7 @@ class SteppingConstants:
     swing_push: Annotated[float, "g"] = (
         4.5  # greatest acceleration over the ground: a long step takes its time
     )
+    swing_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (30.6, 9.9)
     lift_speed: Annotated[float, "hω"] = 0.206
     lift: Annotated[float, "g"] = (
         4.0  # greatest acceleration upwards: hips lack torque for more in a short step

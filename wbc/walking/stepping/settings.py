@@ -103,7 +103,7 @@ class SteppingSettings:
     widest: Annotated[Positive, "h"] = 1.25
     reach: Annotated[Positive, "h"] = 1.0
     swing_height: Annotated[Positive, "h"] = 0.183
-    friction: Positive = 0.5
+    friction: Positive = 0.7
     acceleration: Annotated[Positive, "g"] = 0.03
     stride: Annotated[Positive, "leg"] = 0.56
     fastest: Annotated[Positive, "hω"] = 0.2
