@@ -137,7 +137,8 @@ class OrientationTask(FrameTask):
     @property
     def rotation(self) -> Array:
         """Rotation of the frame now, shape (3, 3): a view that changes with the robot."""
-        return self._rotation
+        rotation: Array = self._rotation
+        return rotation
 
     def present(self, robot: Robot) -> Array:
         """Return the rotation of the frame, shape (3, 3)."""

@@ -397,9 +397,9 @@ class Observer:
             rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
             rotating = rate.angular.tolist()
             at_cop = add_cross(rate.linear.tolist(), rotating, arms[i])
-            sliding, rotating, point, axis = turned_all(base, (at_cop, rotating, points[i], ahead[i]))
+            sliding, turn, point, forward = turned_all(base, (at_cop, rotating, points[i], ahead[i]))
             speed = add_cross(sliding, spin, point)
-            motions.append((speed, rotating, axis))
+            motions.append((speed, turn, forward))
             if expected is not None:
                 x, y, z = (a + b for a, b in zip(speed, expected, strict=True))
                 moves[i], self.lifts[i] = math.hypot(x, y, z) > fastest, abs(z) > fastest
