@@ -187,9 +187,13 @@ class WalkTasks:
 
     def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist | None) -> None:
         """Turn pelvis and torso to a heading (rad) and let them lean."""
-        off = [math.remainder(yaw - heading(task.rotation), math.tau) for task in self._trunk]
+        twisted = 0.0 if twist is None else twist.angle
+        first = 1 if twist is not None and twist.by_waist else 0
+        yaws = [yaw + (twisted if i >= first else 0.0) for i in range(len(self._trunk))]
+        now = [heading(task.rotation) for task in self._trunk]
+        off = [math.remainder(a - b, math.tau) for a, b in zip(yaws, now, strict=True)]
         if max(map(abs, off)) > TURNED:
-            self._turn_back(yaw, off, lean)
+            self._turn_back(now, off, lean)
             return
         if twist is None and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
@@ -207,16 +211,15 @@ class WalkTasks:
                     lean.acceleration + twist.acceleration * up,
                 )
 
-    def _turn_back(self, yaw: float, off: Sequence[float], lean: LeanMotion) -> None:
-        """Bring a trunk upright that is turned far from its heading (rad), by so much each (rad).
+    def _turn_back(self, now: Sequence[float], off: Sequence[float], lean: LeanMotion) -> None:
+        """Bring a trunk upright that is turned far from its heading: headings now, and by how much they are off, rad.
 
         A rotation that is large about the vertical has parts about the level axes that are no tilt, so the heading of
         the target stays near that of the trunk.
         """
         self._trunk_target = None, UPRIGHT
-        for task, tilt, error in zip(self._trunk, self._trunk_tilts, off, strict=True):
-            near = yaw - error + min(max(error, -TURNED), TURNED)
-            turn = lean.rotation.dot(_yaw_rotation(near))
+        for task, tilt, yaw, error in zip(self._trunk, self._trunk_tilts, now, off, strict=True):
+            turn = lean.rotation.dot(_yaw_rotation(yaw + min(max(error, -TURNED), TURNED)))
             task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
 
 
