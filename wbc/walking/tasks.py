@@ -93,6 +93,7 @@ class WalkTasks:
         controller.add(first, *others)
         forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
+        self._trunk_yaws = [heading(tilt) for tilt in self._trunk_tilts]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
         self._tuned = {task.name: task for task in (*self._trunk, self.posture)}
         self._own_gains = {
@@ -190,7 +191,7 @@ class WalkTasks:
         twisted = 0.0 if twist is None else twist.angle
         first = 1 if twist is not None and twist.by_waist else 0
         yaws = [yaw + (twisted if i >= first else 0.0) for i in range(len(self._trunk))]
-        now = [heading(task.rotation) for task in self._trunk]
+        now = [heading(task.rotation) - own for task, own in zip(self._trunk, self._trunk_yaws, strict=True)]
         off = [math.remainder(a - b, math.tau) for a, b in zip(yaws, now, strict=True)]
         if max(map(abs, off)) > TURNED:
             self._turn_back(now, off, lean)
