@@ -456,3 +456,39 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     near = Footstep(SIDES[1 - tick.reference.stance], stance[0], stance[1] + side * 0.15)
     assert gait._rubs(wide, beyond, steps, near)
     assert not gait._rubs(tick.state, dcm, steps, landing), "an early foot on its own orbit has landed"
+
+
+class Ridge:
+    """Sight of a ridge across the way, 40 mm high and seen by nothing but the way of a swing."""
+
+    version = 0
+
+    def __init__(self, at: float) -> None:
+        """Lie across x, m."""
+        self.at = at
+
+    def highest(self, side: int, start: np.ndarray, end: np.ndarray, yaw: float) -> float:
+        return 0.04 if min(start[0], end[0]) < self.at < max(start[0], end[0]) else -math.inf
+
+    def support(self, *place: object) -> None: ...
+    def stand(self, *place: object) -> None: ...
+    def best(self, *place: object) -> None: ...
+
+
+def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> None:
+    """A push from behind lengthens the step in flight, over a ridge that the landing at lift-off was short of."""
+    body = PointMass()
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    body.run(1.0)
+    while body.gait._swing is None or body.ticks[-1].reference.elapsed > 0.02:
+        body.run(body.dt)
+    swing = body.gait._swing
+    ridge = Ridge(swing.landing.x + 0.03)
+    body.gait.ground.sight = ridge  # type: ignore[assignment]
+    body.speed[0] += 0.12
+    tops = []
+    while body.ticks[-1].reference.elapsed < 0.08:
+        body.run(body.dt)
+        tops.append(float(swing.at(swing.apex_time).placement.translation[2]))
+    assert body.gait._swing is swing and swing.landing.x > ridge.at
+    assert swing.over == 0.04 and tops[-1] > swing.over + 0.02

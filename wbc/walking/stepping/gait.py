@@ -405,6 +405,9 @@ class SteppingGait:
             return self._swing, landing
         if self._ticks % LOOKS == 0 and self.ground.sight is not None and touch - self._elapsed > LAST_LOOK:
             landing = self._seen(landing)
+            self._swing.over = max(
+                self._swing.over, self.ground.way(frames[swing], landing)
+            )  # of what is left
         if self._met is None:
             velocity = self._thrown(state, self._swing)
             if velocity is not None:
