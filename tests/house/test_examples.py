@@ -126,7 +126,6 @@ def test_own_robot_stands_though_pushed(load: Load, capsys: pytest.CaptureFixtur
     assert "half-sitting of the legs solved for" in capsys.readouterr().out
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_a_clip_becomes_feasible_and_is_tracked(load: Load) -> None:
     result = run(load("motion"))
@@ -156,7 +155,6 @@ def walk(module: ModuleType, *arguments: str) -> dict[str, Any]:
     return result
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_walk_arrives(load: Load) -> None:
     result = walk(load("walk"), "--distance", "0.1")
@@ -164,7 +162,6 @@ def test_walk_arrives(load: Load) -> None:
     assert result["steps"] == 2  # one, and one to close up
 
 
-@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["position", "hybrid"])
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
@@ -176,14 +173,12 @@ def test_program_does_one_thing_after_the_other(load: Load, robot: str, mode: st
     assert result["forward_m"] == pytest.approx(1.0, abs=near)
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_reach_walking_carries_one_hand_and_arrives_with_the_other(load: Load) -> None:
     result = walk(load("reach_walking"), "--distance", "0.6")
     assert result["carried_rms_mm"] < 10.0 and result["distance_mm"] < 40.0
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_drive_walks_an_s_without_a_terminal(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO())
@@ -201,7 +196,6 @@ def test_drive_takes_every_key_as_soon_as_it_is_pressed(load: Load, monkeypatch:
             assert [pressed() for _ in range(5)] == ["\x1b", "[", "A", "q", ""]
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_walk_on_stones_feels_them(load: Load) -> None:
     result = walk(load("walk_stones"), "--distance", "0.2", "--amplitude", "0.015")
@@ -209,7 +203,6 @@ def test_walk_on_stones_feels_them(load: Load) -> None:
     assert result["early_landings"] + result["late_landings"] > 0  # nobody knew of the stones
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_walk_sets_its_soles(load: Load) -> None:
     module = load("walk_soles")
@@ -219,28 +212,24 @@ def test_walk_sets_its_soles(load: Load) -> None:
     assert walk(module, "--distance", "0.05", "--policy", "fixed")["stiffest_nm_per_rad"] == 5.0
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_step_over_stones_comes_through_a_push(load: Load) -> None:
     result = walk(load("step_over_stones"), "--distance", "0.6")
     assert 0.6 <= result["forward_m"] < 1.2 and abs(result["aside_m"]) < 0.3 and result["pushed"]
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_walk_climbs(load: Load) -> None:
     result = walk(load("walk_stairs"), "--stairs", "1", "--rise", "0.04")
     assert result["climbed_mm"] == pytest.approx(40.0, abs=8.0)
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_walk_climbs_what_it_sees(load: Load) -> None:
     result = walk(load("walk_seeing"), "--distance", "0.9", "--rise", "0.04")
     assert result["climbed_mm"] > 30.0
 
 
-@pytest.mark.long
 @pytest.mark.slow
 def test_a_walk_gives_the_same_result_with_a_view(
     load: Load, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
