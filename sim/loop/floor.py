@@ -22,6 +22,9 @@ UNEVEN = 2e-3
 UPWARD = 0.5
 """Least upward part of the normal of a floor, cos 60°."""
 
+PRESSED = 1e-3
+"""Depth by which the soles are pressed into the floor to find their contacts, m."""
+
 MOST_SURFACES = 64
 """Most surfaces above each other that are looked at."""
 
@@ -53,6 +56,23 @@ def floor_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData) -> Array
             return None
         heights.append(found)
     return np.array(heights)
+
+
+def friction_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData, ground: float) -> float | None:
+    """Return the least friction of the contacts of the feet at half-sitting on a floor at a height, m.
+
+    None where nothing touches; 0 for contacts without friction. The state of `data` is lost.
+    """
+    q = robot.half_sitting.copy()
+    q[2] += ground - PRESSED
+    places.set_configuration(q, data.qpos)
+    mujoco.mj_fwdPosition(places.model, data)
+    feet, _ = _feet(places)
+    mine = np.isin(data.contact.geom, feet).sum(axis=1) == 1
+    if not mine.any():
+        return None
+    friction = np.where(data.contact.dim > 1, data.contact.friction[:, 0], 0.0)
+    return float(friction[mine].min())
 
 
 def lowest_sole_point(robot: Robot, q: Array) -> float:

@@ -29,7 +29,7 @@ from wbc.robots.readers.forces_mjcf import unmodelled
 from wbc.robots.registry import as_description
 from wbc.robots.report import UNMODELLED, listed
 from wbc.sim.loop.actuators import JointActuators
-from wbc.sim.loop.floor import UNEVEN, floor_under, lowest_sole_point
+from wbc.sim.loop.floor import UNEVEN, floor_under, friction_under, lowest_sole_point
 from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.robot import SimulatedRobot, advance, check_period
@@ -38,6 +38,9 @@ from wbc.sim.plant.settings import Machine, Step, steps_per_tick
 from wbc.sim.plant.signals import Imu
 
 logger = logging.getLogger(__name__)
+
+USUAL_FRICTION = 0.7
+"""Friction on which the contacts of a controller count by default."""
 
 OTHER_MASS = 0.01
 """Share of the mass by which model and description may differ without a note."""
@@ -159,6 +162,12 @@ class MujocoLoop(SimulatedRobot):
             )
         elif abs(ground) > UNEVEN:
             self.notes += (f"the ground is at z = {ground:.3f} m: half-sitting stands there",)
+        friction = friction_under(self.places, self.robot, mujoco.MjData(self.model), ground)
+        if friction is not None and friction < USUAL_FRICTION:
+            self.notes += (
+                f"friction of the soles on the ground is {friction:g}, contacts count on {USUAL_FRICTION:g} unless "
+                "they are given another (SoleContact(…, friction=…))",
+            )
         return ground if abs(ground) > ROUNDING else 0.0
 
     def _note_contacts(self, when: str) -> None:

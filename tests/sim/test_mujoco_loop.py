@@ -320,6 +320,8 @@ FLOORS = {  # floor, its height, m, and what is noted
     ),
     "step under a foot": ('<geom type="box" size="1 1 0.02" pos="0 1 0"/>' + FLOOR, 0.02, "uneven"),
     "none": ("</worldbody>", 0.0, "no ground under the soles"),
+    "ice": (FLOOR.replace("<geom ", '<geom friction="0.05" priority="1" '), 0.0, "ground is 0.05"),
+    "without friction": (FLOOR.replace("<geom ", '<geom condim="1" priority="1" '), 0.0, "ground is 0,"),
 }
 
 
