@@ -52,7 +52,8 @@ TABLES = re.compile(
 )
 """Comments in whose place tables are put: of a tree of settings, of all commands, grounds, studies."""
 
-PAPER = re.compile(r"\]\((\.\./examples/paper/README\.md)(?:#[\w-]+)?\)")
+OUTSIDE = re.compile(r"\]\((\.\./[\w/]+\.md)(?:#[\w-]+)?\)")
+"""Links to Markdown outside of the documentation."""
 
 SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Yields|Source):.*")
 
@@ -60,7 +61,7 @@ SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Yields|Source):.*")
 def fill_tables(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put tables in the place of comments, made from the code, so that nothing is written twice."""
     text = TABLES.sub(_tables, source[0])
-    source[0] = PAPER.sub(r"](path:\1)", text)  # which is no page of these
+    source[0] = OUTSIDE.sub(r"](path:\1)", text)
 
 
 def _tables(match: re.Match[str]) -> str:
