@@ -26,7 +26,6 @@ from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
-from wbc.walking.plans.footsteps import SoleSizes
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference
 from wbc.walking.tasks import WalkTasks
@@ -64,8 +63,7 @@ class Balance:
         self._dt = control.controller.dt
         self._omega = natural_frequency(height)
         self._divisor = scalar(self._omega)
-        left, right = robot.soles
-        self._sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
+        left, _ = robot.soles
         assert isinstance(tasks.com, StabilizerTask)
         self._task = tasks.com
         self.stabilizer = tasks.com.stabilizer
@@ -87,8 +85,6 @@ class Balance:
         self._driven = self._omega  # natural frequency of the pendulum at the height that is set, 1/s
         self._dcm = np.zeros(3)  # as measured, with its bias
         self._bias: Array | None = None
-        # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control).
-        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
 
     @property
     def hands(self) -> Hands:
