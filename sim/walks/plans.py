@@ -161,13 +161,21 @@ class WalkPlan:
         return [(x, y) for x, y, _ in places]
 
 
-def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, advice: str) -> None:
-    """Raise an `InputError` for a velocity that the steps of a walk do not give, which is named, with an advice."""
+def check_velocity(
+    velocity: Velocity, limits: VelocityLimits, what: str, advice: str, *, together: bool = False
+) -> None:
+    """Raise an `InputError` for a velocity that the steps of a walk do not give, which is named, with an advice.
+
+    With `together` the parts share what there is: the squares of their shares of the limits are at most 1 in sum.
+    """
     x, y, turn = velocity
-    if not (-limits.back <= x <= limits.forward and abs(y) <= limits.aside and abs(turn) <= limits.turn):
+    parts = (x, limits.forward if x >= 0.0 else limits.back), (y, limits.aside), (turn, limits.turn)
+    shares = [abs(part) / most if most > 0.0 else math.inf if part else 0.0 for part, most in parts]
+    if (math.hypot(*shares) if together else max(shares)) > 1.0 + ROUNDING:
+        both = ", and less of each where they come together" if together else ""
         raise InputError(
             f"{what} give velocities of at most {limits.forward:.3g} m/s forward, {limits.back:.3g} back, "
-            f"{limits.aside:.3g} aside and {limits.turn:.3g} rad/s, got ({x:g}, {y:g}, {turn:g}){advice}"
+            f"{limits.aside:.3g} aside and {limits.turn:.3g} rad/s{both}, got ({x:g}, {y:g}, {turn:g}){advice}"
         )
 
 

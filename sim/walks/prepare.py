@@ -106,7 +106,7 @@ def prepare(
     free = settings.kinds == ("free",) or ("free" in settings.kinds and not given)
     walked = steps if given or not free else replace(steps, steps=())
     if plan.velocity is not None and not free:
-        check_velocity(plan.velocity, settings.drive.limits, "planned steps", FASTER)
+        check_velocity(plan.velocity, settings.drive.limits, "planned steps", FASTER, together=True)
     try:
         walking = WalkingControl(model, walked, period, settings, extent=extent)
     except InputError as error:

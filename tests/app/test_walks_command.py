@@ -133,6 +133,7 @@ def test_a_velocity_goes_to_the_steps_that_give_it_or_is_refused_with_that_advic
     assert spec_of(*fast)["mode"] == "torque"
     assert spec_of("--robot", "g1", "--velocity", "0.25", "0", "0")["mode"] == "torque"
     assert spec_of("--velocity", "0.25", "0", "0")["mode"] == "position"
+    assert spec_of("--velocity", "0.25", "0.15", "0")["mode"] == "torque"
     capsys.readouterr()
     for words in (
         (*fast, "--mode", "position"),

@@ -320,3 +320,27 @@ def test_stairs_of_the_ground_are_climbed() -> None:
         assert step.z == pytest.approx(float(ground.height(step.x, step.y)), abs=1e-9)
         for dx in (-0.08, 0.08):  # the whole sole stands on one stair
             assert float(ground.height(step.x + dx, step.y)) == pytest.approx(step.z, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "planned"),
+    [
+        ((0.3, 0.0, 0.0), True),
+        ((0.21, 0.14, 0.0), True),
+        ((-0.2, 0.1, 0.0), True),
+        ((0.31, 0.0, 0.0), False),
+        ((0.25, 0.15, 0.0), False),  # each part is within its limit; together the robot falls
+        ((-0.3, -0.1, 0.0), False),
+        ((0.0, 0.0, 0.51), False),
+    ],
+)
+def test_a_velocity_that_planned_steps_do_not_give_is_refused_with_the_way_to_free_ones(
+    velocity: tuple[float, float, float], planned: bool
+) -> None:
+    plan = WalkPlan(velocity=velocity, steps=3)
+    if planned:
+        assert not WalkSpec(mode="position", plan=plan).free
+    else:
+        with pytest.raises(InputError, match=r"got \(.*free steps walk faster: mode='torque'"):
+            WalkSpec(mode="position", plan=plan)
+    assert WalkSpec(mode="torque", plan=plan).free
