@@ -212,6 +212,8 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     # which second differences make metres.
     com = BodyMotion.of(robot, q, RATE).com
     q[:, 3:7] = _straightened(robot, q, share)
+    # An arm that hung down from a trunk that was bent is further from hanging below one that is upright.
+    q[:, 7:] = _drawn_in(robot, MotionClip.of(robot, q, RATE), share).joints
     com[:, 2] = BodyMotion.of(robot, q, RATE).com[:, 2]
     com = gaussian_filter1d(com, 0.02 * RATE, axis=0, mode="nearest")
     supports = supports_on(robot, soles, standing)
