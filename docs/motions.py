@@ -15,14 +15,15 @@ from typing import Any
 
 import numpy as np
 from made_motions import make_motion
+from made_person import make_person
 
 import wbc
 from wbc.base.settings import to_json
-from wbc.motion import make_feasible
+from wbc.motion import make_feasible, retarget
 from wbc.sim.balance.tracking import TrackSpec, track_motion
 
-CLIPS = {"arms": 3, "dance": 3, "waist": 3, "squat": 3, "one_leg": 4, "steps": 4}
-"""Motion → number of clips, seeds from 0 on: 20 in all."""
+CLIPS = {"arms": 3, "dance": 3, "waist": 3, "squat": 3, "one_leg": 4, "steps": 4, "person": 1}
+"""Motion → number of clips, seeds from 0 on: 20 of robots, and one of a person."""
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 
@@ -61,7 +62,13 @@ def track(
                 if not missing:
                     continue
                 model = wbc.load_robot(robot).robot()
-                feasible = make_feasible(model, make_motion(model, motion, seed))
+                person = motion == "person"
+                made = (
+                    retarget(make_person(seed=seed), model).clip
+                    if person
+                    else make_motion(model, motion, seed)
+                )
+                feasible = make_feasible(model, made)
                 for mode in missing:
                     result = track_motion(feasible.clip, TrackSpec(robot=robot, seed=seed, mode=mode))  # type: ignore[arg-type]
                     yield to_json(result) | {"clip": motion, "seed": seed, "stretched": feasible.stretched}

@@ -37,7 +37,6 @@ STANDING = (
 WALKING = (
     "walk",
     "walk_soles",
-    "walk_seeing",
     "walk_stairs",
     "walk_stones",
     "drive",
@@ -222,12 +221,6 @@ def test_step_over_stones_comes_through_a_push(load: Load) -> None:
 def test_walk_climbs(load: Load) -> None:
     result = walk(load("walk_stairs"), "--stairs", "1", "--rise", "0.04")
     assert result["climbed_mm"] == pytest.approx(40.0, abs=8.0)
-
-
-@pytest.mark.slow
-def test_walk_climbs_what_it_sees(load: Load) -> None:
-    result = walk(load("walk_seeing"), "--distance", "0.9", "--rise", "0.04")
-    assert result["climbed_mm"] > 30.0
 
 
 @pytest.mark.slow
