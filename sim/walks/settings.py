@@ -23,7 +23,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.walking.lipm.phases import PhaseSettings
 from wbc.walking.lipm.preview import PreviewSettings
 from wbc.walking.lipm.walk import WalkSettings
-from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.settings import Kind, WalkingControlSettings
 
 PRESETS = ("default", "frizza", "no_bias")
 """Names of presets: the best settings on all soles, the law of the paper, and the same without bias estimate, with the
@@ -113,6 +113,35 @@ def checked_changes(preset: str, changes: Changes) -> Changes:
         if path in DERIVED:
             raise InputError(f"'{path}' is not a setting to be changed, it follows from {DERIVED[path]}")
     return normal
+
+
+OF_KIND: dict[Kind, tuple[str, ...]] = {
+    "planned": (
+        "drive",
+        "walk",
+        "gains",
+        "distribution",
+        "lean",
+        "bias",
+        "tasks",
+        "load",
+        "hands",
+        "feedforward",
+    ),
+    "free": ("stepping",),
+}
+"""Kind of steps → settings that count in these alone."""
+
+
+def check_read(changes: Changes, trial: TrialSettings) -> None:
+    """Refuse changes of settings of a kind of steps that a walk does not take."""
+    for kind, groups in OF_KIND.items():
+        for path, _ in changes if kind not in trial.kinds else ():
+            if path.partition(".")[0] in groups:
+                takes = "mode='torque'" if kind == "free" else "step_kind='planned'"
+                raise InputError(
+                    f"'{path}' is a setting of {kind} steps, all steps are {trial.kinds[0]} here: {takes} for others"
+                )
 
 
 OLD_PLACES = {

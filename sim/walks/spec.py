@@ -27,7 +27,14 @@ from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import CONTROL_PERIOD, TrialSpec
 from wbc.sim.walks.plans import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
-from wbc.sim.walks.settings import Eyes, TrialSettings, checked_changes, trial_settings, without_law
+from wbc.sim.walks.settings import (
+    Eyes,
+    TrialSettings,
+    check_read,
+    checked_changes,
+    trial_settings,
+    without_law,
+)
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
 from wbc.walking.plans.gait import Gait
 
@@ -120,7 +127,9 @@ class WalkSpec(TrialSpec):
             )
         store("foot_changes", _foot_changes(self.foot, self.foot_changes))
         store("changes", checked_changes(self.gains, self.changes))
-        kinds, given = self.settings().kinds, self.plan.stairs is not None or self.plan.footsteps is not None
+        trial = self.settings()
+        check_read(self.changes, trial)
+        kinds, given = trial.kinds, self.plan.stairs is not None or self.plan.footsteps is not None
         store("_free", "free" in kinds and not ("planned" in kinds and given))
         ground = self.ground()
         store("terrain_params", _as_used(ground, self.terrain_params))

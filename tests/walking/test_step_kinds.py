@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.walks.settings import without_law
 from wbc.walking import (
     FootstepPlan,
+    Gait,
     LoadSettings,
     WalkingControl,
     WalkingControlSettings,
@@ -195,6 +197,20 @@ def test_a_distance_is_a_goal_and_footsteps_that_are_given_stay(robot: str, foot
     for changes in ((), (("step_kind", "free"),)):
         given = replace(spec, changes=changes, plan=WalkPlan(footsteps=walk.way.steps[:2])).prepare()
         assert given.plan.steps[:2] == walk.way.steps[:2]
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"changes": {"stepping.width": 0.4}}, "'stepping.width' is a setting of free steps.*mode='torque'"),
+        ({"mode": "torque", "changes": {"step_kind": "free", "gains.dcm_p": 5.0}}, "'gains.dcm_p'.*planned"),
+        ({"mode": "torque", "changes": {"step_kind": "free"}, "gait": Gait(apex=0.5)}, "no gait, got apex"),
+        ({"mode": "torque", "gains": "frizza", "changes": {"stepping.width": 0.4}}, "'stepping.width'"),
+    ],
+)
+def test_settings_of_steps_that_are_not_taken_are_refused(given: dict[str, Any], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        WalkSpec(plan=WalkPlan(distance=0.5), **given)
 
 
 @pytest.mark.slow
