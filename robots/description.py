@@ -18,15 +18,15 @@ from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 from wbc.core.drive.servos import Servos
+from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
-from wbc.core.robot import Closure, Coupling, Robot, Sole, driven_names, joints_to
+from wbc.core.robot import Closure, Coupling, Robot, driven_names, joints_to
 from wbc.robots import frames, moving, urdf
 from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, read_gains
 from wbc.robots.derivation.soles import mesh_folders
-from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.report import doubts, facts, report
 
@@ -73,7 +73,7 @@ class RobotDescription:
 
     name: str
     urdf: str
-    soles: tuple[SoleDescription, ...]
+    soles: tuple[Sole, ...]
     half_sitting: Mapping[str, float]
     armature: Mapping[str, float]
     imu: FrameDescription
@@ -150,7 +150,7 @@ class RobotDescription:
 
         Args:
             source: URDF, a path or the XML itself.
-            left_sole: Frame of the URDF (link or fixed joint), or a placement in a link; a `SoleDescription` gives
+            left_sole: Frame of the URDF (link or fixed joint), or a placement in a link; a `Sole` gives
                 the rectangle, too. None for both: a robot without feet, for a `Controller` of its own.
             right_sole: Same for the right foot.
             name: Name of the robot; that in the URDF when None.
@@ -206,7 +206,7 @@ class RobotDescription:
 
         Args:
             source: MJCF, a path or the XML itself, an `mujoco.MjSpec` (not changed) or a compiled `mujoco.MjModel`.
-            left_sole: Body, site or geom of the left foot, or a `SoleDescription`; the lowest limbs when None.
+            left_sole: Body, site or geom of the left foot, or a `Sole`; the lowest limbs when None.
             right_sole: Same for the right foot.
             name: As in `from_urdf`.
             sole_size: Length and width of both soles, m; from the geoms that can touch the ground when None.
@@ -269,7 +269,7 @@ class RobotDescription:
         model = self.pinocchio_model()
         return Robot(
             model,
-            [Sole(sole.name, sole.frame, sole.length, sole.width) for sole in self.soles],
+            self.soles,
             self._half_sitting_configuration(),
             torso_frame=self.torso,
             imu_frame=self.imu.frame,

@@ -22,9 +22,9 @@ from wbc.base.errors import InputError, shown_path
 from wbc.base.files import decoding, read_toml, read_xml, write_text
 from wbc.base.registry import call_checked
 from wbc.base.settings import from_json
+from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
-from wbc.robots.frames import FrameDescription, SoleDescription
 
 ENDINGS = (".toml", ".xml", ".mjcf", ".urdf")
 """Endings of the files that describe a robot."""
@@ -80,7 +80,7 @@ def _typed(name: str, value: Any) -> Any:
     """Return a plain value of a TOML as the readers take it: tables as frames and rules, lists as tuples."""
     if isinstance(value, Mapping) and name in ("left_sole", "right_sole", "imu"):
         if "length" in value:
-            return from_json(SoleDescription, {"frame": name, "name": name.replace("sole", "foot"), **value})
+            return from_json(Sole, {"frame": name, "name": name.replace("sole", "foot"), **value})
         return from_json(FrameDescription, {"frame": name, **value})
     if isinstance(value, Mapping) and name == "servo":
         return from_json(ServoRule, value)

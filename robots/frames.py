@@ -1,63 +1,19 @@
-"""Frames and soles as data: a name, the link that carries it and where it sits in that link."""
+"""Frames of links in a Pinocchio model, and the names of soles."""
 
 from __future__ import annotations
 
-from dataclasses import field
-from typing import Annotated, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
-import numpy as np
 import pinocchio as pin
-from pydantic import Field
 
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import ROUNDING
-from wbc.base.settings import settings
+from wbc.core.frames import FrameDescription
 
-Triple: TypeAlias = tuple[float, float, float]
 SoleName: TypeAlias = Literal["left_foot", "right_foot"]
-
-SoleSide: TypeAlias = Annotated[float, Field(gt=0.0, le=2.0)]
-"""Length or width of a sole, m; what is longer was given in another unit."""
 
 SOLE_NAMES: tuple[SoleName, SoleName] = ("left_foot", "right_foot")
 """Names of the soles, always in this order."""
-
-
-@settings
-class FrameDescription:
-    """A frame at a fixed placement in a link.
-
-    Attributes:
-        frame: Name; that of the link itself, of a frame of the URDF at this very place, or a new one.
-        link: Link that carries it.
-        translation: Origin in the link frame, m.
-        rpy: Roll, pitch, yaw about the fixed axes of the link frame, rad, as in URDF.
-    """
-
-    frame: str
-    link: str
-    translation: Annotated[Triple, "m"] = (0.0, 0.0, 0.0)
-    rpy: Annotated[Triple, "rad"] = (0.0, 0.0, 0.0)
-
-    @property
-    def placement(self) -> pin.SE3:
-        """Placement in the link frame."""
-        return pin.SE3(pin.rpy.rpyToMatrix(*self.rpy), np.array(self.translation))
-
-
-@settings
-class SoleDescription(FrameDescription):
-    """A rectangular sole; its frame lies at the centre, x forward, z up and away from the ground.
-
-    Attributes:
-        name: "left_foot" or "right_foot".
-        length: Extent along x, m.
-        width: Extent along y, m.
-    """
-
-    name: SoleName = field(kw_only=True)
-    length: Annotated[SoleSide, "m"] = field(kw_only=True)
-    width: Annotated[SoleSide, "m"] = field(kw_only=True)
 
 
 def frame_at(name: str, link: str, placement: pin.SE3) -> FrameDescription:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TypedDict
 
+from wbc.core.frames import FrameDescription
 from wbc.core.robot import Closure
 from wbc.robots.derivation.servo import ServoRule
-from wbc.robots.frames import FrameDescription
 
 
 class DescriptionOptions(TypedDict, total=False):

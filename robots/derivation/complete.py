@@ -11,11 +11,11 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import ROUNDING, finite_scalar, non_negative, positive
+from wbc.core.frames import FrameDescription
 from wbc.core.robot import GRAVITY, Closure, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import defaults, inertia, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
-from wbc.robots.frames import FrameDescription
 from wbc.robots.options import DescriptionOptions
 
 SoleFinder = Callable[[urdf.Element, pin.Model, float, list[str]], defaults.Soles]
@@ -212,7 +212,7 @@ def _refuse_at_ankle(model: pin.Model, soles: defaults.Soles, notes: list[str]) 
             why = said[0] if said else f"link '{sole.link}' has no geometry that says where the ground is"
             raise ModelError(
                 f"{sole.name}: the sole would lie at the ankle, {1e3 * ankle:.1f} mm from the last joint of the leg; "
-                f"{why}: give a frame at the sole, a SoleDescription, or package_dirs where its meshes are; "
+                f"{why}: give a frame at the sole, a Sole, or package_dirs where its meshes are; "
                 "sole_size tells geometry in a wrong unit"
             )
 

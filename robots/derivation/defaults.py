@@ -25,14 +25,15 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import non_negative
+from wbc.core.frames import FrameDescription, Sole
 from wbc.core.robot import GRAVITY, driven_names, is_floating, joints_to
 from wbc.robots import frames
 from wbc.robots.derivation import posture
 from wbc.robots.derivation.soles import UNITS, no_sole, plausible, sole_rectangle
-from wbc.robots.frames import FrameDescription, SoleDescription, SoleName
+from wbc.robots.frames import SoleName
 from wbc.robots.urdf import Element
 
-Soles: TypeAlias = tuple[SoleDescription, ...]
+Soles: TypeAlias = tuple[Sole, ...]
 """Left and right sole; none of a robot without feet."""
 
 SOLE_RATIO = (0.152 / 0.530, 0.055 / 0.530)
@@ -109,13 +110,13 @@ def complete_sole(
     size: tuple[float, float] | None,
     package_dirs: tuple[str, ...],
     notes: list[str],
-) -> SoleDescription:
+) -> Sole:
     """Return a sole with its frame and rectangle; `notes` gets a line for each rule that was used.
 
     What is given is a frame of the URDF, a placement in a link, or the whole description; `size` is length and width,
     m, from the geometry of the foot when None.
     """
-    if isinstance(given, SoleDescription):
+    if isinstance(given, Sole):
         if given.name != name:
             raise InputError(f"the sole given for '{name}' is called '{given.name}'")
         frames.body_frame(model, given.link)
@@ -169,9 +170,7 @@ def complete_sole(
         x, y, z = np.round(centre * 1e3) + 0.0
         notes.append(f"{name}: sole frame '{frame}' at ({x:.0f}, {y:.0f}, {z:.0f}) mm from '{given}'")
     place = frames.frame_at(frame, link, placement)
-    return SoleDescription(
-        place.frame, place.link, place.translation, place.rpy, name=name, length=length, width=width
-    )
+    return Sole(place.frame, place.link, place.translation, place.rpy, name=name, length=length, width=width)
 
 
 def check_sides(model: pin.Model, soles: Soles) -> None:

@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
+from wbc.core.frames import Sole
 from wbc.core.robot import Closure, driven_joints, driven_names, joints_to
-from wbc.robots.frames import SoleDescription
 
 INSIDE = 0.05
 """Distance from joint limits at half-sitting, share of the range: a posture on a limit would keep it active."""
@@ -137,7 +137,7 @@ def close(
     return dict(zip(names, place.tolist(), strict=True))
 
 
-def stands(model: pin.Model, soles: tuple[SoleDescription, ...], joints: Mapping[str, float]) -> bool:
+def stands(model: pin.Model, soles: tuple[Sole, ...], joints: Mapping[str, float]) -> bool:
     """Return True if a posture can serve as half-sitting: inside all limits, soles flat, knees bent, balanced."""
     names = driven_names(model)
     values = np.array([joints[name] for name in names])
@@ -199,7 +199,7 @@ def check_posture(model: pin.Model, soles: tuple[str, ...], q: Array) -> None:
         )
 
 
-def check_balance(model: pin.Model, soles: tuple[SoleDescription, ...], q: Array) -> None:
+def check_balance(model: pin.Model, soles: tuple[Sole, ...], q: Array) -> None:
     """Refuse a centre of mass that is not above the rectangle around both soles: the robot would tip over at once."""
     left, right, com = _feet(model, (soles[0].frame, soles[1].frame), q)
     corners = [

@@ -7,9 +7,10 @@ from importlib import metadata
 from pathlib import Path
 
 from wbc.base.errors import InputError
+from wbc.core.frames import FrameDescription, Sole
 from wbc.core.robot import SIDES
 from wbc.robots.description import RobotDescription
-from wbc.robots.frames import SOLE_NAMES, FrameDescription, SoleDescription
+from wbc.robots.frames import SOLE_NAMES
 
 DISTRIBUTION = "example-robot-data"
 
@@ -48,7 +49,7 @@ def talos() -> RobotDescription:
             for i, value in arm.items()
         }
     left, right = (
-        SoleDescription(
+        Sole(
             f"{side}_sole",
             f"{side}_sole_link",
             translation=(-0.0054, 0.0, 0.0),

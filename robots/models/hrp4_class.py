@@ -32,9 +32,10 @@ import math
 from functools import cache
 from pathlib import Path
 
+from wbc.core.frames import FrameDescription, Sole
 from wbc.core.robot import SIDES
 from wbc.robots.description import RobotDescription
-from wbc.robots.frames import SOLE_NAMES, FrameDescription, SoleDescription
+from wbc.robots.frames import SOLE_NAMES
 
 FILE = Path(__file__).with_suffix(".urdf")
 """The robot as URDF, without meshes."""
@@ -50,7 +51,7 @@ def describe() -> RobotDescription:
         **{f"{side}_elbow_pitch": math.radians(-30.0) for side in SIDES},
     }
     left, right = (
-        SoleDescription(
+        Sole(
             frame=f"{side}_sole",
             link=f"{side}_foot",
             translation=(0.020, 0.0, -0.093),

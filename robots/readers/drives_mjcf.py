@@ -10,8 +10,9 @@ import numpy as np
 
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
+from wbc.core.frames import FrameDescription
 from wbc.robots.derivation.defaults import ASIDE
-from wbc.robots.frames import FrameDescription, frame_at
+from wbc.robots.frames import frame_at
 from wbc.robots.readers.actuators_mjcf import (
     JointActuator,
     acts,

@@ -12,8 +12,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from wbc.base.errors import ModelError, unknown_name
 from wbc.base.numbers import ROUNDING, Array
+from wbc.core.frames import Sole
 from wbc.robots.derivation.soles import SLICE, no_sole, plausible
-from wbc.robots.frames import SoleDescription, SoleName, frame_at
+from wbc.robots.frames import SoleName, frame_at
 from wbc.robots.readers.tree_mjcf import Tree
 
 FLAT = np.cos(np.radians(1.0))
@@ -38,7 +39,7 @@ def find_soles(
     names: tuple[str | None, str | None],
     size: tuple[float, float] | None,
     turn: float = 0.0,
-) -> tuple[SoleDescription, SoleDescription]:
+) -> tuple[Sole, Sole]:
     """Return the soles; `tree` gets a note for each rule that was used.
 
     Feet are named by body, site or geom; None for the two lowest ends of limbs. `size` is length and width, m, from the
@@ -188,7 +189,7 @@ def _sole(
     name: SoleName,
     foot: FootGeoms,
     size: tuple[float, float] | None,
-) -> SoleDescription:
+) -> Sole:
     model = tree.model
     link = tree.body_name(foot.body)
     if not foot.geoms and (size is None or foot.origin is None):
@@ -235,9 +236,7 @@ def _sole(
         length, width = size
     place = body.inverse() * pin.SE3(axes, centre)
     frame = frame_at(f"{name}_sole", link, place)
-    return SoleDescription(
-        frame.frame, frame.link, frame.translation, frame.rpy, name=name, length=length, width=width
-    )
+    return Sole(frame.frame, frame.link, frame.translation, frame.rpy, name=name, length=length, width=width)
 
 
 def _kinds(model: mujoco.MjModel, geoms: list[int]) -> str:

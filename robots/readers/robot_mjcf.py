@@ -11,10 +11,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import ModelError
+from wbc.core.frames import FrameDescription, Sole
 from wbc.robots import urdf
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
-from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import drives_mjcf, feet_mjcf, loops_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
@@ -98,10 +98,10 @@ def fields(
         tree.notes = remarks
         described = [sole if isinstance(sole, FrameDescription) else None for sole in given]
         names = tuple(sole if isinstance(sole, str) else None for sole in given)
-        if all(isinstance(sole, SoleDescription) for sole in described):
+        if all(isinstance(sole, Sole) for sole in described):
             return described[0], described[1]  # type: ignore[return-value]
         if any(described):
-            raise ModelError("give both soles as a SoleDescription, or none")
+            raise ModelError("give both soles as a Sole, or none")
         return feet_mjcf.find_soles(tree, (names[0], names[1]), sole_size, turn)
 
     where = "MjSpec"

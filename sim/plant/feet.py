@@ -13,6 +13,7 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError
 from wbc.base.numbers import ROUNDING, Array
+from wbc.core.frames import Sole
 from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
@@ -20,7 +21,6 @@ from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import urdf
 from wbc.robots.description import RobotDescription
-from wbc.robots.frames import SoleDescription
 from wbc.robots.registry import as_description
 from wbc.sim.terrain.render import TERRAIN_GROUP
 
@@ -88,7 +88,7 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
             continue
         link, _ = description.attachment(sole.frame)
         soles.append(
-            SoleDescription(
+            Sole(
                 frame=sole.frame if unchanged else f"{sole.name}_fitted",
                 link=sole.link if unchanged else link,
                 translation=sole.translation if unchanged else fitted.translation,

@@ -15,7 +15,8 @@ from wbc.core.estimation.inertial import InertialFilter
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.estimation.wrenches import WrenchEstimator
-from wbc.core.robot import GRAVITY, Robot, Sole
+from wbc.core.frames import Sole
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
 
@@ -55,7 +56,9 @@ def biped() -> Robot:
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     q[2] -= data.oMf[model.getFrameId("left_sole")].translation[2]
-    soles = [Sole(f"{s}_foot", f"{s}_sole", 0.2, 0.1) for s in ("left", "right")]
+    soles = [
+        Sole(f"{s}_sole", f"{s}_sole", name=f"{s}_foot", length=0.2, width=0.1) for s in ("left", "right")
+    ]
     return Robot(model, soles, q, torso_frame="imu", imu_frame="imu")
 
 

@@ -16,10 +16,10 @@ import pytest
 
 from wbc.base.errors import InputError, ModelError, UnknownNameError
 from wbc.core.drive.servos import ANKLE_SHARE
+from wbc.core.frames import FrameDescription
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
-from wbc.robots.frames import FrameDescription
 from wbc.robots.report import standing_torques
 
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06

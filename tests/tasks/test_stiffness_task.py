@@ -14,7 +14,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from properties import examples
 
 from wbc.base.errors import WbcError
-from wbc.core.robot import Robot, Sole
+from wbc.core.frames import Sole
+from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.feet import StiffnessActuator
 from wbc.feet.sensing.roughness import roughness
@@ -48,7 +49,10 @@ def floating_feet() -> Robot:
     joint = model.addJoint(root, pin.JointModelRX(), pin.SE3.Identity(), "dummy")
     model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
     q = pin.neutral(model)
-    soles = [Sole("left_foot", "left_sole", 0.278, 0.1045), Sole("right_foot", "right_sole", 0.278, 0.1045)]
+    soles = [
+        Sole(f"{side}_sole", f"{side}_sole", name=f"{side}_foot", length=0.278, width=0.1045)
+        for side in ("left", "right")
+    ]
     return Robot(model, soles, q)
 
 

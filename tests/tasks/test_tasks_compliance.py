@@ -13,9 +13,10 @@ from task_factory import integrate, left_hand, make_robot, near_half_sitting
 
 from wbc.base.errors import MeasurementError
 from wbc.base.numbers import Array
+from wbc.core.frames import Sole
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import Robot, Sole
+from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks import AdmittanceTask, ComplianceTask, CoMTask, ImpedanceTask, PoseTask, PostureTask
 
@@ -26,7 +27,8 @@ TARGET = np.array([15.0, -4.0, 30.0, 1.0, -2.0, 0.5])
 def robot_with_palm() -> Robot:
     """hrp4_class with a third sole, on the left hand: a foot that can press on something while the robot stands."""
     robot = make_robot("hrp4_class")
-    palm = Sole("palm", left_hand(robot), 0.1, 0.08)
+    hand = left_hand(robot)
+    palm = Sole(hand, hand, name="palm", length=0.1, width=0.08)
     return Robot(robot.model, (*robot.soles, palm), robot.half_sitting, frames=robot.frames)
 
 

@@ -18,8 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError, shown, unknown_name
 from wbc.base.numbers import Array, finite_array, finite_scalar, scalar
-from wbc.base.settings import NonNegative, Positive, Triple, settings
+from wbc.base.settings import NonNegative, Triple
 from wbc.core.drive.servos import Servos
+from wbc.core.frames import Sole
 
 GRAVITY = 9.80665
 """Standard gravity, m/s² (ISO 80000-3); Pinocchio and MuJoCo models are both set to it."""
@@ -51,23 +52,6 @@ UNIT = 1e-3
 
 BASE_DOF = 6
 """Velocity coordinates of the floating base: linear, then angular, both in the base frame."""
-
-
-@settings
-class Sole:
-    """A rectangular sole.
-
-    Attributes:
-        name: Name in contacts and measurements, "left_foot" or "right_foot".
-        frame: Model frame at the centre of the rectangle: x forward, z away from the ground.
-        length: Extent along x, m.
-        width: Extent along y, m.
-    """
-
-    name: str
-    frame: str
-    length: Annotated[Positive, "m"]
-    width: Annotated[Positive, "m"]
 
 
 class _View:
