@@ -61,6 +61,7 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: g1().clone().update(g1().half_sitting, [0.0]), InputError, "shapes"),  # type: ignore[arg-type]
     (lambda: g1().clone().update(turned(1.1), np.zeros(g1().nv)), InputError, "quaternion.*1.1"),
     (lambda: g1().clone().update_kinematics(turned(0.0), np.zeros(g1().nv)), InputError, "quaternion"),
+    (lambda: g1().clone().update(turned(NAN), np.zeros(g1().nv)), InputError, "quaternion"),
     (
         lambda: wbc.PositionControl(balance_controller(g1().clone(), 0.002)).reset(turned(1.1)),
         InputError,

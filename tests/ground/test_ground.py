@@ -318,6 +318,7 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
         (lambda: ElevationMap(np.zeros((5, 5)), 0.02, max_age=math.nan), "max_age"),
         (lambda: ElevationMap(np.zeros((5, 5)), 0.02, frame=7), "frame"),
         (lambda: ElevationMap([["low"]], 0.02), "heights"),
+        (lambda: ElevationMap(np.zeros((5, 5)), 0.02, (0.0, 0.0, 90.0)), "pose"),
         (lambda: ElevationMap(np.zeros(5), 0.02), "heights"),
         (lambda: ElevationMap(np.zeros((5, 5)), 0.0), "cell"),
         (lambda: known()[1].add(ElevationMap(np.zeros((5, 5)), 0.02)), "sole"),

@@ -242,15 +242,21 @@ def refusal(what: str, unit: str, error: ValidationError, value: Any, of_union: 
     """Return the error of a value, `what`, that its annotation refuses; of a union, with the rules of its members."""
     errors = error.errors(include_url=False)
     first = max(errors, key=lambda each: len(each["loc"])) if of_union else errors[0]
-    place, inner = "", value
     if isinstance(cause := first.get("ctx", {}).get("error"), InputError):
         return cause
-    for part in first["loc"]:  # names of members of a union are no places in the value
-        if isinstance(part, int) or (isinstance(inner, Mapping) and part in inner):
+    place = _place_in(value, first["loc"])
+    same = [each for each in errors if _place_in(value, each["loc"]) == place]
+    return _sentence(f"{what}{place}", unit, [*dict.fromkeys(map(_rule, same))], first)
+
+
+def _place_in(value: Any, loc: Sequence[int | str]) -> str:
+    """Return a place in a value, such as "['left_knee'][1]"; names of members of a union are none."""
+    place = ""
+    for part in loc:
+        if isinstance(part, int) or (isinstance(value, Mapping) and part in value):
             place += f"[{part!r}]"
-            inner = inner[part] if isinstance(inner, Mapping) else None
-    rules = dict.fromkeys(map(_rule, errors if of_union and not place else [first]))
-    return _sentence(f"{what}{place}", unit, [*rules], first)
+            value = value[part] if isinstance(value, Mapping) else None
+    return place
 
 
 def _rule(error: Mapping[str, Any]) -> str:

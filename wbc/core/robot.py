@@ -479,7 +479,7 @@ class Robot:
         if not self.floating:
             return
         x, y, z, w = self._quaternion.tolist()
-        if abs(x * x + y * y + z * z + w * w - 1.0) > 2.0 * UNIT:
+        if not abs(x * x + y * y + z * z + w * w - 1.0) <= 2.0 * UNIT:  # or NaN
             _refuse_quaternion("configuration", self._quaternion)
 
     def check_configuration(self, what: str, value: ArrayLike) -> Array:

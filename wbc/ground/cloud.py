@@ -14,7 +14,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
-from wbc.base.settings import Number, Positive
+from wbc.base.settings import Angle, Number, Positive
 
 WORLD = "world"
 """Frame of clouds and maps that are in the frame of the robot's estimate."""
@@ -155,7 +155,7 @@ class ElevationMap:
 
     heights: Array
     cell: Annotated[Positive, "m"]
-    pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    pose: tuple[Number, Number, Angle] = (0.0, 0.0, 0.0)
     time: Annotated[Number, "s"] = 0.0
     frame: str = WORLD
     max_age: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "s"] = np.inf
