@@ -16,7 +16,7 @@ from wbc.robots import urdf
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
 from wbc.robots.options import DescriptionOptions
-from wbc.robots.readers import drives_mjcf, feet_mjcf, loops_mjcf, shapes_mjcf, tree_mjcf
+from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
 from wbc.robots.report import UNMODELLED, listed
 
@@ -45,16 +45,16 @@ def fields(
     lock = options.pop("lock", None) or {}
     tree = tree_mjcf.find_tree(model, root, lock, fixed)
     passive = drives_mjcf.passive_joints(tree)
-    moved_along = passive.keys() & loops_mjcf.joints_of(tree, loops_mjcf.find_loops(tree))
+    moved_along = passive.keys() & chains_mjcf.joints_of(tree, chains_mjcf.find_chains(tree))
     passive = {joint: at for joint, at in passive.items() if joint not in moved_along}
     if passive:
         tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
         tree.notes.append(
             f"{UNMODELLED}{len(passive)} joints without an actuator, passive and taken as fixed: {listed([*passive])}"
         )
-    loops = loops_mjcf.find_loops(tree)
-    tree.ties += [loop.number for loop in loops]
-    idle = sorted(moved_along & loops_mjcf.joints_of(tree, loops))
+    chains = chains_mjcf.find_chains(tree)
+    tree.ties += [chain.number for chain in chains]
+    idle = sorted(moved_along & chains_mjcf.joints_of(tree, chains))
     drives = drives_mjcf.read_drives(tree)
     name = name or _model_name(model) or tree.body_name(tree.root)
     writer = tree_mjcf.write(
@@ -65,7 +65,7 @@ def fields(
             **dict.fromkeys(idle, NO_DRIVE),
         },
     )
-    closures = loops_mjcf.add_closures(writer, tree, loops)
+    closures = chains_mjcf.add_closures(writer, tree, chains)
     given_limits = options.get("torque_limits") or {}
     one_sided = {
         joint: (low, high)

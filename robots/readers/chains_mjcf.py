@@ -16,7 +16,7 @@ from wbc.robots.readers.write_urdf import UrdfWriter
 
 
 @dataclass(frozen=True)
-class Loop:
+class Chain:
     """A closed chain.
 
     Attributes:
@@ -34,7 +34,7 @@ class Loop:
     rotation: bool
 
 
-def find_loops(tree: Tree) -> list[Loop]:
+def find_chains(tree: Tree) -> list[Chain]:
     """Return the closed chains of a robot; an equality that is not active at the start closes none."""
     model, kinds, found = tree.model, mujoco.mjtEq, []
     for i in range(0 if equalities_off(model) else model.neq):
@@ -54,17 +54,17 @@ def find_loops(tree: Tree) -> list[Loop]:
         ends = carrier.get(one), carrier.get(two)
         if ends[0] is not None and ends[1] is not None and ends[0] != ends[1]:
             name = str(model.equality(i).name) or f"equality_{i}"
-            found.append(Loop(i, name, (one, two), (places[0], places[1]), weld))
+            found.append(Chain(i, name, (one, two), (places[0], places[1]), weld))
     return found
 
 
-def joints_of(tree: Tree, loops: list[Loop]) -> set[str]:
+def joints_of(tree: Tree, chains: list[Chain]) -> set[str]:
     """Return the joints between the ends of closed chains."""
     model, names = tree.model, {number: name for name, number in tree.joints.items()}
     found = set()
-    for loop in loops:
+    for chain in chains:
         sides = []
-        for body in loop.ends:
+        for body in chain.ends:
             side, above = set(), body
             while above:
                 side |= {names[joint] for joint in tree.joints_of(above) if joint in names}
@@ -74,20 +74,20 @@ def joints_of(tree: Tree, loops: list[Loop]) -> set[str]:
     return found
 
 
-def add_closures(writer: UrdfWriter, tree: Tree, loops: list[Loop]) -> tuple[Closure, ...]:
+def add_closures(writer: UrdfWriter, tree: Tree, chains: list[Chain]) -> tuple[Closure, ...]:
     """Add a link at each end of closed chains, and return the closures."""
     taken = {str(link.get("name")) for link in writer.root.findall("link")}
     made = []
-    for loop in loops:
+    for chain in chains:
         frames = []
-        for side, (body, place) in enumerate(zip(loop.ends, loop.places, strict=True), 1):
-            frame = f"{loop.name}_{side}"
+        for side, (body, place) in enumerate(zip(chain.ends, chain.places, strict=True), 1):
+            frame = f"{chain.name}_{side}"
             if frame in taken:
-                raise ModelError(f"closure '{loop.name}': a body is called '{frame}', as its end would be")
+                raise ModelError(f"closure '{chain.name}': a body is called '{frame}', as its end would be")
             taken.add(frame)
             writer.link(frame)
             link = tree.body_name(body) if body else WORLD_LINK
             writer.joint(f"{frame}_fixed", "fixed", link, frame, place)
             frames.append(frame)
-        made.append(Closure(loop.name, frames[0], frames[1], loop.rotation))
+        made.append(Closure(chain.name, frames[0], frames[1], chain.rotation))
     return tuple(made)
