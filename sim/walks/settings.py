@@ -171,4 +171,6 @@ def without_law(spec: Mapping[str, Any]) -> dict[str, Any]:
         renamed["step_kind"] = "planned"
     if law != "lipm":
         values["mode"] = mode
+    if law == "stepping":
+        values.pop("gait", None)  # was written, and not read
     return {**values, "changes": renamed} if renamed or "changes" in values else values

@@ -285,5 +285,6 @@ def test_mode_and_load_choose_the_kinds_that_a_robot_may_take() -> None:
 def test_a_spec_of_a_version_with_laws_is_the_same_walk(
     old: dict[str, object], mode: str, changes: dict[str, object]
 ) -> None:
+    assert "gait" not in without_law({"law": "stepping", "gait": {"apex": 0.5}})
     assert without_law({"seed": 3, **old}).get("mode", "position") == mode
     assert without_law({"seed": 3, **old}).get("changes", {}) == changes
