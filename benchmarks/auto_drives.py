@@ -152,7 +152,7 @@ def main() -> None:
         falls, steps = sum(row["outcome"] == "fell" for row in own), sum(row["steps"] for row in own)
         changes = sum(row["orders"]["changes"] for row in own)
         print(
-            f"{robot}: {60.0 * hours:.0f} minutes, {steps} steps, {changes} changes of law, {falls} falls "
+            f"{robot}: {60.0 * hours:.0f} minutes, {steps} steps, {changes} changes of kind, {falls} falls "
             f"(at most {rate_interval(falls, hours)[1]:.1f} an hour)"
         )
 

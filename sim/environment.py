@@ -78,7 +78,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             period: Time for which an action holds, s; rounded to control periods.
             seconds: Length of an episode, s.
             robot: Name of the robot.
-            **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode, law.
+            **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode.
         """
         self._task = choose("task of the environment", task, TASKS)
         for name in ("seed", "plan", "pushes"):
