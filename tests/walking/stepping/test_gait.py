@@ -359,6 +359,22 @@ def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> N
     assert swings(0.9 * s.lost, 1.1 * s.held, 2 * DT)
 
 
+def test_a_foot_in_contact_carries_at_once_where_the_one_that_stood_no_longer_does() -> None:
+    """It has rolled over an edge, or was kicked away."""
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    while not any(waits := [waiting([tick]) for tick in body.run(DT)]):
+        pass
+    tick, gait, s = body.ticks[-1], body.gait, body.gait.constants
+    stance = tick.reference.stance
+    wrenches = [[0.0] * 6, [0.0] * 6]
+    wrenches[stance][2], wrenches[1 - stance][2] = 1.1 * s.held, 1.1 * s.held
+    assert waits and gait.update(tick.state._replace(wrenches=wrenches), tick.frames).stance == stance
+    wrenches[stance][2] = 0.9 * s.held
+    assert gait.update(tick.state._replace(wrenches=wrenches), tick.frames).stance == 1 - stance
+
+
 class EdgeFirst(PointMass):
     """Feet that meet the ground with their inner edge, and lie on it 2 ms later."""
 

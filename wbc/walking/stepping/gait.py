@@ -323,7 +323,7 @@ class SteppingGait:
         swing, landing = self._decide(state, dcm, frames, steps)
         events = (*events, *self._meet(state, dcm, frames, steps, landing))
         self._carry(state, 1 - self.stance)
-        if self._met is not None and self._is_to_carry(dcm, steps):
+        if self._met is not None and self._is_to_carry(state, dcm, steps):
             events = (*events, *self._change_feet(state, dcm, frames, steps.go, landing))
             dcm = self._pendulum(state)
             if self._mode is _Mode.STANDING:
@@ -560,9 +560,12 @@ class SteppingGait:
         else:
             self._carrying = _towards(self._carrying, self._centre_of_pressure(state, swing), self._cop_gain)
 
-    def _is_to_carry(self, dcm: Divergent, steps: StepVelocity) -> bool:
+    def _is_to_carry(self, state: BodyState, dcm: Divergent, steps: StepVelocity) -> bool:
         """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
         assert self._contact is not None
+        loads = state.wrenches
+        if loads[self.stance][2] < self.constants.held < loads[1 - self.stance][2]:
+            return True  # it has rolled over an edge, or was kicked away
         if self._elapsed > self._longest:
             return True
         c, (x, y, _), (p, q, _) = self.constants, self._carrying, self._contact
