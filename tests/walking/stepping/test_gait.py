@@ -501,7 +501,7 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
     swing = body.gait._swing
     ridge = Ridge(swing.landing.x + 0.03)
     body.gait.ground.sight = ridge  # type: ignore[assignment]
-    body.speed[0] += 0.12
+    body.speed[0] += 0.2
     tops = []
     while body.ticks[-1].reference.elapsed < 0.08:
         body.run(body.dt)

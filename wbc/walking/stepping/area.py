@@ -1,4 +1,4 @@
-"""Area of a sole that is believed to hold: where the centre of pressure may go.
+"""Supported area of a sole, as far as it is known: where the centre of pressure may go.
 
 It is a point at first, and grows in all directions while the foot does not turn. Where the foot turns over an edge it
 ends at the measured centre of pressure. On rough ground it is reduced on narrow soles, down to a point: it wins less
@@ -35,7 +35,7 @@ class HeldArea:
         self.forget()
 
     def forget(self) -> None:
-        """Stand on a foot of which nothing is known."""
+        """Begin with a point: nothing is known of the ground under the foot."""
         self.ahead, self.aside = [0.0, 0.0], [0.0, 0.0]
         self._heights: Vector | None = None  # of the ends of the sole's axes
         self._spin = [0.0, 0.0]  # their rates, rad/s

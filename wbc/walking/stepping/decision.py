@@ -88,7 +88,7 @@ class StepDecision:
     """Decision of the step that swings, made anew a few hundred times a second.
 
     Attributes:
-        area: Area of the foot that stands that is believed to hold.
+        area: Supported area of the foot that stands.
         place: Centre of the swing foot when it lands, m.
         end: Time of the step, s.
         cop: Shift of the centre of pressure from the carrying point, along and across the sole, m: that of this tick.
@@ -111,7 +111,7 @@ class StepDecision:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a step, on a foot of which nothing is known."""
+        """Begin a step, on a foot whose supported area is a point."""
         self.area.forget()
         self.cop = self._wanted = 0.0, 0.0
         self._decided = False

@@ -10,7 +10,7 @@ carrying point of the stance foot, with the DCM ξ, the contact point z and the 
 
 17 unknowns: three steps s from foot to foot, shifts d of the centre of pressure in this step and in the next, the time
 as τ/τ*, and the offsets b of ξ from the feet that land. s* are the steps that are asked for, b* and τ* those of their
-orbit. s, d and τ are bounded: by the reach of the legs, by the area of the sole that is believed to hold
+orbit. s, d and τ are bounded: by the reach of the legs, by the supported area of the sole
 (`wbc.walking.stepping.area`), and by the times that a swing needs.
 
 With d = 0 and free places steps alone balance, so that the offset of an orbit is left; with places held and d within a
