@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,8 +23,10 @@ from wbc.core.signals import SIGNALS
 from wbc.robots import load
 from wbc.sim import Machine, TrialHook, WalkPlan, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
+from wbc.sim.studies import Study
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import TrialTick
+from wbc.sim.trial.push import WalkPush
 from wbc.walking import WalkingControl, WalkingControlSettings
 
 QUICK = {
@@ -34,6 +38,10 @@ QUICK = {
 
 QUICK_CHANGES = (("masses +30 %", "position"), ("hard tasks that contradict each other", "torque"))
 """The same of other masses and of what is asked of the robot."""
+
+
+ROOT = Path(__file__).parents[2]
+STUDIES = ("flat_floor", "auto", "rough_ground", "seeing", "stepping", "seeing_stairs", "push_recovery")
 
 
 def cases(names: Iterable[str], quick: Callable[[str, str], bool]) -> list[Any]:
@@ -78,13 +86,14 @@ BLIND = Machine(force_sensors=False, torque_sensors=True)
 
 
 class Doubts(TrialHook):
-    """Collects what the monitor doubts in a walk."""
+    """Collects what the monitor doubts in a walk, until the robot falls."""
 
     def __init__(self) -> None:
         self.found: list[str] = []
 
     def tick(self, tick: TrialTick) -> None:
-        self.found += tick.walking.control.monitor.doubts
+        if tick.walking.fallen is None:
+            self.found += tick.walking.control.monitor.doubts
 
     def start(self, trial: Any) -> None:
         trial.walking.control.watch()
@@ -108,6 +117,30 @@ def test_nothing_is_doubted_of_good_sensors_on_any_ground(ground: dict[str, Any]
     look = Doubts()
     result = walk(WalkSpec(mode=mode, plan=WalkPlan(distance=0.8), **ground), hooks=[look])
     assert result.fall is None and not look.found
+
+
+@pytest.mark.long
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("name", STUDIES)
+def test_nothing_is_doubted_of_good_sensors_in_walks_of_the_studies(name: str, number: int) -> None:
+    """Six trials of each study, up to 1.5 m, each pushed four times: 42 walks and up to 168 pushes."""
+    trials = list(
+        Study.from_json(json.loads((ROOT / "examples" / "studies" / f"{name}.json").read_text())).trials()
+    )
+    rng = np.random.default_rng((STUDIES.index(name), number))
+    spec = trials[int(rng.integers(len(trials)))].spec
+    assert isinstance(spec, WalkSpec)
+    pushes = tuple(
+        WalkPush(impulse=rng.uniform(0.1, 0.6), direction=rng.uniform(-3.1, 3.1), duration=0.1, time=time)
+        for time in (1.5, 3.0, 4.5, 6.0)
+    )
+    plan = (
+        spec.plan if spec.plan.distance is None else replace(spec.plan, distance=min(spec.plan.distance, 1.5))
+    )
+    look = Doubts()
+    walk(replace(spec, plan=plan, pushes=pushes, noise=("none", "realistic")[number % 2]), hooks=[look])
+    assert not look.found
 
 
 @pytest.mark.long
