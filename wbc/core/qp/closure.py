@@ -13,6 +13,7 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
+from wbc.base.vectors import add_cross
 from wbc.core.qp.contact import Contact, ContactOptions
 from wbc.core.qp.motion import Rows
 from wbc.core.robot import Robot
@@ -70,6 +71,8 @@ class LoopClosure(Contact):
         self.other, self.rotation = other, rotation
         self.dim = 6 if rotation else 3
         self.directions = np.eye(self.dim)
+        # What takes a linear and an angular vector of the world to the rows, each of shape (dim, 3).
+        self._turn, self._turn_spin = np.zeros((0, 3)), np.zeros((0, 3)) if rotation else None
         super().__init__(name or f"{frame} to {other}", frame, np.zeros((0, self.dim)), **options)
 
     def bind(self, robot: Robot) -> None:
@@ -121,47 +124,41 @@ class LoopClosure(Contact):
         """
         self.first_order(jacobian, error)
         model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
-        ends, (turn, turn_spin) = (self._id, self._other_id), self._turns()
-        (v1, w1), (v2, w2) = (_parts(pin.getFrameVelocity(model, data, end, world)) for end in ends)
-        (a1, b1), (a2, b2) = (
-            _parts(pin.getFrameClassicalAcceleration(model, data, end, world)) for end in ends
-        )
-        reach = self._there.translation - self._placement.translation
+        one, two = self._id, self._other_id
+        ux, uy, uz, *w1 = pin.getFrameVelocity(model, data, one, world).vector.tolist()
+        vx, vy, vz, *w2 = pin.getFrameVelocity(model, data, two, world).vector.tolist()
+        ax, ay, az, *b1 = pin.getFrameClassicalAcceleration(model, data, one, world).vector.tolist()
+        bx, by, bz, *b2 = pin.getFrameClassicalAcceleration(model, data, two, world).vector.tolist()
+        (tx, ty, tz), (x, y, z) = self._there.translation.tolist(), self._placement.translation.tolist()
+        reach = tx - x, ty - y, tz - z
         # (a₁ + α₁ × r + ω₁ × (ω₁ × r)) − a₂ + 2 ω₁ × (v₂ − v₁ − ω₁ × r)
-        spin = pin.skew(w1)
-        bend = a1 - a2 - pin.skew(reach).dot(b1) + spin.dot(2.0 * (v2 - v1) - spin.dot(reach))
-        np.dot(turn, bend, out=drift)
-        if turn_spin is not None:
-            drift += turn_spin.dot(b1 - b2 + spin.dot(w2))
+        slip = add_cross((2.0 * (vx - ux), 2.0 * (vy - uy), 2.0 * (vz - uz)), reach, w1)
+        bend = add_cross(add_cross((ax - bx, ay - by, az - bz), b1, reach), w1, slip)
+        drift[:] = self._turn.dot(bend)
+        if self._turn_spin is not None:
+            turning = [here - there for here, there in zip(b1, b2, strict=True)]
+            drift += self._turn_spin.dot(add_cross(turning, w1, w2))
 
     def first_order(self, jacobian: Array, error: Array) -> None:
         """Fill the rows without the drift; see `Contact.first_order`."""
         model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
-        turn, turn_spin = self._turns()
+        back = self._placement.rotation.T
+        self._turn = turn = self._lines.dot(back)
         reach = self._there.translation - self._placement.translation
         one = pin.getFrameJacobian(model, data, self._id, world)
         two = pin.getFrameJacobian(model, data, self._other_id, world)
-        np.dot(turn, reach, out=error)
         lever = turn.dot(pin.skew(reach))
-        if turn_spin is None:
+        error[:] = turn.dot(reach)
+        if not self.rotation:
             jacobian[:] = turn.dot(one[:3] - two[:3]) - lever.dot(one[3:])
             return
-        apart = self._placement.rotation.T.dot(self._there.rotation)
-        error += self._spins.dot(pin.log3(apart))
+        self._turn_spin = turn_spin = self._spins.dot(back)
+        error += self._spins.dot(pin.log3(back.dot(self._there.rotation)))
         jacobian[:] = turn.dot(one[:3] - two[:3]) + (turn_spin - lever).dot(one[3:]) - turn_spin.dot(two[3:])
-
-    def _turns(self) -> tuple[Array, Array | None]:
-        """Return what takes a linear and an angular vector of the world to the rows, each of shape (dim, 3)."""
-        back = self._placement.rotation.T
-        return self._lines.dot(back), self._spins.dot(back) if self.rotation else None
 
     def full_wrench(self, wrench: Array) -> Array:
         """Return a wrench of the solution, shape (dim,), with all components along the axes of the first frame."""
         return np.asarray(self.directions.T.dot(wrench))
-
-
-def _parts(motion: pin.Motion) -> tuple[Array, Array]:
-    return motion.linear, motion.angular
 
 
 def _directions(robot: Robot, frame: int, other: int, rotation: bool) -> Array:
