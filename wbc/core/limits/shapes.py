@@ -200,7 +200,7 @@ def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
     if isinstance(shape, CollisionHull):
         points = np.array(shape.points, dtype=float)
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        return convex_hull(points - middle), pin.SE3(np.eye(3), middle)
+        return coal_hull(points - middle), pin.SE3(np.eye(3), middle)
     if isinstance(shape, CollisionHalfSpace):
         length = math.hypot(*shape.normal)
         return coal.Halfspace(np.array(shape.normal) / length, shape.offset), pin.SE3.Identity()
@@ -211,7 +211,7 @@ def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
     return kind(shape.radius, length), pin.SE3(turn.matrix(), 0.5 * (start + end))
 
 
-def convex_hull(points: Array) -> Any:
+def coal_hull(points: Array) -> Any:
     """Return the convex hull of points, shape (n, 3), m, for coal."""
     mesh = coal.BVHModelOBBRSS()
     mesh.beginModel(0, len(points))
