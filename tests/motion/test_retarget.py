@@ -292,6 +292,15 @@ def test_neither_the_unit_nor_the_place_nor_the_heading_of_a_person_matters(g1: 
     np.testing.assert_allclose(far.clip.base[:, 2], near.clip.base[:, 2], atol=1e-4)
 
 
+@pytest.mark.parametrize("missing", [("left_toe",), ("left_toe", "right_toe")])
+def test_toes_may_be_missing(g1: Robot, missing: tuple[str, ...]) -> None:
+    given = squat().part(0.0, 0.2)
+    kept = [i for i, name in enumerate(given.joint_names) if name not in missing]
+    names = tuple(given.joint_names[i] for i in kept)
+    result = retarget(replace(given, joint_names=names, positions=given.positions[:, kept]), g1)
+    assert result.measures.foot_slide < SLIDE and result.measures.penetration < DEPTH
+
+
 def test_limbs_of_the_robot_point_where_those_of_the_person_point(g1: Robot) -> None:
     """Arms that are raised to the side, at any length of the limbs."""
     given = make_person(noise=0.0).part(4.4, 4.6)

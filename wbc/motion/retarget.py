@@ -214,8 +214,8 @@ def _soles(robot: Robot, parts: Mapping[str, Array], lift: Array) -> list[Soles]
         place = data.oMf[robot.frame_id(sole.frame)]
         offset = place.rotation.T @ (place.translation - ankle)
         yaw, pitch = facing, np.zeros(len(facing))
-        if (toe := parts.get(f"{side}_toe")) is not None:
-            foot = toe - parts[f"{side}_ankle"]
+        if lift.shape[2] == 2:  # both toes are known
+            foot = parts[f"{side}_toe"] - parts[f"{side}_ankle"]
             level = np.hypot(foot[:, 0], foot[:, 1])
             seen = np.clip(level / np.linalg.norm(foot, axis=1) - 0.3, 0.0, 0.3) / 0.3  # not of a foot on end
             turn = np.angle(np.exp(1j * (np.arctan2(foot[:, 1], foot[:, 0]) - facing)))
