@@ -67,7 +67,31 @@ class Wbc:
         return self.ik.robot.placement(self.hand.frame).translation
 
 
-class Pink:
+class Configured:
+    """Step of Pink and of mink, which have it in common: tasks, limits and feet as constraints, solved by DAQP."""
+
+    configuration: Any
+    solve: Any
+    tasks: list[Any]
+    limits: list[Any]
+    feet: list[Any]
+    period: float
+
+    def advance(self, **options: Any) -> None:
+        """Solve for velocities and integrate them."""
+        velocity = self.solve(
+            self.configuration,
+            self.tasks,
+            self.period,
+            solver="daqp",
+            limits=self.limits,
+            constraints=self.feet or None,
+            **options,
+        )
+        self.configuration.integrate_inplace(velocity, self.period)
+
+
+class Pink(Configured):
     """Pink, with DAQP."""
 
     def __init__(self, scene: KinematicScene) -> None:
@@ -95,22 +119,13 @@ class Pink:
     def step(self, place: Any) -> None:
         self.target.translation = place
         self.hand.set_target(self.target)
-        velocity = self.solve(
-            self.configuration,
-            self.tasks,
-            self.period,
-            solver="daqp",
-            limits=self.limits,
-            constraints=self.feet or None,
-            safety_break=False,
-        )
-        self.configuration.integrate_inplace(velocity, self.period)
+        self.advance(safety_break=False)
 
     def place(self) -> Any:
         return self.configuration.get_transform_frame_to_world(self.frame).translation
 
 
-class Mink:
+class Mink(Configured):
     """mink, with DAQP."""
 
     def __init__(self, scene: KinematicScene) -> None:
@@ -145,15 +160,7 @@ class Mink:
 
     def step(self, place: Any) -> None:
         self.hand.set_target(self.transform.from_rotation_and_translation(self.rotation, place))
-        velocity = self.solve(
-            self.configuration,
-            self.tasks,
-            self.period,
-            solver="daqp",
-            limits=self.limits,
-            constraints=self.feet or None,
-        )
-        self.configuration.integrate_inplace(velocity, self.period)
+        self.advance()
 
     def place(self) -> Any:
         return self.configuration.get_transform_frame_to_world(self.frame, "body").translation()

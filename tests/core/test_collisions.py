@@ -8,6 +8,9 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import examples
 
 import wbc
 from wbc.base.errors import InputError
@@ -199,6 +202,35 @@ def test_a_controller_keeps_its_robot_away_from_an_obstacle() -> None:
         q = pin.integrate(robot.model, q, 0.002 * v)
         assert limit.distances["panda_hand", "table"] > 0.02 - 1e-3
     assert limit.distances["panda_hand", "table"] < 0.03
+
+
+@examples(15)
+@given(seed=st.integers(0, 1000), dt=st.sampled_from([0.002, 0.01, 0.05]), inside=st.booleans())
+def test_a_margin_is_never_crossed(seed: int, dt: float, inside: bool) -> None:
+    """From outside the margin it is kept, however the targets jump; from within, the distance never shrinks."""
+    rng, robot = np.random.default_rng(seed), panda().robot()
+    room = 0.2 * (robot.position_upper - robot.position_lower)
+    robot.update_jacobians(rng.uniform(robot.position_lower + room, robot.position_upper - room))
+    ik, margin = wbc.InverseKinematics(robot, dt), 0.05
+    ik.add(wbc.JointLimits(), wbc.PostureTask(weight=1e-4))
+    hand = ik.add(wbc.PositionTask("panda_hand", rate=100.0, error_bound=1.0))
+    way = rng.normal(size=3)
+    gap = 0.1 + (0.03 if inside else 0.06)
+    place = robot.placement("panda_hand").translation + gap * way / np.linalg.norm(way)
+    ball = wbc.Obstacle("ball", wbc.CollisionSphere(0.05), pin.SE3(np.eye(3), place))
+    small = {"panda_hand": wbc.CollisionSphere(0.05)}
+    limit = ik.add(wbc.CollisionLimit(obstacles=[ball], against=["panda_hand"], shapes=small, margin=margin))
+    before = limit.distances["panda_hand", "ball"]
+    for step in range(40):
+        if step % 20 == 0:
+            hand.target = place + rng.uniform(-0.3, 0.3, 3)
+        ik.step()
+        robot.update_jacobians(robot.q)
+        distance = float(np.linalg.norm(robot.placement("panda_hand").translation - place)) - 0.1
+        # A step is of the first order: it may come closer by its curvature, a share of its squared length.
+        curved = float(np.linalg.norm(robot.v[:-1])) ** 2 * dt**2
+        assert distance >= min(before, margin) - curved - 1e-6
+        before = distance
 
 
 REFUSED: dict[str, tuple[Callable[[], object], str]] = {
