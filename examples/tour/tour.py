@@ -231,15 +231,14 @@ def program() -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
 
 
+def run_spec(spec: TourSpec, check: Callable[[], None]) -> Outcome:
+    """Walk a run in a process of a study."""
+    logging.getLogger("wbc").setLevel(logging.CRITICAL)  # as in the program itself
+    return Outcome("done", walk((spec.run, spec.setup), check))
+
+
 if TourSpec.kind not in KINDS:  # processes of a study import this module once more
-    register_trial(
-        TourSpec.kind,
-        TrialKind(
-            TourSpec.from_json,
-            lambda spec, check: Outcome("done", walk((spec.run, spec.setup), check)),
-            metric="survived",
-        ),
-    )
+    register_trial(TourSpec.kind, TrialKind(TourSpec.from_json, run_spec, metric="survived"))
 
 
 def walked(
