@@ -93,7 +93,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
         lambda: Spring(rate=[1.0, 0.0]),
         r"rate of Spring \(Nm/s\) must be finite numbers above 0, got \[1.0, 0.0\]",
     ),
-    (lambda: Spring(rate="fast"), r"rate of Spring \(Nm/s\) must be finite numbers"),
+    (lambda: Spring(rate="fast"), r"rate of Spring \(Nm/s\) must be numbers, got 'fast'"),
     (lambda: Spring(place=(1.0, "x")), r"place of Spring\[1\] must be a valid number, got 'x'"),  # type: ignore[arg-type]
     (lambda: Spring(other=3), r"other of Spring must be of class Spring or a valid string, got 3"),  # type: ignore[arg-type]
     (lambda: Spring(until="noon"), r"until of Spring must be a function or a valid number, got 'noon'"),  # type: ignore[arg-type]

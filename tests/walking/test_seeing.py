@@ -158,7 +158,7 @@ def test_ground_out_of_reach_is_no_landing() -> None:
 
 
 def test_the_tilt_that_is_seen_is_kept_in_every_tick_of_a_swing() -> None:
-    """A slope of 0.15 begins before the toes; landings follow it by 0.1 rad at most, from the first look on."""
+    """A slope of 0.15 begins at 0.1 m; landings a cell beyond follow it by 0.1 rad at most, from the first look on."""
     ground = KnownGround(load("g1").robot(), GroundSettings(footprint=FootprintSettings(tilt=0.1)))
     x = np.arange(-1.0, 3.0, 0.02) + 0.01
     slope = np.tile(0.15 * np.maximum(x - 0.1, 0.0)[:, None], (1, 150))
@@ -169,7 +169,7 @@ def test_the_tilt_that_is_seen_is_kept_in_every_tick_of_a_swing() -> None:
     tilts = []
     for tick in mass.run(2.2):
         landing = tick.reference.landing
-        if tick.reference.swing is not None and landing is not None and landing.x > 0.11:
+        if tick.reference.swing is not None and landing is not None and landing.x > 0.12:
             tilts.append(landing.pitch)
     assert len(tilts) > 100
     np.testing.assert_allclose(tilts, -math.atan(0.1), atol=1e-6)
