@@ -286,7 +286,9 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
         start, end = (0.8, 2.0) if lasting else (0.4, 1.4)
     else:
         plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
-        spec = WalkSpec(robot="hrp4_class", foot="rigid", mode=mode, plan=plan, changes={"step_kind": "planned"})
+        spec = WalkSpec(
+            robot="hrp4_class", foot="rigid", mode=mode, plan=plan, changes={"step_kind": "planned"}
+        )
         trial = WalkTrial(spec)
         plant, control, command = trial.plant, trial.walking.control, trial.walking.command
         start, end = 2.2, 5.0
