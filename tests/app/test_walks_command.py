@@ -116,7 +116,7 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert [row["status"] for row in rows] == ["done", "done", "missing", "missing"]
     assert (
         float(rows[0]["steps_done"]) == 2.0
-        and float(rows[0]["zmp_error.mean"]) > 0.0
+        and float(rows[0]["zmp_error.mean (m)"]) > 0.0
         and not rows[2]["steps_done"]
     )
     capsys.readouterr()
