@@ -166,7 +166,7 @@ class LoopKind:
 
     Attributes:
         name: As a spec keeps it: that of a file has the hash of its content behind it.
-        make: What makes it.
+        factory: Class or function that makes it.
         takes: Names of its options; None for any.
     """
 

@@ -139,7 +139,7 @@ BAD = {
     "2 to 1000000 frames, got 1": SMALL.replace("Frames: 2", "Frames: 1").rpartition("90 0 0")[0],
     "1000 joints at most": "HIERARCHY\nROOT a\n{\n" + "".join(f"JOINT b{i}\n{{\n" for i in range(1001)),
 }  # fmt: skip
-"""What the message says → a file that is wrong."""
+"""Words of the message → a file that is wrong."""
 
 
 @pytest.mark.parametrize("said", BAD)

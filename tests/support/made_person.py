@@ -122,7 +122,7 @@ def _limb(down: Array, ahead: Array) -> Rotation:
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a file of a source is written.
+    """Format of the files of a source.
 
     Attributes:
         chains: Names below the root, each with its parent and the joint of a limb at its place.
@@ -137,29 +137,35 @@ class Dialect:
     turned: Rotation
 
 
+def on_both_sides(*rows: tuple[str, str, str]) -> list[tuple[str, str, str]]:
+    """Return rows of a chain for "Left" and "Right" in place of {0}."""
+    return [
+        (bone.format(side), parent.format(side), part)
+        for side in ("Left", "Right")
+        for bone, parent, part in rows
+    ]
+
+
+def arms(spine: str) -> list[tuple[str, str, str]]:
+    """Return the chains of both arms on a bone of the spine."""
+    return on_both_sides(
+        ("{0}Shoulder", spine, "hips"),
+        ("{0}Arm", "{0}Shoulder", "shoulder"),
+        ("{0}ForeArm", "{0}Arm", "elbow"),
+        ("{0}Hand", "{0}ForeArm", "wrist"),
+    )
+
+
 LAFAN1 = Dialect(
     (
-        *(
-            row
-            for side in ("Left", "Right")
-            for row in (
-                (f"{side}UpLeg", "Hips", "hip"),
-                (f"{side}Leg", f"{side}UpLeg", "knee"),
-                (f"{side}Foot", f"{side}Leg", "ankle"),
-                (f"{side}Toe", f"{side}Foot", "toe"),
-            )
+        *on_both_sides(
+            ("{0}UpLeg", "Hips", "hip"),
+            ("{0}Leg", "{0}UpLeg", "knee"),
+            ("{0}Foot", "{0}Leg", "ankle"),
+            ("{0}Toe", "{0}Foot", "toe"),
         ),
         ("Spine", "Hips", "hips"),
-        *(
-            row
-            for side in ("Left", "Right")
-            for row in (
-                (f"{side}Shoulder", "Spine", "hips"),
-                (f"{side}Arm", f"{side}Shoulder", "shoulder"),
-                (f"{side}ForeArm", f"{side}Arm", "elbow"),
-                (f"{side}Hand", f"{side}ForeArm", "wrist"),
-            )
-        ),
+        *arms("Spine"),
     ),
     0.01,
     "ZYX",
@@ -168,28 +174,15 @@ LAFAN1 = Dialect(
 
 CMU = Dialect(
     (
-        *(
-            row
-            for side in ("Left", "Right")
-            for row in (
-                (f"{side[0]}HipJoint", "Hips", "hips"),
-                (f"{side}UpLeg", f"{side[0]}HipJoint", "hip"),
-                (f"{side}Leg", f"{side}UpLeg", "knee"),
-                (f"{side}Foot", f"{side}Leg", "ankle"),
-                (f"{side}ToeBase", f"{side}Foot", "toe"),
-            )
+        *on_both_sides(
+            ("{0[0]}HipJoint", "Hips", "hips"),
+            ("{0}UpLeg", "{0[0]}HipJoint", "hip"),
+            ("{0}Leg", "{0}UpLeg", "knee"),
+            ("{0}Foot", "{0}Leg", "ankle"),
+            ("{0}ToeBase", "{0}Foot", "toe"),
         ),
         ("LowerBack", "Hips", "hips"),
-        *(
-            row
-            for side in ("Left", "Right")
-            for row in (
-                (f"{side}Shoulder", "LowerBack", "hips"),
-                (f"{side}Arm", f"{side}Shoulder", "shoulder"),
-                (f"{side}ForeArm", f"{side}Arm", "elbow"),
-                (f"{side}Hand", f"{side}ForeArm", "wrist"),
-            )
-        ),
+        *arms("LowerBack"),
     ),
     0.0564,
     "ZXY",

@@ -132,11 +132,7 @@ def retarget(
 
 def _refuse_jumps(clip: SkeletonClip, parts: Mapping[str, Array]) -> None:
     hips = 0.5 * (parts["left_hip"] + parts["right_hip"])
-    leg = sum(
-        float(np.median(np.linalg.norm(parts[f"left_{upper}"] - parts[f"left_{lower}"], axis=1)))
-        for upper, lower in (("hip", "knee"), ("knee", "ankle"))
-    )
-    speed = np.linalg.norm(np.diff(hips, axis=0), axis=1) * clip.rate / leg
+    speed = np.linalg.norm(np.diff(hips, axis=0), axis=1) * clip.rate / _leg_length(parts, "left")
     frame = int(speed.argmax())
     if speed[frame] > JUMP:
         raise InputError(
@@ -144,6 +140,14 @@ def _refuse_jumps(clip: SkeletonClip, parts: Mapping[str, Array]) -> None:
             f"{frame} to the next one; if a pose stands there that is no part of the motion, as in files of CMU, leave "
             f"it out: part({(frame + 1) / clip.rate:.4g})"
         )
+
+
+def _leg_length(parts: Mapping[str, Array], side: str) -> float:
+    """Return the length of a person's thigh and shank together, the median over the clip, m."""
+    return sum(
+        float(np.median(np.linalg.norm(parts[f"{side}_{upper}"] - parts[f"{side}_{lower}"], axis=1)))
+        for upper, lower in (("hip", "knee"), ("knee", "ankle"))
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,12 +188,7 @@ def _on_floor(
         Positions by part, m, with "hips", "chest" between both sides; the scale; height of ankles and toes over their
         places at rest, shape (T, 2, 2), m; and true where a foot stands, shape (T, 2).
     """
-    bones = [
-        float(np.median(np.linalg.norm(parts[f"{side}_{upper}"] - parts[f"{side}_{lower}"], axis=1)))
-        for side in SIDES
-        for upper, lower in (("hip", "knee"), ("knee", "ankle"))
-    ]
-    scale = STRETCH * legs.length / (0.5 * sum(bones))
+    scale = STRETCH * legs.length / (0.5 * sum(_leg_length(parts, side) for side in SIDES))
     parts = {name: scale * places for name, places in parts.items()}
     kinds = ["ankle", "toe"] if all(f"{side}_toe" in parts for side in SIDES) else ["ankle"]
     points = [np.stack([parts[f"{side}_{kind}"] for side in SIDES], axis=1) for kind in kinds]

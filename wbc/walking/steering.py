@@ -54,7 +54,7 @@ SETTING_OFF = 0.5
 
 
 class Steering:
-    """What a robot is steered by.
+    """Orders that a robot is steered by.
 
     Attributes:
         target: Commanded velocity: forward (m/s), left (m/s), turn (rad/s); None for a stand, or with a goal.
@@ -327,7 +327,7 @@ class SteeredSteps(FootstepSource):
 
     @property
     def order(self) -> object:
-        """What is asked for."""
+        """Velocity and goal that are asked for."""
         return self.steering.target, self.steering.goal
 
     def footsteps(self, now: Standing) -> FootstepPlan:

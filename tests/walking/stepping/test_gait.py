@@ -338,14 +338,20 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
         assert reference.most_force[reference.stance] == settings.most_force
 
 
-def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> None:
+def first_wait() -> tuple[Tick, SteppingGait]:
+    """Return the first tick in which a foot has landed and waits for the end of its step, and the gait."""
     body = PointMass()
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
     while not any(waits := [waiting([tick]) for tick in body.run(DT)]):
         pass
-    tick, gait, s = body.ticks[-1], body.gait, body.gait.constants
-    stance = tick.reference.stance
+    assert waits
+    return body.ticks[-1], body.gait
+
+
+def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> None:
+    tick, gait = first_wait()
+    s, stance = gait.constants, tick.reference.stance
 
     def swings(load: float, held: float, seconds: float) -> bool:
         wrenches = [[0.0] * 6, [0.0] * 6]
@@ -354,23 +360,18 @@ def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> N
             reference = gait.update(tick.state._replace(wrenches=wrenches), tick.frames)
         return bool(reference.swing == 1 - stance)
 
-    assert waits and not swings(1.1 * s.lost, 2.0 * s.held, s.lost_time + 4 * DT), "it carries a little"
+    assert not swings(1.1 * s.lost, 2.0 * s.held, s.lost_time + 4 * DT), "it carries a little"
     assert not swings(0.9 * s.lost, 0.9 * s.held, 2 * DT), "nothing holds the robot"
     assert swings(0.9 * s.lost, 1.1 * s.held, 2 * DT)
 
 
 def test_a_foot_in_contact_carries_at_once_where_the_one_that_stood_no_longer_does() -> None:
     """It has rolled over an edge, or was kicked away."""
-    body = PointMass()
-    body.run(0.6)
-    body.gait.steering.command((0.2, 0.0, 0.0))
-    while not any(waits := [waiting([tick]) for tick in body.run(DT)]):
-        pass
-    tick, gait, s = body.ticks[-1], body.gait, body.gait.constants
-    stance = tick.reference.stance
+    tick, gait = first_wait()
+    s, stance = gait.constants, tick.reference.stance
     wrenches = [[0.0] * 6, [0.0] * 6]
     wrenches[stance][2], wrenches[1 - stance][2] = 1.1 * s.held, 1.1 * s.held
-    assert waits and gait.update(tick.state._replace(wrenches=wrenches), tick.frames).stance == stance
+    assert gait.update(tick.state._replace(wrenches=wrenches), tick.frames).stance == stance
     wrenches[stance][2] = 0.9 * s.held
     assert gait.update(tick.state._replace(wrenches=wrenches), tick.frames).stance == 1 - stance
 

@@ -228,7 +228,7 @@ def test_on_level_ground_the_area_of_a_narrow_sole_counts_in_full_and_grows_soon
 def test_a_foot_is_put_down_at_once_where_the_other_one_has_to_step(
     distance: float, elapsed: float, *, down: bool
 ) -> None:
-    """Where the DCM is beyond the outer edge of the foot that stands, unless closing up leaves a shorter step."""
+    """It does if the DCM is beyond the outer edge of the stance foot, unless closing up leaves a shorter step."""
     c, settings = in_si(SteppingConstants(), SIZE), SteppingSettings().in_si(SIZE)
     decision, zero = StepDecision(settings, c, SIZE, GroundEstimate(0.5, 0.0, 0.2), 0.002), (0.0, 0.0, 0.0)
     still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)

@@ -30,7 +30,7 @@ from wbc.core.robot import Reads, Robot
 from wbc.core.signals import Measurement
 
 Drives = Literal["torque", "position"]
-"""What the drives are commanded to do; "torque" for hybrid control as well."""
+"""Kind of the commands to the drives; "torque" for hybrid control as well."""
 
 ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}
 """Unit → greatest component of an error that acts, unless a task is given another: far above those of a motion that is

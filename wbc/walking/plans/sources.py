@@ -108,7 +108,7 @@ class FootstepSource(ABC):
 
     @property
     def order(self) -> object:
-        """What is asked for: where it changes, steps are asked for anew while a foot is in the air, too."""
+        """Order of the user: where it changes, steps are asked for anew while a foot is in the air, too."""
         return self.target
 
     @abstractmethod

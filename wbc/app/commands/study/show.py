@@ -96,7 +96,7 @@ class TableOptions(ResultOptions):
 
 
 @settings(kw_only=True)
-class PlotOptions(ResultOptions):
+class FigureOptions(ResultOptions):
     """Options of a figure of a journal.
 
     Attributes:
@@ -163,7 +163,7 @@ def plot(
     study: StudyFile,
     /,
     *,
-    options: PlotOptions,
+    options: FigureOptions,
     part: PartOptions,
     output: Output,
 ) -> Report:
