@@ -158,7 +158,10 @@ def test_the_commanded_robot_follows_its_references_over_a_walk_in_any_direction
 def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: pytest.MonkeyPatch) -> None:
     """The CoM is 30 mm ahead of a ZMP that does not hold it: a bias is found, and taken off."""
     robot, walking = standing(WalkingControlSettings())
-    given = []
+    given: list[np.ndarray] = []
+    assert walking.balance is not None
+    bias = walking.balance.bias
+    assert bias is not None
     update = walking.walk.update
     monkeypatch.setattr(
         walking.walk,
@@ -171,10 +174,9 @@ def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: p
     for tick in range(40):
         walking.command(replace(sensors(robot, tick, robot.half_sitting, (0.03, 0.0)), joint_velocity=speed))
         estimate = walking.control.observer.robot
-        assert walking.bias is not None
         dcm = estimate.com[:2] + estimate.com_velocity[:2] / walking.walk.omega
-        np.testing.assert_allclose(given[-1][:2], dcm - walking.bias.bias, atol=1e-9)
-    assert np.abs(walking.bias.bias).max() > 1e-3 and np.abs(estimate.com_velocity[0]) > 0.02
+        np.testing.assert_allclose(given[-1][:2], dcm - bias.bias, atol=1e-9)
+    assert np.abs(bias.bias).max() > 1e-3 and np.abs(estimate.com_velocity[0]) > 0.02
 
 
 def test_in_torque_control_the_qp_gives_the_wrenches_and_the_acceleration_that_are_desired() -> None:

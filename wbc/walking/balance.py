@@ -21,7 +21,7 @@ from wbc.core.drive.control import DriveControl, State
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.tasks.stabilizer.pendulum import natural_frequency
-from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
@@ -35,7 +35,6 @@ class Balance:
     """Balance of one robot by the stabilizer.
 
     Attributes:
-        stabilizer: Feedback and admittances.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
         load: Load in the hands as estimated; None where none is expected.
@@ -66,7 +65,6 @@ class Balance:
         left, _ = robot.soles
         assert isinstance(tasks.com, StabilizerTask)
         self._task = tasks.com
-        self.stabilizer = tasks.com.stabilizer
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
         self.bias = None if s.bias is None else BiasEstimator(s.bias.sized(robot.length_scale))
         self._hands: Hands | None = None
@@ -82,9 +80,14 @@ class Balance:
             self.wrenches = {}
         self._contact = (True, True)
         self._heading = 0.0  # of the last reference
-        self._driven = self._omega  # natural frequency of the pendulum at the height that is set, 1/s
+        self._driven = self._omega  # natural frequency of the last reference, which has driven the DCM, 1/s
         self._dcm = np.zeros(3)  # as measured, with its bias
         self._bias: Array | None = None
+
+    @property
+    def stabilizer(self) -> Stabilizer:
+        """Feedback and admittances."""
+        return self._task.stabilizer
 
     @property
     def hands(self) -> Hands:
@@ -95,7 +98,6 @@ class Balance:
 
     def begin(self) -> None:
         """Forget what was felt, on both feet."""
-        self.stabilizer = self._task.stabilizer
         self._contact, self.output, self.leaning = (True, True), None, UPRIGHT
         if self.lean is not None:
             self.lean.reset()
@@ -126,7 +128,7 @@ class Balance:
     def update(self, reference: Reference, state: State) -> Reference:
         """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""
         measurement, hands, dt = state.measurement, self._hands, self._dt
-        self._heading = reference.heading
+        self._heading, self._driven = reference.heading, reference.pendulum.omega
         if reference.contact != self._contact:
             self._switch_contacts(reference.contact)
         outside = None
@@ -151,10 +153,6 @@ class Balance:
             x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
             self.leaning = self.lean.update((x, y), dt)
         return reference
-
-    def set_omega(self, omega: float) -> None:
-        """Count with the natural frequency of the height at which the body is set, 1/s."""
-        self._driven = omega
 
     def _hold(self, load: HeldLoad) -> None:
         """Follow the estimate of the load; the models have it from the next tick on."""

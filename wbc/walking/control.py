@@ -22,18 +22,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import fields, replace
-from typing import Annotated, Any, NamedTuple
+from dataclasses import replace
+from typing import Annotated
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, names_in, shown
 from wbc.base.settings import Angle, NonNegative, Number, Period
-from wbc.core.drive.control import FEET_AS_PLANNED, FEET_STEP, State
-from wbc.core.drive.hybrid import HybridControl
-from wbc.core.drive.position import PositionControl
-from wbc.core.drive.torque import TorqueControl
+from wbc.core.drive.control import State
 from wbc.core.estimation.falls import FallReason
-from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
@@ -42,8 +38,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.tasks.stabilizer.bias import BiasEstimator
-from wbc.tasks.stabilizer.lean import UPRIGHT, Lean
+from wbc.tasks.stabilizer.lean import UPRIGHT
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.balance import Balance
 from wbc.walking.body import Body
@@ -58,8 +53,7 @@ from wbc.walking.plans.sources import FootstepSource, Velocity, VelocityLimits, 
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.stepping.source import SteppingWalk
-from wbc.walking.table import free_steps, planned_steps
-from wbc.walking.tasks import WalkTasks
+from wbc.walking.steps import Steps, com_height, drive_of, steps_of
 
 logger = logging.getLogger(__name__)
 
@@ -72,19 +66,6 @@ STEPS = "the robot steps, and free steps count no forces on hands: stop it, and 
 
 CALM = 1.0
 """Default of `WalkingControl.calm`, s."""
-
-ON_POINTS = InertialSettings(velocity_time_constant=0.2, yaw_time_constant=1000.0)
-"""Time constants of the estimate while a robot takes free steps, on feet that hold at points: feet that turn on a stone
-say little about velocity and nothing about heading."""
-
-
-class _Steps(NamedTuple):
-    """Parts that one kind of steps has for itself."""
-
-    source: ReferenceSource  # where the references come from
-    tasks: WalkTasks  # tasks and contacts, with weights, gains and boxes
-    balance: Balance | None  # feedback of the stabilizer; None where steps balance the robot
-    estimate: InertialSettings  # time constants of the estimate
 
 
 class WalkingControl:
@@ -140,75 +121,39 @@ class WalkingControl:
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
         self.settings = s = settings or WalkingControlSettings()
-        torque, plan = s.mode != "position", None
-        if source is None or isinstance(source, FootstepPlan):
-            plan = source or FootstepPlan.standing(robot)
-        elif source.by_steps or s.step_kind == "free":
-            raise InputError(
-                f"a stabilizer balances the robot along {shown(source)}: free steps take a plan, or None"
-            )
-        has = s.kinds if plan is not None else ("planned",)
+        self.controller = controller = Controller(robot, dt, settings=s.solver)
+        observer = observer or Observer(robot, adopt=s.mode != "position")
+        self.control, self.dt = drive_of(controller, observer, s), dt
+        self.arms = Arms(controller, dt, s.arms)
+        self._kinds = steps_of(self.control, self.arms, source, s, extent)
         self._free: SteppingWalk | None = None
-        if "free" in has:
-            self._free = SteppingWalk(robot, dt, s.stepping, s.com_height)
-        if plan is not None and "planned" in has:
-            source = LipmWalk(robot, plan, dt, s, extent)
-        steered = plan is not None and not plan.steps
-        first: Kind = "free" if has == ("free",) or (self._free is not None and steered) else "planned"
-        controller = Controller(robot, dt, settings=s.solver)
-        observer = observer or Observer(robot, adopt=torque)
-        given = observer.inertial.settings
-        tables: dict[Kind, WalkTasks] = {}
-        for kind in sorted(has, key=first.__eq__):  # the first one stays in the controller
-            if self._free is not None and kind == "free":
-                table = free_steps(robot, self._free.gait)
-            else:
-                table = planned_steps(robot, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
-            tables[kind] = WalkTasks(controller, table)
-            if kind != first:
-                tables[kind].leave()
-        self.arms = Arms(controller, tables[first], dt, s.arms)
-        if "planned" in has:
-            position: dict[str, Any] = {"feedforward": s.feedforward}
-        else:  # references that lag behind the estimate hold ankles and soles against the ground that they stand on
-            position = {"feedback": "closed", "reference_time": dt}
-        if torque:
-            drive = HybridControl if s.mode == "hybrid" else TorqueControl
-            self.control: PositionControl | TorqueControl = drive(controller, observer, safety=s.safety)
+        if "free" in self._kinds and isinstance(walk := self._kinds["free"].source, SteppingWalk):
+            self._free = walk
+        plan = source if isinstance(source, FootstepPlan) and source.steps else None
+        if plan is not None and "planned" in self._kinds:
+            first: Kind = "planned"
         else:
-            self.control = PositionControl(controller, observer, safety=s.safety, **position)
-        self.controller, self.dt = controller, dt
-        self._kinds: dict[Kind, _Steps] = {}
-        self._balance: Balance | None = None
-        if "planned" in has:
-            assert isinstance(source, ReferenceSource)
-            height = _com_height(robot, source)
-            self._balance = Balance(self.control, tables["planned"], self.arms, s, height)
-            self._kinds["planned"] = _Steps(source, tables["planned"], self._balance, given)
-        if self._free is not None:
-            self._kinds["free"] = _Steps(self._free, tables["free"], None, _tuned(ON_POINTS, given))
-        self._kind = first
-        self.source, self.tasks, self.balance, estimate = self._kinds[first]
-        observer.retune(estimate)
-        self.control.dcm_limit = FEET_AS_PLANNED if self.balance else FEET_STEP
+            first = "free" if self._free is not None else "planned"
+        steps = self._kinds[first]
         self.body = Body(
             controller,
-            _com_height(robot, self.source),
+            com_height(robot, steps.source),
             dt,
             waist=self._free is None,
             lift=self._lift,
-            reaching=self.tasks.reaching,
+            reaching=steps.tasks.reaching,
         )
+        self._take(first, None)
         self.stiffness, self.ground = stiffness, ground
         if ground is not None:
-            for parts in self._kinds.values():
-                parts.source.see(ground)
+            for steps in self._kinds.values():
+                steps.source.see(ground)
         self.reference: Reference | None = None
         self.stopped = False
         self._calm, self._stood = CALM, 0.0  # time of a stand after planned steps, s
         self._before = 0  # steps done by steps of the other kind before
         self._waiting: FootstepPlan | None = None  # until the robot stands
-        if first == "free" and plan is not None and plan.steps:
+        if first == "free" and plan is not None:
             self.follow(plan)
 
     def __repr__(self) -> str:
@@ -252,8 +197,6 @@ class WalkingControl:
         if body.active:
             body.update(reference.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
-            if balance is not None:
-                balance.set_omega(reference.pendulum.omega)
         lean, twist = UPRIGHT, None
         if balance is not None:
             reference = balance.update(reference, state)
@@ -346,24 +289,29 @@ class WalkingControl:
             return
         logger.info("steps of the walk: %s", kind)
         self._before = self.progress.steps_done
-        towards = heading(self.controller.robot.placement(self.controller.robot.base_frame).rotation)
+        robot, reason = self.controller.robot, self.source.reason
+        towards = heading(robot.placement(robot.base_frame).rotation)
         if self.reference is not None:
             towards = self.reference.heading
-        old, new, reason = self._kinds[self._kind], self._kinds[kind], self.source.reason
-        self._kind = kind
-        self.arms.follow(new.tasks)
-        old.tasks.leave()
-        new.tasks.enter(old.tasks)
-        new.source.begin(towards)
-        new.source.reason = reason  # of the last order, until the next one
-        self.source, self.tasks, self.balance, estimate = new
+        self._take(kind, self._kinds[self._kind])
+        self.source.begin(towards)
+        self.source.reason = reason  # of the last order, until the next one
         if self.balance is not None:
             self.balance.begin()
-        self.control.dcm_limit = FEET_AS_PLANNED if self.balance else FEET_STEP
-        self.control.observer.retune(estimate)
         if self.source.com_height is not None:
             self.body.follow(self.source.com_height, self.tasks.reaching)
         self._stood = 0.0
+
+    def _take(self, kind: Kind, before: Steps | None) -> None:
+        """Put the parts of one kind of steps in place of those before, if there are any."""
+        steps = self._kinds[kind]
+        self._kind, self.source, self.tasks, self.balance = kind, steps.source, steps.tasks, steps.balance
+        self.arms.follow(steps.tasks)
+        if before is not None:
+            before.tasks.leave()
+        steps.tasks.enter(None if before is None else before.tasks)
+        self.control.dcm_limit = steps.dcm_limit
+        self.control.observer.retune(steps.estimate)
 
     def _lift(self) -> float:
         """Return the height by which feet are lifted now, m."""
@@ -413,36 +361,31 @@ class WalkingControl:
         return self.source.walk
 
     @property
+    def _planned(self) -> Balance | None:
+        """Balance of planned steps, whichever steps the robot takes now."""
+        return self._kinds["planned"].balance if "planned" in self._kinds else None
+
+    @property
     def hands(self) -> Hands:
         """Hands that press on things and hold on to them; a robot that stands takes planned steps once they are to.
 
         An `InputError` for a robot without hands, and for one that takes free steps alone, which count no forces.
         """
-        if self._balance is None:
+        if self._planned is None:
             raise InputError(
                 "free steps alone count no forces on hands: leave the setting 'step_kind' out to press or grip"
             )
-        return self._balance.hands
+        return self._planned.hands
 
     @property
     def stabilizer(self) -> Stabilizer | None:
         """Feedback and admittances of planned steps; gains that are set count whenever the robot takes these."""
-        return None if self._balance is None else self._balance.stabilizer
-
-    @property
-    def lean(self) -> Lean | None:
-        """Lean of the trunk in planned steps; None keeps it upright."""
-        return None if self._balance is None else self._balance.lean
-
-    @property
-    def bias(self) -> BiasEstimator | None:
-        """Estimator of the error of the DCM in planned steps; None takes it as measured."""
-        return None if self._balance is None else self._balance.bias
+        return None if self._planned is None else self._planned.stabilizer
 
     @property
     def load(self) -> HeldLoad | None:
         """Load in the hands as estimated in planned steps; None where none is expected."""
-        return None if self._balance is None else self._balance.load
+        return None if self._planned is None else self._planned.load
 
     @property
     def output(self) -> StabilizerOutput | None:
@@ -563,20 +506,3 @@ class WalkingControl:
         self._waiting = None
         self.source.stop()
         self.source.reason, self.stopped = "", True
-
-
-def _com_height(robot: Robot, source: ReferenceSource) -> float:
-    """Return the height of the CoM over the soles by a source of references, m; that of the robot where it has none."""
-    if source.com_height is not None:
-        return source.com_height
-    left, right = (float(robot.placement(sole.frame).translation[2]) for sole in robot.soles)
-    return float(robot.com[2]) - 0.5 * (left + right)
-
-
-def _tuned(own: InertialSettings, given: InertialSettings) -> InertialSettings:
-    """Return time constants of steps, but those that are given and not the defaults."""
-    usual = InertialSettings()
-    set_ = {
-        f.name: value for f in fields(given) if (value := getattr(given, f.name)) != getattr(usual, f.name)
-    }
-    return replace(own, **set_)

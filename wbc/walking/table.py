@@ -56,7 +56,7 @@ class TaskGains(BodyGains):
     wrench_weight: Positive = 1e-3
 
 
-def planned_steps(
+def planned_table(
     robot: Robot,
     gains: TaskGains,
     stabilizer: StabilizerGains,
@@ -141,7 +141,7 @@ FORCE, MOMENT = 1.1e-3, 2.0
 times half of the width of the sole."""
 
 
-def free_steps(robot: Robot, gait: SteppingGait) -> TaskTable:
+def free_table(robot: Robot, gait: SteppingGait) -> TaskTable:
     """Return the table of free steps, which balance the robot."""
     scale, law = gait.scale, gait.constants
     omega, square = scale.omega, scale.omega**2

@@ -112,8 +112,8 @@ class WalkTasks:
         """Take all out of the controller."""
         self._controller.remove(*self._all)
 
-    def enter(self, before: WalkTasks) -> None:
-        """Put all back, on both feet, and go on with what a user has set of the tasks that have left.
+    def enter(self, before: WalkTasks | None) -> None:
+        """Put all back, on both feet, and go on with what a user has set of the tasks that have left, if any have.
 
         That is the posture, with a move that is under way, and the gains of trunk and posture.
         """
@@ -126,6 +126,8 @@ class WalkTasks:
         self._trunk_target = (None, UPRIGHT)
         first, *others = self._all
         self._controller.add(first, *others)
+        if before is None:
+            return
         self.posture.go_on_from(before.posture)
         for name, gains in before._changed_gains().items():
             task = self._tuned.get(name)

@@ -17,7 +17,7 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
-from wbc.walking.table import free_steps
+from wbc.walking.table import free_table
 from wbc.walking.tasks import WalkTasks
 
 DT = 0.002
@@ -32,7 +32,7 @@ def standing() -> tuple[Controller, WalkTasks, Reference]:
     scale = RobotSize.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
     gait = SteppingGait(SteppingSettings(), scale, 0.0, DT)
     controller = Controller(robot, DT)
-    tasks = WalkTasks(controller, free_steps(robot, gait))
+    tasks = WalkTasks(controller, free_table(robot, gait))
     frames = tuple(robot.placement(sole.frame) for sole in robot.soles)
     wrenches = [[0.0, 0.0, 0.5 * WEIGHT, 0.0, 0.0, 0.0]] * 2
     places, turns = ([getattr(f, name).tolist() for f in frames] for name in ("translation", "rotation"))

@@ -143,10 +143,10 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
     """Describe the stabilizer of a walk; NaN in ticks without its output."""
     one, group = signals.one, signals.group
     stabilized = optional(lambda t: t.output)
-    of_walk = optional(lambda t: None if t.reference is None else t.walking)
-    lean = of_walk(lambda w: (0.0, 0.0) if w.lean is None else w.lean.angle)
+    balanced = optional(lambda t: None if t.output is None or t.walking is None else t.walking.balance)
+    lean = balanced(lambda b: (0.0, 0.0) if b.lean is None else b.lean.angle)
     group("walk/lean", ("roll", "pitch"), "rad", "of the trunk, about x and y of the world", lean)
-    bias = of_walk(lambda w: (0.0, 0.0) if w.bias is None else w.bias.bias)
+    bias = balanced(lambda b: (0.0, 0.0) if b.bias is None else b.bias.bias)
     group("stabilizer/bias", XY, "m", "estimated in the measured DCM and subtracted, world", bias)
     one("stabilizer/in_air", "1", "neither foot has contact", stabilized(lambda o: o.in_air), "flag")
     group("zmp/desired", XYZ, "m", "of the desired net wrench, world", stabilized(lambda o: o.zmp))

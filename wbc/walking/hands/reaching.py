@@ -342,27 +342,31 @@ class Arms:
         settings: Settings.
     """
 
-    def __init__(self, controller: Controller, tasks: WalkTasks, dt: float, settings: ArmSettings) -> None:
-        """Leave the arms to the posture; no task is added before a hand is given a target."""
-        self.settings = settings
-        self._tasks, self._controller = tasks, controller
+    _tasks: WalkTasks  # of the CoM and of all joints now
+
+    def __init__(self, controller: Controller, dt: float, settings: ArmSettings) -> None:
+        """Leave the arms to the posture; no task is added before a hand is given a target.
+
+        `follow` says which tasks are those of the CoM and of all joints.
+        """
+        self.settings, self._controller = settings, controller
         robot = controller.robot
         self._objects: dict[str, tuple[pin.SE3, Array]] = {}
         self._occupied: dict[str, Hand] = {}
         self._hands = {
             name: Arm(controller, name, dt, settings, self._objects, self._occupied) for name in robot.frames
         }
-        self._rest = np.array(tasks.posture.target)
+        self._rest = np.array(robot.q[robot.base_nq :])
         self._turns = self._swing_turns() if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()
-        self._held = tasks.posture.weight.copy()  # of the posture while no hand is active
+        self._held = np.zeros(robot.na)  # weight of the posture while no hand is active
 
     def share(self, hands: Mapping[str, Hand]) -> None:
         """Give no targets to hands that press or grip; role → hand."""
         self._occupied.update(hands)
 
     def follow(self, tasks: WalkTasks) -> None:
-        """Go on with other tasks of the CoM and of all joints."""
+        """Go on with these tasks of the CoM and of all joints."""
         if self._spared:
             self._spare(())
         self._tasks = tasks
@@ -403,7 +407,7 @@ class Arms:
 
     def _swing_turns(self) -> Array:
         """Return the turn of the one joint of each arm that moves its hand forward most, a metre of step, rad/m."""
-        robot, turns = self._controller.robot, np.zeros(self._tasks.posture.dim)
+        robot, turns = self._controller.robot, np.zeros(self._controller.robot.na)
         forward = robot.placement(robot.base_frame).rotation[:, 0]
         for name, sign in SIDES.items():
             if name in self._hands and self._hands[name].joints:
