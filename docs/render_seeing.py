@@ -33,19 +33,19 @@ class Seen(TrialHook):
     def start(self, trial: Any) -> None:
         """Keep the plan."""
         self.walk = trial.walking.source.walk
-        self.plan, self.done = self.walk.phases.plan, 0
+        self.plan, self.done = self.walk.plan, 0
         self.chosen: Any = None
 
     def tick(self, tick: Any) -> None:
         """Keep the landing of the foot in the air, and the map when it has landed."""
-        phases = self.walk.phases
-        if phases.swing is not None:
-            self.chosen = phases.plan.steps[phases.step]
-        if phases.completed > self.done:
+        walk = self.walk
+        if walk.swing is not None:
+            self.chosen = walk.plan.steps[walk.step]
+        if walk.steps_done > self.done:
             side = 0 if self.chosen.side == "left" else 1
             true = np.array(tick.plant.data.site_xpos[tick.plant.sole_sites[side]])
             self.landings.append((self.plan.steps[self.done], self.chosen, true))
-            self.done = phases.completed
+            self.done = walk.steps_done
             drift = self.chosen.z - true[2]  # of the estimate
             for x, y, z in tick.walking.ground.map.known()[0].tolist():
                 self.cells[math.floor(x / 0.02), math.floor(y / 0.02)] = (x, y, z - drift)

@@ -43,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         trial.stage = "push"
         size, angle = options.impulse * mass / PUSH, math.radians(options.direction)
         trial.plant.push("torso", (size * math.cos(angle), size * math.sin(angle), 0.0), PUSH)
-        trial.advance(AFTER, lambda: in_the_air.append(not walking.walk.phases.contact[0]))
+        trial.advance(AFTER, lambda: in_the_air.append(walking.progress.swing == 0))
         trial.stage = "done"
 
     return report(trial, options, on_one_foot=trial.stage == "done" and all(in_the_air), lost=hands.lost)

@@ -20,7 +20,7 @@ from wbc.tasks.scheduling.record import StiffnessTiming
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.walking.lipm.phases import PhaseSettings
+from wbc.walking.lipm.walk import PhaseSettings
 from wbc.walking.lipm.preview import PreviewSettings
 from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.settings import Kind, WalkingControlSettings

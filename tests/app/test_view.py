@@ -176,7 +176,7 @@ def test_marks_are_drawn_at_their_points() -> None:
 def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> None:
     trial = WalkTrial(short_walk(plan=WalkPlan(distance=0.2), noise="none"))
     stage, walking = SimulatedStage(trial.plant, trial.walking), trial.walking
-    steps = walking.walk.phases.plan.steps
+    steps = walking.walk.plan.steps
     first = stage.picture()
     for mark, step in zip(named(first, "planned step").values(), steps, strict=True):
         assert middle(mark) == pytest.approx(step.position + (0.0, 0.0, LIFT), abs=1e-5)
@@ -184,12 +184,12 @@ def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> N
     assert len(named(first, "real step")) == 2
     wanted = None
     while walking.steps_done < 2:
-        if walking.walk.phases.swing == "left":
-            place = walking.walk.phases.plan.steps[0].position
+        if walking.progress.swing_side == "left":
+            place = walking.walk.plan.steps[0].position
             wanted = drift_of(trial.plant, walking)(np.array([place]), 0)[0]
         tick(trial)
         picture = stage.picture()
-        if walking.steps_done == 1 and walking.walk.phases.swing == "right":
+        if walking.steps_done == 1 and walking.progress.swing_side == "right":
             assert "single support, right foot swings, 1 steps done" in picture.text
     real = named(picture, "real step")
     assert len(real) == 4 and wanted is not None
@@ -225,7 +225,7 @@ def test_what_is_planned_is_shown_where_it_lies_in_the_true_world() -> None:
 def test_balance_is_shown_as_it_is_and_as_planned() -> None:
     trial = WalkTrial(short_walk(foot="soft", noise="none"))
     stage, walking = SimulatedStage(trial.plant, trial.walking), trial.walking
-    while walking.walk.phases.swing is None:
+    while walking.walk.swing is None:
         tick(trial)
     for _ in range(40):
         tick(trial)

@@ -10,8 +10,8 @@ from wbc.base.numbers import Array
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern
-from wbc.walking.lipm.phases import PhaseSettings
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, zmp_reference
+from wbc.walking.lipm.walk import PhaseSettings
 
 BY_TIME = PhaseSettings(touch_down=1.0, early=1.0, lift_off=1.0, stance=0.0, max_wait=0.0, max_late=0.0)
 """Feet lift and land as planned, whatever they carry."""

@@ -50,25 +50,24 @@ def walk(
         corner = corner if turn is None else turn.rotation @ corner
         ground.add(ElevationMap(heights, 0.02, (at[0] + corner[0], at[1] + corner[1], yaw)))
     walking.ground.sight = ground
-    walking.start()
     landed: list[Footstep] = []
     loads, weight, soles = [0.5, 0.5], robot.mass * 9.81, None
     for k in range(6000):
         ground.update(robot, DT * k)
-        phases, before = walking.phases, walking.phases.completed
+        before = walking.steps_done
         reference = walking.update([weight * share for share in loads], soles)
-        if phases.completed > before:
-            landed.append(phases.plan.steps[phases.step - 1])
+        if walking.steps_done > before:
+            landed.append(walking.plan.steps[walking.step - 1])
         if walking.finished:
             break
         # Feet are where they are told; a swing foot stops on its landing, the other one carries.
-        step = phases.plan.steps[min(phases.step, len(phases.plan) - 1)]
+        step = walking.plan.steps[min(walking.step, len(walking.plan) - 1)]
         moving = 0 if step.side == "left" else 1
         loads = [0.5, 0.5]
         soles = [motion.placement.copy() for motion in reference.feet]
         level = step.z if true is None else true
-        meets = phases.swing is not None and soles[moving].translation[2] <= level + 1e-5
-        if meets and phases.elapsed > 0.6 * phases.duration:
+        meets = walking.swing is not None and soles[moving].translation[2] <= level + 1e-5
+        if meets and walking.elapsed > 0.6 * walking.duration:
             soles[moving].translation[2] = level
         else:
             loads[moving], loads[1 - moving] = 0.0, 1.0

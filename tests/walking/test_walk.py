@@ -61,10 +61,10 @@ def run(
     stabilizer = Stabilizer(ROBOT.mass, WrenchDistribution(SIZES), gains)
     result = Result(walk)
     reference = walk.update((WEIGHT / 2, WEIGHT / 2))
+    result.events += [(0.0, e) for e in reference.events]
     com, velocity, zmp = reference.pendulum.com.copy(), np.zeros(3), reference.pendulum.zmp[:2].copy()
     wrenches = np.zeros((2, 6))
     wrenches[:, 2] = WEIGHT / 2
-    walk.start()
     for k in range(round(seconds / dt)):
         if act is not None:
             act(walk, k * dt)
@@ -83,7 +83,7 @@ def run(
             level = (
                 ground(x, y)
                 if ground is not None
-                else walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)].z
+                else walk.plan.steps[min(walk.step, len(walk.plan) - 1)].z
                 if not reference.contact[side]
                 else z
             )
@@ -149,14 +149,14 @@ def metre() -> Result:
 
 def test_it_walks_its_plan_and_stands(metre: Result) -> None:
     walk = metre.walk
-    assert walk.finished and walk.steps_done == len(walk.phases.plan) == 6
+    assert walk.finished and walk.steps_done == len(walk.plan) == 6
     kinds = [e for _, e in metre.events]
     assert kinds == [Event.STARTED] + [Event.LIFT_OFF, Event.TOUCH_DOWN] * 6 + [Event.STOPPED]
-    for reference, motion in zip(walk.phases.plan.final, metre.references[-1].feet, strict=True):
+    for reference, motion in zip(walk.plan.final, metre.references[-1].feet, strict=True):
         np.testing.assert_allclose(motion.placement.translation, reference.position, atol=1e-9)
         assert abs(reference.x - 0.6 - START.left.x) < 1e-3
         # The foot sinks on while its landing is being noticed.
-        assert abs(reference.z - START.left.z) < 0.03 * walk.phases.plan.gait.landing_speed
+        assert abs(reference.z - START.left.z) < 0.03 * walk.plan.gait.landing_speed
 
 
 def test_references_are_continuous_and_consistent(metre: Result) -> None:
@@ -173,7 +173,7 @@ def test_references_are_continuous_and_consistent(metre: Result) -> None:
         places = np.array([r.feet[side].placement.translation for r in metre.references])
         speeds = np.array([r.feet[side].velocity[:3] for r in metre.references])
         # A foot that lands stops at once.
-        stop = 0.5 * metre.walk.phases.plan.gait.landing_speed
+        stop = 0.5 * metre.walk.plan.gait.landing_speed
         assert np.abs(np.diff(places, axis=0) / DT - 0.5 * (speeds[1:] + speeds[:-1])).max() < stop + 5e-3
 
 
@@ -204,7 +204,7 @@ def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool, metre: Result) 
 def test_it_walks_every_kind_of_plan(plan: FootstepPlan) -> None:
     result = run(plan, replace(STEADY, ground_memory=0.0, rise_memory=0.0))
     assert not result.fell and result.walk.finished and result.walk.steps_done == len(plan)
-    for end, wanted in zip(result.walk.phases.plan.final, plan.final, strict=True):
+    for end, wanted in zip(result.walk.plan.final, plan.final, strict=True):
         np.testing.assert_allclose(end.position, wanted.position, atol=3e-3)
         assert end.yaw == pytest.approx(wanted.yaw, abs=1e-6)
     assert result.references[-1].heading == pytest.approx(plan.final[0].yaw, abs=1e-6)
@@ -221,7 +221,7 @@ def test_stones_bring_early_and_late_landings_and_the_walk_goes_on() -> None:
     kinds = [e for _, e in result.events]
     assert not result.fell and result.walk.steps_done == 8
     assert Event.EARLY_TOUCH_DOWN in kinds and Event.LATE_TOUCH_DOWN in kinds
-    for step in result.walk.phases.plan.steps[2:]:  # each step knows the ground that it has found
+    for step in result.walk.plan.steps[2:]:  # each step knows the ground that it has found
         assert step.z == pytest.approx(ground(step.x, step.y), abs=2e-3)
 
 
@@ -250,9 +250,9 @@ def test_feet_land_in_time_on_ground_that_keeps_falling() -> None:
     wanted: dict[int, tuple[float, float]] = {}
 
     def note(walk: Walk, time: float) -> None:
-        if walk.phases.phase is GaitPhase.SINGLE and walk.phases.elapsed <= 2 * DT:
-            step = walk.phases.plan.steps[walk.phases.step]
-            wanted[walk.phases.step] = step.x, step.z
+        if walk.phase is GaitPhase.SINGLE and walk.elapsed <= 2 * DT:
+            step = walk.plan.steps[walk.step]
+            wanted[walk.step] = step.x, step.z
 
     def ground(x: float, y: float) -> float:
         return -0.03 * x  # 4 mm a step
@@ -267,12 +267,11 @@ def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_t
     """The placements may be the model's own, as a robot hands them out: they go on moving with the foot."""
     walk = Walk(ROBOT, walk_distance(START, 0.6), HEIGHT, DT, STEADY)
     soles = [pin.SE3(START.left.placement), pin.SE3(START.right.placement)]
-    walk.start()
     landed: tuple[int, pin.SE3] | None = None
     while not walk.finished:
-        step = walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)]
+        step = walk.plan.steps[min(walk.step, len(walk.plan) - 1)]
         swing = SIDES.index(step.side)
-        share = 0.1 if walk.phases.phase is GaitPhase.SINGLE and walk.phases.remaining <= DT else 0.0
+        share = 0.1 if walk.phase is GaitPhase.SINGLE and walk.remaining <= DT else 0.0
         weight = [WEIGHT * (1.0 - share)] * 2
         weight[swing] = WEIGHT * share
         reference = walk.update(weight, soles)
@@ -284,7 +283,7 @@ def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_t
             turn = pin.SE3(pin.rpy.rpyToMatrix(0.001, 0.0, 0.0), np.zeros(3))
             moved = soles[side] * turn if reference.contact[side] else pin.SE3(reference.feet[side].placement)
             soles[side].rotation, soles[side].translation = moved.rotation, moved.translation
-    assert landed is not None and walk.steps_done == len(walk.phases.plan)
+    assert landed is not None and walk.steps_done == len(walk.plan)
 
 
 @pytest.mark.slow
@@ -302,7 +301,7 @@ def test_step_adjustment_survives_greater_pushes() -> None:
 
 def test_without_a_push_no_step_is_moved() -> None:
     result = run(walk_distance(START, 0.5), WalkSettings(), gains=StabilizerGains(zmp_d=0.05))
-    for step, wanted in zip(result.walk.phases.plan.steps, walk_distance(START, 0.5).steps, strict=True):
+    for step, wanted in zip(result.walk.plan.steps, walk_distance(START, 0.5).steps, strict=True):
         np.testing.assert_allclose([step.x, step.y], [wanted.x, wanted.y], atol=1e-3)
 
 
@@ -319,7 +318,6 @@ def test_the_constant_error_of_sensors_moves_no_step(robot: str, width: float) -
     plan, height = walk_distance(FootstepPlan.standing(model), 0.5), 0.97 * float(model.com[2])
     for error in (0.004, -0.004):
         walk = Walk(model, plan, height, DT)
-        walk.start()
         shares = [0.5, 0.5]
         dcm = walk.update([0.5 * model.mass * GRAVITY] * 2).pendulum.dcm[:2]
         for _ in range(6000):
@@ -328,16 +326,13 @@ def test_the_constant_error_of_sensors_moves_no_step(robot: str, width: float) -
             dcm, shares = reference.pendulum.dcm[:2], [0.5, 0.5]
             if walk.finished:
                 break
-            phases = walk.phases
-            step = phases.plan.steps[min(phases.step, len(phases.plan) - 1)]
+            step = walk.plan.steps[min(walk.step, len(walk.plan) - 1)]
             side = SIDES.index(step.side)
             height_left = reference.feet[side].placement.translation[2] - step.z
-            if not (
-                height_left <= 1e-5 and phases.swing is not None and phases.elapsed > 0.6 * phases.duration
-            ):
+            if not (height_left <= 1e-5 and walk.swing is not None and walk.elapsed > 0.6 * walk.duration):
                 shares[side], shares[1 - side] = 0.0, 1.0
         assert walk.finished
-        for step, wanted in zip(walk.phases.plan.steps, plan.steps, strict=True):
+        for step, wanted in zip(walk.plan.steps, plan.steps, strict=True):
             np.testing.assert_allclose([step.x, step.y], [wanted.x, wanted.y], atol=2e-3)
 
 

@@ -140,7 +140,7 @@ def walk_as_commanded(yaw: float, distance: float) -> dict[str, np.ndarray]:
         share = float(np.clip((reference.pendulum.zmp[:2] - right) @ (left - right), 0.0, None))
         share = min(share / float((left - right) @ (left - right)), 1.0)
         if not all(reference.contact):
-            late = walking.walk.phases.elapsed >= walking.walk.phases.duration - 1e-9
+            late = walking.walk.elapsed >= walking.walk.duration - 1e-9
             share = float(reference.contact[0]) * (0.8 if late else 1.0) + 0.2 * late * reference.contact[1]
         if walking.finished:
             break

@@ -201,6 +201,10 @@ class SwingFoot:
             np.array((ax, ay, az, *turning)),
         )
 
+    def heading(self, time: float) -> float:
+        """Return the heading at a time from lift-off, s, rad."""
+        return self._c["yaw"].at(time)[0]
+
     def over_ground(self, time: float) -> tuple[float, float, float, float]:
         """Return x and y, m, and their rates, m/s, at a time from lift-off, s."""
         (x, u, _), (y, v, _) = self._c["x"].at(time), self._c["y"].at(time)

@@ -16,12 +16,10 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.core.drive.control import State
-from wbc.core.robot import SIDES, Robot
+from wbc.core.robot import Robot
 from wbc.walking.contact import GaitPhase
-from wbc.walking.lipm.phases import WalkPhases
 from wbc.walking.lipm.walk import Walk
-from wbc.walking.plans.footsteps import FootstepPlan, check_start, other
-from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.footsteps import FootstepPlan, check_start
 from wbc.walking.plans.reach import Extent, Reach, bent_height
 from wbc.walking.plans.sources import (
     AT_REST,
@@ -44,7 +42,7 @@ class LipmWalk(ReferenceSource):
     """LIPM walk along a plan of footsteps, or steered by velocities, goals, plans and planners.
 
     Attributes:
-        walk: Phases, pattern and swing foot.
+        walk: Phases, pattern and swing.
         settings: Settings of a walk that is steered.
         planner: Planner of the footsteps; None for the plan that the walk began with.
         com_height: Height of the CoM over the support while walking, m.
@@ -84,14 +82,12 @@ class LipmWalk(ReferenceSource):
         self._robot, self._extent, self._walk_settings = robot, extent, s.walk
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)
-        self.swing_height = walk.phases.plan.gait.full.swing_height
+        self.swing_height = walk.plan.gait.full.swing_height
         self._pace = 0.0  # of the last plan, m/s
         self._next = 0.0  # time of the next plan, s
         self._planned: tuple[FootstepSource | None, object] = (None, None)
         self._landed = False
         self._steered = not len(plan)  # a plan from the start is walked as it is
-        if len(plan):
-            walk.start()
 
     def begin(self, heading: float) -> None:
         """Stand where the robot stands now, with the heading of its feet; steps and orders before are forgotten."""
@@ -114,17 +110,9 @@ class LipmWalk(ReferenceSource):
 
     def progress(self, last: Reference | None) -> Progress:
         """Return phase and steps now."""
-        phases = self.walk.phases
-        steps, gait, swing = phases.plan.steps, phases.plan.gait.full, phases.swing
-        return Progress(
-            phases.phase,
-            None if swing is None else SIDES.index(swing),
-            phases.stance,
-            phases.completed,
-            phases.elapsed,
-            phases.duration,
-            steps[phases.step :],
-            gait.single_support + gait.double_support,
+        gait = self.walk.plan.gait.full
+        return self.walk.progress(
+            self.walk.plan.steps[self.walk.step :], gait.single_support + gait.double_support
         )
 
     @property
@@ -183,10 +171,10 @@ class LipmWalk(ReferenceSource):
 
     def plan_steps(self, time: float) -> None:
         """Plan the footsteps anew if it is time to, by the time since the start of the walk, s."""
-        planner, phases = self.planner, self.walk.phases
+        planner, walk = self.planner, self.walk
         if planner is None:
             return
-        swings = phases.phase is GaitPhase.SINGLE
+        swings = walk.phase is GaitPhase.SINGLE
         if swings:
             if (planner, planner.order) == self._planned or time < self._next or self._comes_to_rest:
                 self._landed = True
@@ -196,10 +184,10 @@ class LipmWalk(ReferenceSource):
         self._landed = False
         self._next = time + REPLAN
         self._planned = planner, planner.order
-        now = standing(phases, self._gait, time)
+        now = walk.standing(self._gait, time)
         try:
-            plan = next_steps(planner, self._unturned(now), self._robot, self.walk.reach, self._extent)
-            self._steer(plan.moved(self.walk.drift_correction) if self._turns else plan)
+            plan = next_steps(planner, self._unturned(now), self._robot, walk.reach, self._extent)
+            self._steer(plan.moved(walk.drift_correction) if self._turns else plan)
             self._pace, self._planned = planner.pace, (planner, planner.order)
         except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
             self._drop(error, now)
@@ -218,16 +206,15 @@ class LipmWalk(ReferenceSource):
     @property
     def _comes_to_rest(self) -> bool:
         """True in the last moments of the last step: no ZMP takes the DCM from its rest to another step that soon."""
-        phases = self.walk.phases
-        last = phases.step + 1 >= len(phases.plan)
-        return last and phases.duration - phases.elapsed < REPLAN
+        walk = self.walk
+        return walk.step + 1 >= len(walk.plan) and walk.duration - walk.elapsed < REPLAN
 
     def _steer(self, plan: FootstepPlan) -> None:
         walk = self.walk
-        if not plan.steps and walk.phases.step >= len(walk.phases.plan):
+        if not plan.steps and walk.step >= len(walk.plan):
             return  # it stands, or comes to rest
         gait = plan.gait.full
-        if gait is not walk.phases.plan.gait:
+        if gait is not walk.plan.gait:
             gait, _ = gait.on_grid(walk.period)
         walk.steer(plan.steps, gait)
 
@@ -243,22 +230,9 @@ class LipmWalk(ReferenceSource):
             self.walk.steer(() if side is None else close_up(now.start, side).steps)
 
 
-def standing(phases: WalkPhases, gait: Gait, time: float) -> Standing:
-    """Return the feet of a walk as they stand now, with the gait of the plans that begin there."""
-    plan, step, swings = phases.plan, phases.step, phases.phase is GaitPhase.SINGLE
-    first: str | None = None
-    if swings:
-        first = other(plan.steps[step].side)
-    elif phases.phase is GaitPhase.DOUBLE and step < len(plan):
-        first = plan.steps[step].side
-    left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in plan.feet(step + swings))
-    return Standing(FootstepPlan(left, right, (), gait), first, phases.completed + swings, swings, time)
-
-
 def _mean_velocity(walk: Walk) -> Velocity:
     """Mean velocity over the next two steps of a plan, seen from the foot that stands."""
-    phases = walk.phases
-    plan, step = phases.plan, phases.step
+    plan, step = walk.plan, walk.step
     if step + 2 > len(plan):
         return AT_REST
     forward, left, _, turn = plan.steps[step + 1].seen_from(plan.stance(step))

@@ -1,9 +1,10 @@
-"""References of a walk, tick by tick: phases, pattern, swing foot and step adjustment put together.
+"""Planned steps: places and times are fixed ahead; phases change by contact and by time, not by time alone.
 
     foot loads, DCM, soles  →  phases  →  (events: swing, landing)  →  pattern  →  references for this tick
 
-A walk knows neither the QP nor the simulator; it hands out targets. Everything that could be wrong with a plan is
-refused when the walk is made.
+Lift-off waits until the foot that leaves has given its load to the foot that stays. Touch-down is the first load on
+the swing foot: early (the swing ends, and the weight may come over at once), on time, or late (the foot reaches on
+down, and the pendulum is held meanwhile). Everything that could be wrong with a plan is refused when the walk is made.
 """
 
 from __future__ import annotations
@@ -12,27 +13,29 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import Share, settings
+from wbc.base.settings import NonNegative, Share, settings
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.contact import Event, GaitPhase, touch_down
+from wbc.walking.gait import GaitMachine
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, StepAdjuster
 from wbc.walking.lipm.pattern import Pattern
-from wbc.walking.lipm.phases import HOLD, PhaseSettings, WalkPhases
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
-from wbc.walking.lipm.schedule import ZmpTarget
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, heading, mean_heading
-from wbc.walking.plans.gait import StepGait
+from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, heading, mean_heading, other
+from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.reach import Reach, check_plan
+from wbc.walking.plans.sources import Standing
 from wbc.walking.source import Reference
-from wbc.walking.swing import FootMotion, SwingFoot
+from wbc.walking.swing import SwingFoot
 
 logger = logging.getLogger(__name__)
 
@@ -49,6 +52,32 @@ of that in a step, rad."""
 
 REPLAN = 0.1
 """Time between plans of the pattern, s; each event plans it anew as well."""
+
+
+DEBOUNCE, HOLD = 0.01, 0.05
+"""Time that the load of a touch-down must last; remaining time that the pattern plans with while a phase waits for a
+foot, s."""
+
+
+@settings
+class PhaseSettings:
+    """Loads and times at which phases change. Loads are over the robot's weight.
+
+    Attributes:
+        touch_down: Load at which a swing foot has met the ground; 0.08 is 30 N of 39 kg.
+        early: Ratio of the swing before which a load is a stumble, not a touch-down.
+        lift_off: Greatest load of the foot that leaves.
+        stance: Least load of the foot that stays.
+        max_wait: Longest time that lift-off waits for these two loads, s; then the foot lifts all the same.
+        max_late: Longest time that a foot searches for ground, s; then it is taken to stand where it is.
+    """
+
+    touch_down: Share = 0.08
+    early: Share = 0.6
+    lift_off: Share = 0.25
+    stance: Share = 0.5
+    max_wait: Annotated[NonNegative, "s"] = 0.3
+    max_late: Annotated[NonNegative, "s"] = 0.5
 
 
 @settings
@@ -85,18 +114,18 @@ class _PlannedSwing:
     dcm: Array  # when it has, shape (2,), m
 
 
-class Walk:
-    """A walk of one robot.
+class Walk(GaitMachine):
+    """Walk of one robot along planned steps.
 
     Attributes:
-        phases: State machine, with the plan as it is now.
+        plan: Footstep plan as it is now; landings move, and the walk may be steered or stopped.
+        step: Index of the step that swings, or that swings next; the number of steps at the end.
         notes: One message for each timing of the plan that was rounded to the control period.
         period: Control period, s.
         reach: Reach of the robot's legs.
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
         com_height: Height of the CoM over the support while walking, m.
-        ground: What is known of the ground.
         drift_correction: Yaw-drift correction of the remaining footsteps: their motion since it was set, for soles that
             have turned on the ground, which the estimated world follows.
     """
@@ -113,20 +142,18 @@ class Walk:
         extent: tuple[float, float, float, float] | None = None,
         com: Array | None = None,
     ) -> None:
-        """Check a plan and stand at its start, with the CoM at `com` if it is not over the feet."""
+        """Check a plan, stand at its start, with the CoM at `com` if it is not over the feet, and walk from there."""
         self.settings = s = settings or WalkSettings()
         self.period = period
         self.reach = reach or Reach.of(robot, com_height)
         gait, self.notes = plan.gait.full.on_grid(period)
         for note in self.notes:
             logger.warning("%s", note)
-        if gait.single_support < gait.swing.shortest:
-            raise InputError(
-                f"single_support must be at least {gait.swing.shortest:g} s for take-off, swing and landing, got "
-                f"{gait.single_support:g} s"
-            )
-        plan = replace(plan, gait=gait)
+        plan = replace(plan, gait=_checked(gait))
         check_plan(plan, robot, self.reach, extent)
+        super().__init__(
+            period, GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height), DEBOUNCE
+        )
         left, right = robot.soles[:2]
         self.sole_sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
         preview, self._swing_gait = s.preview, gait
@@ -147,70 +174,166 @@ class Walk:
         self._adjuster: StepAdjuster | None = None
         if adjustment is not None:
             self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, adjustment)
-
-        self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
-        self._robot = robot
-        self._events: tuple[Event, ...] = ()  # those of `start`, for the next update
-        self._feet = [FootMotion.at_rest(plan.left.placement), FootMotion.at_rest(plan.right.placement)]
-        self._yaws = [heading(motion.placement.rotation) for motion in self._feet]
-        self._swing: SwingFoot | None = None
         self._planned_swing: _PlannedSwing | None = None
+
+        self._robot = robot
+        self.plan, self.step, self._stopping = plan, 0, False
+        self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
+        self._places = [plan.left.placement, plan.right.placement]
+        self._yaws = [heading(place.rotation) for place in self._places]
         middle = 0.5 * (plan.left.position + plan.right.position)
         if com is None:
             com = middle + (0.0, 0.0, com_height)
-        rest = Pendulum.at_rest(com, float(middle[2]))
-        self._rest = rest if len(plan) else None  # until the walk starts
-        self._pattern = self._preview.plan(self.phases.supports(), rest)
-        self._pattern_status = self._preview.status
+        self._begun: tuple[Event, ...] = ()  # events before the next update
+        if plan.steps:
+            self._start()
         self._time = 0.0  # since the pattern was planned, s
+        self._pattern = self._preview.plan(self.supports(), Pendulum.at_rest(com, float(middle[2])))
+        self._pattern_status = self._preview.status
         self.drift_correction = pin.SE3.Identity()
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
-        self.ground = GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
+
+    # ---- phases -------------------------------------------------------------------------------------------------
 
     @property
     def finished(self) -> bool:
         """True when all steps are done and the robot stands."""
-        return self.phases.finished
+        return self.phase is GaitPhase.STANDING and self.step >= len(self.plan)
 
     @property
-    def steps_done(self) -> int:
-        """Completed single supports."""
-        return self.phases.completed
+    def remaining(self) -> float:
+        """Time to the planned end of the phase, s; at least `HOLD` while it waits for a foot."""
+        return max(self.duration - self.elapsed, HOLD if self._waits else 0.0)
 
-    def start(self) -> None:
-        """Begin to walk with the next update; `InputError` if the robot walks already, or there is no step to take."""
-        self._events = (self.phases.start(),)
-        self._rest, self._time = None, 0.0
-        self._replan()
+    @property
+    def overdue(self) -> bool:
+        """True while lift-off or touch-down is late."""
+        return self._waits and self.elapsed >= self.duration - ROUNDING
+
+    @property
+    def _waits(self) -> bool:
+        return self.phase is GaitPhase.SINGLE or (
+            self.phase is GaitPhase.DOUBLE and self.step < len(self.plan)
+        )
+
+    def supports(self) -> tuple[SupportPhase, ...]:
+        """Return the schedule from now on."""
+        if self.step >= len(self.plan) > 0 and self.phase is GaitPhase.STANDING:
+            return (SupportPhase(HOLD, self.plan.final, self.step, HOLD),)
+        if self._schedule is None or self._schedule[0] is not self.plan:
+            self._schedule = self.plan, schedule(self.plan)
+        whole = self._schedule[1]
+        if self.phase is GaitPhase.STANDING:
+            return whole
+        index = 2 * self.step + (1 if self.phase is GaitPhase.SINGLE else 0)
+        now = whole[index]
+        left = max(self.remaining, 1e-3)
+        return (SupportPhase(left, now.feet, now.step, max(now.total, left)), *whole[index + 1 :])
+
+    def _start(self) -> None:
+        """Begin to walk with the next update."""
+        self._begun = (Event.STARTED,)
+        self._enter(GaitPhase.DOUBLE, self.plan.gait.full.initial_double_support)
 
     def stop(self) -> None:
-        """Come to a stand safely; a walk that stands, or stops already, is left alone."""
-        if self._rest is not None:
+        """Land, bring the other foot beside, and stand; a walk that stands, or stops already, is left alone."""
+        if self.phase is GaitPhase.STANDING or self._stopping:
             return
-        # The height of the last landing, at which the other foot closes up, contains that of the ground.
-        if not self.phases.stop(self.ground.height):
-            return
-        self._replan()
-        if self._swing is not None:
-            self._plan_swing(self._swing.landing)
+        self._stopping = True
+        last = self.step if self.phase is GaitPhase.SINGLE else self.step - 1
+        self.plan = plan = self.plan.stopping_after(last)
+        if len(plan) > last + 1:
+            # The height of the last landing, at which the other foot closes up, contains that of the ground.
+            closing = plan.steps[-1]
+            self.plan = plan.with_step(len(plan) - 1, replace(closing, z=closing.z - self.ground.height))
+        if self.step >= len(plan):
+            self.duration = self.elapsed + plan.gait.full.final_double_support
+        self._plan_again()
 
     def steer(self, steps: Sequence[Footstep], gait: StepGait | None = None) -> None:
-        """Replace all steps that have not begun; a robot that stands sets off with the next update."""
-        phases = self.phases
-        if gait is not None and gait.single_support < gait.swing.shortest:
-            raise InputError(
-                f"single_support must be at least {gait.swing.shortest:g} s, got {gait.single_support:g} s"
-            )
-        phases.steer(self.ground.settled(steps, swings=self._swing is not None), gait)
-        self.ground.height = 0.0
+        """Replace all steps that have not begun, by none for a stand; the gait is as before when None.
+
+        A robot that stands sets off with the next update.
+        """
+        full = self.plan.gait.full if gait is None else _checked(gait)
         self._swing_gait = self._swing_gait if gait is None else gait
-        if phases.phase is GaitPhase.STANDING and steps:
-            self._events = (phases.start(),)
-            if self._rest is not None:
-                self._rest, self._time = None, 0.0
+        swings, waited = self.phase is GaitPhase.SINGLE, self.step < len(self.plan)
+        steps = self.ground.settled(steps, swings=swings)
+        self.ground.height = 0.0
+        left, right = self.plan.feet(self.step)
+        begun = self.plan.steps[self.step : self.step + 1] if swings else ()
+        self.plan = FootstepPlan(left, right, (*begun, *steps), full)
+        self.step, self._stopping = 0, False
+        if self.phase is GaitPhase.STANDING and steps:
+            self._start()
+        elif self.phase is GaitPhase.DOUBLE and waited and not steps:
+            self.duration = self.elapsed + full.final_double_support
+        elif self.phase is GaitPhase.DOUBLE and steps and not waited:
+            # Off again before the robot stood: the weight has yet to come over.
+            self.duration = self.elapsed + full.initial_double_support
+        self._plan_again()
+
+    def _plan_again(self) -> None:
+        """Plan pattern and swing anew for steps that have changed."""
         self._replan()
-        if self._swing is not None:
-            self._plan_swing(self._swing.landing)
+        if self.swing is not None:
+            self._plan_swing(self.swing.landing)
+
+    def set_landing(self, step: Footstep, *, carry: bool = True) -> None:
+        """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`."""
+        index = self.step if self.phase is GaitPhase.SINGLE else self.step - 1
+        self.plan = self.plan.with_step(index, step, carry=carry)
+
+    def standing(self, gait: Gait, time: float) -> Standing:
+        """Return the feet as they stand now, with the gait of the plans that begin there, at a time, s."""
+        plan, step, swings = self.plan, self.step, self.phase is GaitPhase.SINGLE
+        first: str | None = None
+        if swings:
+            first = other(plan.steps[step].side)
+        elif self.phase is GaitPhase.DOUBLE and step < len(plan):
+            first = plan.steps[step].side
+        left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in plan.feet(step + swings))
+        return Standing(FootstepPlan(left, right, (), gait), first, self.steps_done + swings, swings, time)
+
+    def _advance(self, loads: Sequence[float]) -> tuple[Event, ...]:
+        """Change the phase where contact, by the normal force on left and right foot, N, and time say so."""
+        weight = self._robot.mass * GRAVITY
+        if self.phase is GaitPhase.SINGLE:
+            return self._single(loads[1 - self.stance] / weight)
+        if self.phase is GaitPhase.STANDING or self.elapsed < self.duration - ROUNDING:
+            return ()
+        if self.step >= len(self.plan):
+            self._enter(GaitPhase.STANDING, 0.0)
+            return (Event.STOPPED,)
+        s, leaving = self.settings.phases, SIDES.index(self.plan.steps[self.step].side)
+        free = loads[leaving] <= s.lift_off * weight and loads[1 - leaving] >= s.stance * weight
+        if not free and self.elapsed < self.duration + s.max_wait - ROUNDING:
+            return ()
+        self._enter(GaitPhase.SINGLE, self.plan.gait.full.single_support)
+        return (Event.LIFT_OFF if free else Event.FORCED_LIFT_OFF,)
+
+    def _single(self, load: float) -> tuple[Event, ...]:
+        """End the single support where the swing foot has met the ground, by its load over the weight, or must."""
+        s, credit = self.settings.phases, 0.0
+        touched = self._touch.update(load >= s.touch_down, self._dt)
+        left = self.duration - self.elapsed
+        if left > ROUNDING:
+            if not (touched and self.elapsed >= s.early * self.duration):
+                return ()
+            event, credit = Event.EARLY_TOUCH_DOWN, left  # for the double support: the rhythm is kept
+        elif touched:
+            event = touch_down(-left, ROUNDING, 0.5 * HOLD)
+        elif left <= -s.max_late + ROUNDING:
+            event = Event.NO_TOUCH_DOWN if s.max_late > 0.0 else Event.TOUCH_DOWN
+        else:
+            return ()
+        self.step += 1
+        self.steps_done += 1
+        gait, last = self.plan.gait.full, self.step >= len(self.plan)
+        self._enter(GaitPhase.DOUBLE, credit + (gait.final_double_support if last else gait.double_support))
+        return (event,)
+
+    # ---- the tick -----------------------------------------------------------------------------------------------
 
     def update(
         self,
@@ -228,53 +351,47 @@ class Walk:
             turned: Angle by which soles have turned on the ground in the last period, rad.
         """
         self._time += self.period
-        if self.phases.phase is not GaitPhase.STANDING:
+        self.elapsed += self.period
+        if self.phase is not GaitPhase.STANDING:
             self._turned += turned
-        self.phases.weight = self._robot.mass * GRAVITY
-        events = self._events + self.phases.update(loads, self.period)
-        self._events = ()
-        placements = [motion.placement for motion in self._feet] if soles is None else list(soles)
+        flown, places = self.swing, self._places if soles is None else soles
+        events = self._begun + self._advance(loads)
+        self._begun = ()
+        steps = self.plan.steps
+        self.stance = 1 - SIDES.index(steps[min(self.step, len(steps) - 1)].side) if steps else 0
         for event in events:
             if event in (Event.LIFT_OFF, Event.FORCED_LIFT_OFF):
-                self._lift(placements)
-            elif event in TOUCH_DOWNS:
-                self._land(placements)
-        overdue = self.phases.overdue
+                self._lift(places)
+            elif event in TOUCH_DOWNS and flown is not None:
+                self._land(places, flown.landing)
+        overdue, swing = self.overdue, self.swing
         interval = 0.5 * HOLD if overdue else REPLAN
-        if self._rest is None and (events or self._time >= interval - ROUNDING):
+        if events or self._time >= interval - ROUNDING:
             if self._time > 0.0:  # a swing that begins has planned already
                 self._replan()
-        elif dcm is not None and self._adjuster and self._swing is not None and not overdue:
-            self._adjust(dcm, self._adjuster, self._swing)
-        if self._swing is not None:
+        elif dcm is not None and self._adjuster and swing is not None and not overdue:
+            self._adjust(dcm, self._adjuster, swing)
+        if swing is not None:
             if self.ground.news:
-                self._look(self._swing)
-            side = SIDES.index(self._swing.landing.side)
-            self._feet[side] = motion = self._swing.at(self.phases.elapsed)
-            self._yaws[side] = heading(motion.placement.rotation)
-        return Reference(
-            self._pattern.at(self._time) if self._rest is None else self._rest,
-            (self._feet[0], self._feet[1]),
-            self.phases.contact,
-            mean_heading(*self._yaws),
-            self.phases.phase,
-            self.phases.step,
-            events,
-            stance=self.phases.stance,
+                self._look(swing)
+            self._yaws[1 - self.stance] = swing.heading(self.elapsed)
+        reference = self._reference(
+            self._pattern.at(self._time), self._places, mean_heading(*self._yaws), events
         )
+        if swing is not None:
+            self._places[1 - self.stance] = reference.feet[1 - self.stance].placement
+        return reference
 
-    def _lift(self, placements: list[pin.SE3]) -> None:
+    def _lift(self, places: Sequence[pin.SE3]) -> None:
         """Start a swing from the foot's placement."""
-        self._turn_back(placements[self.phases.stance])
-        step = self.phases.plan.steps[self.phases.step]
-        side = SIDES.index(step.side)
-        self.ground.lift(1 - side, placements[1 - side])
+        self._turn_back(places[self.stance])
+        step, shape = self.plan.steps[self.step], self._swing_gait.swing
+        self.ground.lift(self.stance, places[self.stance])
         landing = self.ground.expect(step, self._near(step))
-        self.phases.set_landing(landing, carry=False)
-        over, shape = self.ground.way(placements[side], landing), self._swing_gait.swing
+        self.set_landing(landing, carry=False)
         # Where what is seen is not there, the ground is where it was felt.
         shape = shape._replace(search_depth=shape.search_depth + self.ground.raised)
-        self._swing = SwingFoot(placements[side], landing, self.phases.duration, shape, over)
+        self._begin_swing(places, landing, self.duration, shape)
         self._replan()
         self._plan_swing(landing)
 
@@ -287,13 +404,13 @@ class Walk:
         rotation = pin.rpy.rpyToMatrix(0.0, 0.0, turn)
         move = pin.SE3(rotation, stance.translation - rotation.dot(stance.translation))
         self.drift_correction = move * self.drift_correction
-        self.phases.set_landing(self.phases.plan.steps[self.phases.step].moved(move))
+        self.set_landing(self.plan.steps[self.step].moved(move))
 
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
         """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
-        if step.place == "fixed" or self.phases.step >= len(self.phases.plan) - 2:
+        if step.place == "fixed" or self.step >= len(self.plan) - 2:
             return None
-        stance, reach = self.phases.plan.stance(self.phases.step), self.reach
+        stance, reach = self.plan.stance(self.step), self.reach
         outwards = 1.0 if step.side == "left" else -1.0
 
         def allowed(x: float, y: float) -> bool:
@@ -306,35 +423,31 @@ class Walk:
 
     def _look(self, swing: SwingFoot) -> None:
         """Move the landing to the height that is seen under it, while the foot can follow."""
-        phases = self.phases
-        if phases.remaining < LAST_LOOK or phases.overdue:
+        if self.remaining < LAST_LOOK or self.overdue:
             return
-        now = phases.plan.steps[phases.step]
+        now = self.plan.steps[self.step]
         seen = self.ground.under(now)
         if abs(seen.z - now.z) < NOTICED:
             return
         self.ground.height += seen.z - now.z
-        phases.set_landing(seen, carry=False)
-        swing.retarget(phases.elapsed, seen, swing.duration)
+        self.set_landing(seen, carry=False)
+        swing.retarget(self.elapsed, seen, swing.duration)
         self._replan()
 
-    def _land(self, placements: list[pin.SE3]) -> None:
+    def _land(self, places: Sequence[pin.SE3], planned: Footstep) -> None:
         """End a swing: the foot stands at its placement, and the plan goes on from there."""
-        assert self._swing is not None
-        planned = self._swing.landing
         side = SIDES.index(planned.side)
         # A copy: a placement that is handed in may be the model's own, which moves on with the foot.
-        self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
-        self._yaws[side] = heading(motion.placement.rotation)
-        landed = Footstep.of(planned.side, placements[side])
-        self.ground.land(landed.z - planned.z, landed.z - float(placements[1 - side].translation[2]))
+        self._places[side] = place = pin.SE3(places[side])
+        self._yaws[side] = heading(place.rotation)
+        landed = Footstep.of(planned.side, place)
+        self.ground.land(landed.z - planned.z, landed.z - float(places[1 - side].translation[2]))
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
-        self.phases.set_landing(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
-        self._swing = None
+        self.set_landing(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
 
     def _replan(self) -> None:
         """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
-        self._pattern = self._preview.plan(self.phases.supports(), self._pattern.at(self._time))
+        self._pattern = self._preview.plan(self.supports(), self._pattern.at(self._time))
         self._time = 0.0
         status = self._preview.status
         if not status.ok and self._pattern_status.ok:
@@ -343,41 +456,50 @@ class Walk:
 
     def _plan_swing(self, landing: Footstep) -> None:
         """Keep the swing as it is planned now: adjustments are made against it."""
-        phases, gait = self.phases, self.phases.plan.gait.full
-        last = phases.step + 1 >= len(phases.plan)
+        gait, last = self.plan.gait.full, self.step + 1 >= len(self.plan)
         transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
-        begin, duration = phases.elapsed, phases.duration
+        begin, duration = self.elapsed, self.duration
         dcm = self._pattern.dcm_at(duration - begin + transfer)
         self._planned_swing = _PlannedSwing(self._pattern, begin, landing, duration, transfer, dcm)
 
     def _adjust(self, dcm: Array, adjuster: StepAdjuster, swing: SwingFoot) -> None:
         """Catch the pendulum by landing and time; against the plan at lift-off: one change does not add to another."""
         assert self._planned_swing is not None
-        phases, settings, planned = self.phases, adjuster.settings, self._planned_swing
-        elapsed, remaining = phases.elapsed, planned.duration - phases.elapsed
-        if phases.remaining <= FREEZE or remaining <= FREEZE:
+        settings, planned = adjuster.settings, self._planned_swing
+        elapsed, remaining = self.elapsed, planned.duration - self.elapsed
+        if self.remaining <= FREEZE or remaining <= FREEZE:
             return
         landing, time = adjuster.adjust(
             np.asarray(dcm)[:2],
             planned.pattern.dcm_at(elapsed - planned.begin),
             planned.dcm,
             planned.landing,
-            phases.plan.stance(phases.step),
+            self.plan.stance(self.step),
             remaining,
             planned.transfer,
             self._preview.settings.target,
         )
-        now = phases.plan.steps[phases.step]
+        now = self.plan.steps[self.step]
         time = max(self.period, round(time / self.period) * self.period)
         moved = math.hypot(landing.x - now.x, landing.y - now.y)
-        if moved < 0.5 * settings.threshold and abs(time - phases.remaining) < 2.5 * self.period:
+        if moved < 0.5 * settings.threshold and abs(time - self.remaining) < 2.5 * self.period:
             return
         if self.ground.sight is not None:
             landing = self.ground.under(replace(landing, z=now.z))
-        phases.set_landing(landing, carry=True)
-        phases.retime(time)
+        self.set_landing(landing, carry=True)
+        self.duration = elapsed + time
         swing.retarget(elapsed, landing, elapsed + time)
         self._replan()
+
+
+def _checked(gait: StepGait) -> StepGait:
+    """Return a gait; an `InputError` for one without the time for a swing."""
+    if gait.single_support < gait.swing.shortest:
+        raise InputError(
+            f"single_support must be at least {gait.swing.shortest:g} s for take-off, swing and landing, got "
+            f"{gait.single_support:g} s"
+        )
+    return gait
 
 
 def _most_inward(half_width: float, margin: float) -> float:

@@ -1,0 +1,118 @@
+"""Gait of a walk: phases, contacts, swing and touch-down, for steps of both kinds.
+
+    STANDING ── sets off ──▶ DOUBLE ── lift-off ──▶ SINGLE ── touch-down ──▶ DOUBLE or SINGLE ── … ──▶ STANDING
+
+Planned steps (`wbc.walking.lipm.walk`) and free steps (`wbc.walking.stepping.gait`) are planners on top of it: they say
+when a foot lifts, where and when it lands, when it takes over, and how the pendulum moves until then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import pinocchio as pin
+
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.contact import Event, GaitPhase, Touch
+from wbc.walking.ground import GroundEstimate
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.gait import SwingShape
+from wbc.walking.source import Progress, Reference
+from wbc.walking.swing import FootMotion, SwingFoot
+
+
+class GaitMachine:
+    """State machine of a robot that stands, shifts its weight, steps and stands.
+
+    Attributes:
+        phase: Phase now.
+        stance: Foot that carries while the present or next step swings: 0 left, 1 right.
+        elapsed: Time in this phase, s.
+        duration: Planned length of this phase, s.
+        steps_done: Steps that have ended with a foot on the ground.
+        swing: Swing of this step, which has its landing; None before the first decision on it, and on both feet.
+        met: Time since lift-off at which the swing foot met the ground while the other one still carries, s; else None.
+        ground: What is known of the ground.
+    """
+
+    def __init__(self, dt: float, ground: GroundEstimate, lasting: float = 0.0) -> None:
+        """Stand; a touch-down is a load that lasts for a time, s."""
+        self.phase, self.stance, self.steps_done = GaitPhase.STANDING, 1, 0
+        self.elapsed = self.duration = 0.0
+        self.swing: SwingFoot | None = None
+        self.met: float | None = None
+        self.ground, self._dt, self._touch = ground, dt, Touch(lasting)
+
+    @property
+    def air(self) -> int | None:
+        """Foot in the air; None on both feet."""
+        return 1 - self.stance if self.phase is GaitPhase.SINGLE and self.met is None else None
+
+    def _enter(self, phase: GaitPhase, duration: float) -> None:
+        """Begin a phase, planned to last for a time, s."""
+        self.phase, self.elapsed, self.duration = phase, 0.0, duration
+        self.swing = self.met = None
+        self._touch.lift()
+
+    def _begin_swing(
+        self, frames: Sequence[pin.SE3], landing: Footstep, duration: float, shape: SwingShape
+    ) -> SwingFoot:
+        """Start a swing from where the foot stands, over what is seen on the way."""
+        start = frames[1 - self.stance]
+        self.swing = SwingFoot(start, landing, duration, shape, self.ground.way(start, landing))
+        return self.swing
+
+    def _reference(
+        self,
+        pendulum: Pendulum,
+        places: Sequence[pin.SE3],
+        heading: float,
+        events: tuple[Event, ...],
+        *,
+        most_push: float = math.inf,
+        most_force: tuple[float, float] | None = None,
+        cop: tuple[float, float] = (0.0, 0.0),
+    ) -> Reference:
+        """Return the references of a tick; feet that stand are at `places`, the swing pushes at most so hard, m/s²."""
+        side = self.air
+        feet = [
+            self.swing.at(self.elapsed, most_push)
+            if i == side and self.swing is not None
+            else FootMotion.at_rest(place)
+            for i, place in enumerate(places)
+        ]
+        if most_force is None:
+            contact, most_force = (side != 0, side != 1), (math.inf, math.inf)
+        else:
+            contact = most_force[0] > 0.0, most_force[1] > 0.0
+        return Reference(
+            pendulum,
+            (feet[0], feet[1]),
+            contact,
+            heading,
+            self.phase,
+            self.steps_done,
+            events,
+            None if self.swing is None else self.swing.landing,
+            self.elapsed,
+            self.duration,
+            self.stance,
+            side,
+            most_force,
+            cop,
+        )
+
+    def progress(self, upcoming: tuple[Footstep, ...], cycle: float) -> Progress:
+        """Return phase and steps now, with the landings to come and the time of a step, s."""
+        swing = 1 - self.stance if self.phase is GaitPhase.SINGLE else None
+        return Progress(
+            self.phase,
+            swing,
+            self.stance,
+            self.steps_done,
+            self.elapsed,
+            self.duration,
+            upcoming,
+            cycle,
+        )
