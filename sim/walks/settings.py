@@ -20,9 +20,8 @@ from wbc.tasks.scheduling.record import StiffnessTiming
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.walking.lipm.walk import PhaseSettings
 from wbc.walking.lipm.preview import PreviewSettings
-from wbc.walking.lipm.walk import WalkSettings
+from wbc.walking.lipm.walk import PhaseSettings, WalkSettings
 from wbc.walking.settings import Kind, WalkingControlSettings
 
 PRESETS = ("default", "frizza", "no_bias")

@@ -74,12 +74,12 @@ class GaitMachine:
         most_force: tuple[float, float] | None = None,
         cop: tuple[float, float] = (0.0, 0.0),
     ) -> Reference:
-        """Return the references of a tick; feet that stand are at `places`, the swing pushes at most so hard, m/s²."""
+        """Return the references of a tick; the swing foot pushes at most so hard, m/s², and the other ones stand."""
         side = self.air
         feet = [
             self.swing.at(self.elapsed, most_push)
             if i == side and self.swing is not None
-            else FootMotion.at_rest(place)
+            else FootMotion.at_rest(pin.SE3(place))
             for i, place in enumerate(places)
         ]
         if most_force is None:

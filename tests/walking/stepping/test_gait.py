@@ -497,9 +497,9 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
     body = PointMass()
     body.gait.steering.command((0.2, 0.0, 0.0))
     body.run(1.0)
-    while body.gait._swing is None or body.ticks[-1].reference.elapsed > 0.02:
+    while body.gait.swing is None or body.ticks[-1].reference.elapsed > 0.02:
         body.run(body.dt)
-    swing = body.gait._swing
+    swing = body.gait.swing
     ridge = Ridge(swing.landing.x + 0.03)
     body.gait.ground.sight = ridge  # type: ignore[assignment]
     body.speed[0] += 0.2
@@ -507,5 +507,5 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
     while body.ticks[-1].reference.elapsed < 0.08:
         body.run(body.dt)
         tops.append(float(swing.at(swing.apex_time).placement.translation[2]))
-    assert body.gait._swing is swing and swing.landing.x > ridge.at
+    assert body.gait.swing is swing and swing.landing.x > ridge.at
     assert swing.over == 0.04 and tops[-1] > swing.over + 0.02

@@ -9,7 +9,6 @@ the figures.
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,7 +23,8 @@ from wbc.base.vectors import Rotation, Vector
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
+from wbc.walking.contact import Event, GaitPhase, touch_down
+from wbc.walking.gait import GaitMachine
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait, SwingShape
@@ -43,7 +43,7 @@ from wbc.walking.stepping.law import (
     viability,
 )
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
-from wbc.walking.swing import REST, RISE, FootMotion, SwingFoot
+from wbc.walking.swing import REST, RISE, SwingFoot
 
 LOOKS = 4
 """Number of ticks between two looks at the ground under a landing that moves at every tick."""
@@ -65,24 +65,15 @@ class BodyState(NamedTuple):
     wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
 
 
-class _Mode(enum.Enum):
-    STANDING = 0
-    SHIFTING = 1
-    STEPPING = 2
-
-
-class SteppingGait:
-    """Gait of one walk.
+class SteppingGait(GaitMachine):
+    """Gait of a walk with free steps.
 
     Attributes:
         settings: Settings in SI units.
         constants: Constants of the law in SI units.
         scale: Size of the robot.
         steering: Velocity, goal and heading.
-        ground: What is known of the ground; heights are those in the world.
-        stance: Foot that carries, or carried last: 0 left, 1 right.
         decision: Decision of the step that swings.
-        steps_done: Steps that have ended.
         dcm: Divergent component of motion in the last tick, by the angular momentum about the contact.
         plan: Asked at each lift-off for the footsteps from where the feet stand, the first one of the foot that lifts;
             none is a stand. None for a walk that is steered.
@@ -95,11 +86,10 @@ class SteppingGait:
 
     def __init__(self, settings: SteppingSettings, scale: RobotSize, heading: float, dt: float) -> None:
         """Stand, with a heading (rad); an `InputError` for steps that cannot be walked."""
-        self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
+        self.settings, self.scale = settings.in_si(scale), scale
         self.constants = c = in_si(SteppingConstants(), scale)
+        super().__init__(dt, GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0))
         self.steering = PathSteering(self.settings, scale, c.brisk, heading, dt)
-        self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
-        self.steps_done = 0
         self._shape = SwingShape(
             self.settings.swing_height,
             apex=c.apex / c.touch,
@@ -117,22 +107,14 @@ class SteppingGait:
             lift=c.lift,
             piece=c.piece,
         )
-        self._swing: SwingFoot | None = None
-        self._touch = Touch()
-        self._flying: tuple[Vector, Vector] | None = (
-            None  # place of the swing foot in the last tick, and its velocity
-        )
-        self._mode = _Mode.STANDING
-        self.stance = 1
-        self._elapsed = 0.0  # in this mode, or since lift-off
+        # Place of the swing foot in the last tick, and of its motion.
+        self._flying: tuple[Vector, Vector] | None = None
         self.decision = StepDecision(self.settings, c, scale, self.ground, dt)
         self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
         self._period = max(1, round(c.period / dt))  # of decisions, ticks
-        self._time = self.settings.step_time  # of the step, s
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         # CoM over the ground as planned, its velocity and acceleration; None until the step is decided.
         self._planned: tuple[float, float, float, float, float, float] | None = None
-        self._met: float | None = None  # time since lift-off at which the swing foot met the ground
         self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
         self._pace = self.steering.step_time  # mean time of the last steps, s
@@ -142,7 +124,7 @@ class SteppingGait:
         self._high: Follower[float] | None = None  # reference of the CoM's height over the feet, m
         self._ticks = 0
         self._seconds = 0.0  # since the start
-        self._timing = Gait(feet_spacing=self.settings.width)
+        self._gait = Gait(feet_spacing=self.settings.width)
         self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), dt / max(c.time_lag, dt)
         self._level_gain = lag_gain(dt, c.level_lag)
 
@@ -155,21 +137,21 @@ class SteppingGait:
     @property
     def stands(self) -> bool:
         """True once the robot has stood for as long as a step takes."""
-        return self._mode is _Mode.STANDING and self._elapsed >= self.settings.step_time
+        return self.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
 
     def update(self, state: BodyState, frames: Frames) -> Reference:
         """Compute one tick; feet that stand keep the placements of left and right sole."""
-        self._elapsed += self._dt
+        self.elapsed += self._dt
         self._seconds += self._dt
         dcm = self._pendulum(state)
         events: tuple[Event, ...] = ()
-        if self._mode is _Mode.STANDING:
+        if self.phase is GaitPhase.STANDING:
             events = self._stand(state, dcm, frames)
-        elif self._mode is _Mode.SHIFTING:
+        elif self.phase is GaitPhase.DOUBLE:
             events = self._shift(state, dcm, frames)
         if events:  # another mode begins in this tick, about its own contact
             dcm = self._pendulum(state)
-        if self._mode is _Mode.STEPPING:
+        if self.phase is GaitPhase.SINGLE:
             return self._step(state, dcm, frames, events)
         return self._on_both_feet(state, dcm, frames, events)
 
@@ -179,7 +161,7 @@ class SteppingGait:
         """Low-pass the contact point and return the DCM about it."""
         now = self._contact_point(state)
         self._contact = now if self._contact is None else _towards(self._contact, now, self._cop_gain)
-        if self._mode is not _Mode.STEPPING:  # on two feet the CoM's own velocity: ξ = c + ċ/ω
+        if self.phase is not GaitPhase.SINGLE:  # on two feet the CoM's own velocity: ξ = c + ċ/ω
             height = max(state.com[2] - self._contact[2], 0.5 * self.scale.height)
             omega = math.sqrt(GRAVITY / height)
             (x, y, _), (u, v, _) = state.com, state.velocity
@@ -190,7 +172,7 @@ class SteppingGait:
 
     def _contact_point(self, state: BodyState) -> tuple[float, float, float]:
         """Return the measured centre of pressure of the stance foot, of both feet in a stand, in the world, m."""
-        if self._mode is _Mode.STEPPING:
+        if self.phase is GaitPhase.SINGLE:
             return self._centre_of_pressure(state, self.stance)
         (ax, ay, az), (bx, by, bz) = (self._centre_of_pressure(state, side) for side in (0, 1))
         left, right = (max(row[2], 0.0) for row in state.wrenches)
@@ -209,26 +191,26 @@ class SteppingGait:
     def _carrying_point(self, state: BodyState, side: int) -> tuple[float, float, float]:
         """Return the point of a sole that carries, m."""
         return _on_sole(
-            state, side, self.constants.carrying if self._mode is not _Mode.STANDING else 0.0, 0.0
+            state, side, self.constants.carrying if self.phase is not GaitPhase.STANDING else 0.0, 0.0
         )
 
     # ---- on both feet -----------------------------------------------------------------------------------------
 
     def _stand(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
         """Set off when a velocity, a goal or footsteps ask for it, or step out of a push."""
-        if self._elapsed > self.constants.rest and (self.plan is not None or self.steering.pending):
+        if self.elapsed > self.constants.rest and (self.plan is not None or self.steering.pending):
             self._ask(frames, None)
             if self.footsteps:
                 self.stance = 1 - SIDES.index(self.footsteps[0].side)
             if self.footsteps or self.steering.pending:
-                self._enter(_Mode.SHIFTING)
+                self._enter(GaitPhase.DOUBLE, self.constants.shift_time + self.constants.rest)
                 self._from = state.com
                 return (Event.STARTED,)
         return self._step_out(state, dcm, frames)
 
     def _shift(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
         """Lift the first foot when the weight is on the other one, or step out of a push."""
-        if self._elapsed < self.constants.shift_time + self.constants.rest:
+        if self.elapsed < self.duration:
             return self._step_out(state, dcm, frames)
         return self._begin(state, frames)
 
@@ -240,7 +222,7 @@ class SteppingGait:
         left, right = (
             replace(Footstep.of(*foot), pitch=0.0, roll=0.0) for foot in zip(SIDES, frames, strict=True)
         )
-        start = FootstepPlan(left, right, (), self._timing)
+        start = FootstepPlan(left, right, (), self._gait)
         self.footsteps = self.plan(Standing(start, first, self.steps_done, False, self._seconds))
 
     def _step_out(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
@@ -270,11 +252,10 @@ class SteppingGait:
         feet = [self._carrying_point(state, side) for side in (0, 1)]
         middle = [0.5 * (a + b) for a, b in zip(*feet, strict=True)]
         high, speed = self._sink(state.com[2] - middle[2])
-        if self._mode is _Mode.STANDING:
+        if self.phase is GaitPhase.STANDING:
             course = (middle[0], middle[1], 0.0, 0.0, 0.0, 0.0)
-            phase, duration = GaitPhase.STANDING, 0.0
         else:
-            share = min(1.0, self._elapsed / c.shift_time)
+            share = min(1.0, self.elapsed / c.shift_time)
             rise, rate = share * share * (3.0 - 2.0 * share), 6.0 * (share - share * share) / c.shift_time
             stance, side = feet[self.stance], 1.0 if self.stance == 1 else -1.0
             inside = side * c.shift * s.width / (1.0 + math.exp(omega * s.step_time))
@@ -282,18 +263,8 @@ class SteppingGait:
             (x, y, _), goal_x, goal_y = self._from, stance[0] - sin * inside, stance[1] + cos * inside
             u, v = goal_x - x, goal_y - y
             course = (x + rise * u, y + rise * v, rate * u, rate * v, 0.0, 0.0)
-            phase, duration = GaitPhase.DOUBLE, c.shift_time + c.rest
-        return self._reference(
-            state,
-            dcm,
-            frames,
-            events,
-            phase=phase,
-            most_force=(c.most_force, c.most_force),
-            height=(high + middle[2], speed),
-            course=course,
-            duration=duration,
-        )
+        most = c.most_force, c.most_force
+        return self._references(dcm, frames, events, most, (high + middle[2], speed), course)
 
     def _sink(self, now: float) -> tuple[float, float]:
         """Move the CoM's height over the feet on by a tick, from that of the start, m, to that of the steps."""
@@ -320,31 +291,19 @@ class SteppingGait:
     ) -> Reference:
         """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
         steps = self._steer(state)
-        swing, landing = self._decide(state, dcm, frames, steps)
-        events = (*events, *self._meet(state, dcm, frames, steps, landing))
+        self._decide(state, dcm, frames, steps)
+        events = (*events, *self._meet(state, dcm, frames, steps))
         self._carry(state, 1 - self.stance)
-        if self._met is not None and self._is_to_carry(state, dcm, steps):
-            events = (*events, *self._change_feet(state, dcm, frames, steps.go, landing))
+        if self.met is not None and self._is_to_carry(state, dcm, steps):
+            events = (*events, *self._change_feet(state, dcm, frames, steps.go))
             dcm = self._pendulum(state)
-            if self._mode is _Mode.STANDING:
+            if self.phase is GaitPhase.STANDING:
                 return self._on_both_feet(state, dcm, frames, events)
-            swing, landing = self._decide(state, dcm, frames, steps)
+            self._decide(state, dcm, frames, steps)
         self._level += self._level_gain * (state.places[self.stance][2] - self._level)
         high, speed = self._sink(state.com[2] - self._level)
-        course = self._course(state)
-        return self._reference(
-            state,
-            dcm,
-            frames,
-            events,
-            phase=GaitPhase.SINGLE,
-            most_force=self._most_forces(state),
-            height=(high + self._level, speed),
-            course=course,
-            duration=self._time,
-            swing=swing,
-            landing=landing,
-        )
+        course, most = self._course(state), self._most_forces(state)
+        return self._references(dcm, frames, events, most, (high + self._level, speed), course)
 
     def _steer(self, state: BodyState) -> StepVelocity:
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
@@ -369,51 +328,46 @@ class SteppingGait:
         s = self.settings
         return max(s.width, s.gap + abs(steps.velocity[1]) * self.steering.step_time / SIDEWAYS)
 
-    def _decide(
-        self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity
-    ) -> tuple[SwingFoot, Footstep]:
+    def _decide(self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity) -> None:
         """Decide time, place and centre of pressure of the step, and send the swing foot there."""
         s, c, swing = self.settings, self.constants, 1 - self.stance
         self._ticks += 1
-        if self._met is None:
+        if self.met is None:
             self.decision.area.level = self._levelness()
             self.decision.area.update(state.turns[self.stance], state.wrenches[self.stance])
-            if self._swing is None or self._ticks % self._period == 0:
+            if self.swing is None or self._ticks % self._period == 0:
                 self._solve(state, dcm, steps)
             nominal, longest = self.steering.step_time, self._longest
             shortest = min(s.shortest, self.decision.end) if self.decision.closes else s.shortest
             wanted = min(max(self.decision.end, shortest), longest)
-            if self._swing is None:
-                self._time = min(wanted, c.later * nominal) if self._since_stand else nominal
+            if self.swing is None:
+                self.duration = min(wanted, c.later * nominal) if self._since_stand else nominal
             elif self.decision.closes:
-                self._time = wanted
+                self.duration = wanted
             else:
-                self._time += self._time_gain * (wanted - self._time)
-            self._time = min(max(self._time, shortest), longest)
+                self.duration += self._time_gain * (wanted - self.duration)
+            self.duration = min(max(self.duration, shortest), longest)
             self.decision.press()
-        turn = self.steering.heading + steps.turn * max(self._time - self._elapsed, 0.0)
+        turn = self.steering.heading + steps.turn * max(self.duration - self.elapsed, 0.0)
         if self.footsteps:
             turn = self.footsteps[0].yaw
         landing = Footstep(SIDES[swing], *self.decision.place, self.ground.height, turn, *self._tilt)
-        touch = c.touch * self._time
-        if self._swing is None:
+        touch = c.touch * self.duration
+        if self.swing is None:
             self.ground.lift(self.stance, frames[self.stance])
             landing = self._seen(landing)
             speed = min(c.landing_speed + c.haste * self.ground.uneven, c.hardest)
-            shape, over = self._shape._replace(landing_speed=speed), self.ground.way(frames[swing], landing)
-            self._swing = SwingFoot(frames[swing], landing, touch, shape, over)
-            return self._swing, landing
-        if self._ticks % LOOKS == 0 and self.ground.sight is not None and touch - self._elapsed > LAST_LOOK:
+            self._begin_swing(frames, landing, touch, self._shape._replace(landing_speed=speed))
+            return
+        if self._ticks % LOOKS == 0 and self.ground.sight is not None and touch - self.elapsed > LAST_LOOK:
             landing = self._seen(landing)
-            self._swing.over = max(
-                self._swing.over, self.ground.way(frames[swing], landing)
-            )  # of what is left
-        if self._met is None:
-            velocity = self._thrown(state, self._swing)
+            over = self.ground.way(frames[swing], landing)  # of what is left
+            self.swing.over = max(self.swing.over, over)
+        if self.met is None:
+            velocity = self._thrown(state, self.swing)
             if velocity is not None:
-                self._swing.restart(self._elapsed, frames[swing], velocity)
-            self._swing.retarget(self._elapsed, landing, touch, c.hardest if self.decision.closes else None)
-        return self._swing, landing
+                self.swing.restart(self.elapsed, frames[swing], velocity)
+            self.swing.retarget(self.elapsed, landing, touch, c.hardest if self.decision.closes else None)
 
     def _thrown(self, state: BodyState, swing: SwingFoot) -> Vector | None:
         """Return the velocity of a swing foot so far off its motion that legs cannot bring it back, m/s, else None.
@@ -423,7 +377,7 @@ class SteppingGait:
         """
         here, there, dt, before = (
             state.places[1 - self.stance],
-            swing.place(self._elapsed - self._dt),
+            swing.place(self.elapsed - self._dt),
             self._dt,
             self._flying,
         )
@@ -457,17 +411,17 @@ class SteppingGait:
             dcm,
             self._orbit(dcm, steps),
             self.steering.step_time,
-            self._elapsed,
+            self.elapsed,
             self._swinging(state),
             self._down(state),
         )
-        stays = self.ground.sight is None or self._swing is None or self._since_stand == 0
+        stays = self.ground.sight is None or self.swing is None or self._since_stand == 0
         if footsteps:
             wish = steps_of_plan(footsteps, c.carrying, self.settings.width, stance)
             stays = stays or len(footsteps) < 3 or footsteps[0].place == "fixed"
         else:
             wish = steps_of_velocity(steps.velocity, self._width(steps), stance)
-        look = None if stays else c.touch * self._time - self._elapsed
+        look = None if stays else c.touch * self.duration - self.elapsed
         self.decision.decide(stance, wish, self._longest, look)
 
     def _course(self, state: BodyState) -> tuple[float, float, float, float, float, float]:
@@ -490,10 +444,10 @@ class SteppingGait:
 
     def _swinging(self, state: BodyState) -> tuple[float, float, float, float]:
         """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
-        if self._swing is None:
+        if self.swing is None:
             x, y, _ = state.places[1 - self.stance]
             return x, y, 0.0, 0.0
-        return self._swing.over_ground(self._elapsed)
+        return self.swing.over_ground(self.elapsed)
 
     def _down(self, state: BodyState) -> float:
         """Return the time that the swing foot needs to come straight down, s."""
@@ -518,7 +472,7 @@ class SteppingGait:
         and not from here.
         """
         c, orbit = self.constants, self._orbit(dcm, steps)
-        left = c.touch * self._time - self._elapsed
+        left = c.touch * self.duration - self.elapsed
         assert self._contact is not None
         (x, y, _), (p, q, _) = state.places[1 - self.stance], self._contact
         (ahead, aside), (on, out) = self._along(dcm.x - x, dcm.y - y), self._along(dcm.x - p, dcm.y - q)
@@ -531,31 +485,32 @@ class SteppingGait:
         return c.rubs * now < viability(there[0], -self._side * there[1], orbit, c.stretch)
 
     def _meet(
-        self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity, landing: Footstep
+        self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity
     ) -> tuple[Event, ...]:
         """Detect that the swing foot has met the ground, or has lost it again."""
         c, swing = self.constants, 1 - self.stance
         force = state.wrenches[swing][2]
-        if self._met is None:
-            may = self._elapsed > c.early * self._time
-            met = may and force > c.met and not self._rubs(state, dcm, steps, landing)
+        if self.met is None:
+            may = self.elapsed > c.early * self.duration
+            assert self.swing is not None
+            met = may and force > c.met and not self._rubs(state, dcm, steps, self.swing.landing)
             if self._touch.update(met, self._dt):
-                self._met = self._elapsed
+                self.met = self.elapsed
                 soon = 0.05 * self.settings.step_time
-                return (touch_down(self._elapsed - c.touch * self._time, soon, soon),)
+                return (touch_down(self.elapsed - c.touch * self.duration, soon, soon),)
         elif (
             force < c.lost
-            and self._elapsed - self._met > c.lost_time
+            and self.elapsed - self.met > c.lost_time
             and state.wrenches[self.stance][2] > c.held
         ):
-            self._met = None
-            assert self._swing is not None
-            self._swing.resume(self._elapsed, frames[swing])
+            self.met = None
+            assert self.swing is not None
+            self.swing.resume(self.elapsed, frames[swing])
         return ()
 
     def _carry(self, state: BodyState, swing: int) -> None:
         """Low-pass the place where the foot in contact carries, from its carrying point on: it meets with an edge."""
-        if self._met is None:
+        if self.met is None:
             self._carrying = self._carrying_point(state, swing)
         else:
             self._carrying = _towards(self._carrying, self._centre_of_pressure(state, swing), self._cop_gain)
@@ -566,7 +521,7 @@ class SteppingGait:
         loads = state.wrenches
         if loads[self.stance][2] < self.constants.held < loads[1 - self.stance][2]:
             return True  # it has rolled over an edge, or was kicked away
-        if self._elapsed > self._longest:
+        if self.elapsed > self._longest:
             return True
         c, (x, y, _), (p, q, _) = self.constants, self._carrying, self._contact
         ahead, aside = self._along(dcm.x - x, dcm.y - y)
@@ -574,40 +529,38 @@ class SteppingGait:
         there, here = (ahead, -self._side * aside), (on, self._side * out)
         return takes_over(there, here, self._orbit(dcm, steps), c.stretch, c.wait, c.patience)
 
-    def _change_feet(
-        self, state: BodyState, dcm: Divergent, frames: Frames, go: bool, landing: Footstep
-    ) -> tuple[Event, ...]:
+    def _change_feet(self, state: BodyState, dcm: Divergent, frames: Frames, go: bool) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
         c, (left, right) = self.constants, state.places
-        self._pace += c.pace_gain * (min(self._elapsed, self._longest) - self._pace)
+        self._pace += c.pace_gain * (min(self.elapsed, self._longest) - self._pace)
         held = min(self.decision.area.width / c.slow_width, 1.0)
         gain = c.held_gain[0] if held < self.steering.held else c.held_gain[1]
         self.steering.held += gain * (held - self.steering.held)
         self.stance = 1 - self.stance
-        self.ground.land(state.places[self.stance][2] - landing.z, left[2] - right[2])
+        assert self.swing is not None
+        self.ground.land(state.places[self.stance][2] - self.swing.landing.z, left[2] - right[2])
         self._contact = None
         self.steps_done += 1
         self._since_stand += 1
         apart = math.hypot(left[0] - right[0], left[1] - right[1])
         slow = math.hypot(*self.steering.velocity) < c.stop_speed
         if not go and slow and apart < c.stop_length and self._outside(state, dcm, c.stop_box) <= 0.0:
-            self._enter(_Mode.STANDING)
+            self._enter(GaitPhase.STANDING, 0.0)
             self.steering.rest(self._middle(state))
             return (Event.STOPPED,)
         self._lift(frames)
         return (Event.LIFT_OFF,)
 
     def _lift(self, frames: Frames) -> None:
-        self._enter(_Mode.STEPPING)
+        self._enter(GaitPhase.SINGLE, self.steering.step_time)
         self._ask(frames, SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
-        self._swing = self._met = self._flying = None
-        self._tilt = (0.0, 0.0)
-        self._touch.lift()
+        self._flying, self._tilt = None, (0.0, 0.0)
 
-    def _enter(self, mode: _Mode) -> None:
-        self._mode, self._elapsed, self._contact = mode, 0.0, None
+    def _enter(self, phase: GaitPhase, duration: float) -> None:
+        super()._enter(phase, duration)
+        self._contact = None
         self.decision.begin()
 
     def _most_forces(self, state: BodyState) -> tuple[float, float]:
@@ -615,10 +568,10 @@ class SteppingGait:
         c, swing = self.constants, 1 - self.stance
         most = [c.most_force, c.most_force]
         most[swing] = 0.0
-        if self._met is not None:
+        if self.met is not None:
             most[swing] = c.share
-        elif self._elapsed < c.unload and self._since_stand > 0 and state.wrenches[swing][2] > c.lost:
-            most[swing] = 2.0 * c.share * (1.0 - self._elapsed / c.unload)
+        elif self.elapsed < c.unload and self._since_stand > 0 and state.wrenches[swing][2] > c.lost:
+            most[swing] = 2.0 * c.share * (1.0 - self.elapsed / c.unload)
         return most[0], most[1]
 
     # ---- geometry ---------------------------------------------------------------------------------------------
@@ -650,21 +603,16 @@ class SteppingGait:
         dx, dy = dcm.x - 0.5 * (left[0] + right[0]), dcm.y - 0.5 * (left[1] + right[1])
         return max(abs(dx * uy - dy * ux) - half_length, abs(dx * ux + dy * uy) - 0.5 * spacing - half_width)
 
-    def _reference(
+    def _references(
         self,
-        state: BodyState,
         dcm: Divergent,
         frames: Frames,
         events: tuple[Event, ...],
-        *,
-        phase: GaitPhase,
         most_force: tuple[float, float],
         height: tuple[float, float],
         course: tuple[float, float, float, float, float, float],
-        duration: float,
-        swing: SwingFoot | None = None,
-        landing: Footstep | None = None,
     ) -> Reference:
+        """Return the references of a tick, from height and speed of the CoM, and its course over the ground."""
         self.dcm = dcm
         x, y, u, v, a, b = course
         arm = 1.0 / self.scale.omega**2
@@ -673,28 +621,9 @@ class SteppingGait:
             (x, y, height[0], u, v, height[1], a, b, 0.0, x - arm * a, y - arm * b, self.contact[2])
         )
         pendulum = Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self.scale.omega)
-        side = 1 - self.stance if swing is not None and self._met is None else None
-        feet = [
-            swing.at(self._elapsed, self.constants.swing_push)
-            if swing is not None and i == side
-            else FootMotion.at_rest(pin.SE3(frame))
-            for i, frame in enumerate(frames)
-        ]
-        return Reference(
-            pendulum,
-            (feet[0], feet[1]),
-            (most_force[0] > 0.0, most_force[1] > 0.0),
-            self.steering.heading,
-            phase,
-            self.steps_done,
-            events,
-            landing,
-            self._elapsed,
-            duration,
-            self.stance,
-            side,
-            most_force,
-            self.decision.cop,
+        push, heading, cop = self.constants.swing_push, self.steering.heading, self.decision.cop
+        return self._reference(
+            pendulum, frames, heading, events, most_push=push, most_force=most_force, cop=cop
         )
 
 

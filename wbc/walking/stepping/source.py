@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from wbc.base.checked import checked
 from wbc.core.drive.control import State
 from wbc.core.robot import Robot
-from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.footsteps import Footstep, heading
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import (
@@ -86,13 +85,8 @@ class SteppingWalk(ReferenceSource):
 
     def progress(self, last: Reference | None) -> Progress:
         """Return phase and steps now."""
-        cycle = self.gait.settings.step_time
-        if last is None:
-            return Progress(GaitPhase.STANDING, None, self.gait.stance, 0, 0.0, 0.0, (), cycle)
-        stance, done = self.gait.stance, self.gait.steps_done
-        swing = 1 - stance if last.phase is GaitPhase.SINGLE else None
-        upcoming = () if last.landing is None else (last.landing,)
-        return Progress(last.phase, swing, stance, done, last.elapsed, last.duration, upcoming, cycle)
+        swing = self.gait.swing
+        return self.gait.progress(() if swing is None else (swing.landing,), self.gait.settings.step_time)
 
     @property
     def finished(self) -> bool:
