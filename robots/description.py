@@ -42,12 +42,13 @@ BASES = ("floating", "fixed")
 class RobotDescription:
     """A robot as data.
 
-    `RobotDescription.from_urdf` derives everything that is not given; `wbc.robots.load` has the built-in robots.
+    `from_urdf` and `from_mjcf` read a file and derive everything that is not given; `wbc.robots.load` returns the
+    built-in robots.
 
     Attributes:
         name: Name of the robot.
-        urdf: The one URDF string that Pinocchio and MuJoCo read, with all limits.
-        soles: Left and right sole; none of a robot without feet, such as an arm or a quadruped.
+        urdf: URDF, as XML, that both Pinocchio and MuJoCo read, with all limits.
+        soles: Left and right sole; empty for a robot without feet, such as an arm or a quadruped.
         half_sitting: Joint → position, for every joint, rad or m.
         armature: Joint → rotor inertia seen at the joint, for every joint, kg m² (kg for prismatic joints).
         imu: Frame of the inertial measurement unit.
@@ -55,20 +56,21 @@ class RobotDescription:
         torso: Link of the chest.
         hands: Role → frame, such as {"left_hand": "l_wrist"}.
         servo: Rule for the servo gains.
-        gains: Joint → (kp, kd) where the rule does not apply, Nm/rad and Nms/rad.
-        damping: Joint → passive damping where there is any, Nms/rad; the plant has it, the controller's model not.
-        frictionloss: Joint → dry friction where there is any, Nm; likewise.
-        springs: Joint → (stiffness, rest position) of a spring beside its drive, Nm/rad and rad; plant and controller
-            have it.
-        torque_ranges: Joint → (least, greatest) torque where they are not ± the same, Nm.
-        passive: Joints without a drive, whose torque is zero: those of rods and of what they move.
+        gains: Joint → (kp, kd) of joints to which the rule does not apply, Nm/rad and Nms/rad.
+        damping: Joint → passive damping, Nms/rad; it is in the plant, but not in the controller's model.
+        frictionloss: Joint → dry friction, Nm; it is in the plant, but not in the controller's model.
+        springs: Joint → (stiffness, rest position) of a spring parallel to its drive, Nm/rad and rad; it is in the
+            plant and in the controller's model.
+        torque_ranges: Joint → (smallest, largest) torque, Nm, of joints whose limits differ by direction.
+        passive: Joints without a drive, whose torque is zero, such as those of the rods in a closed chain.
         closures: Where closed chains close.
-        sensors: Role → sensor of the file: "gyroscope", "accelerometer", "<body> force", "<body> torque".
-        package_dirs: Folders in which the meshes of the URDF are, of packages and of relative names.
+        sensors: Role → name of the sensor in the MJCF. The roles are "gyroscope", "accelerometer", "<body> force" and
+            "<body> torque".
+        package_dirs: Folders with the meshes of the URDF, for `package://` and for relative paths.
         height: Standing height with straight legs, m; None when unknown.
         source: Origin of the model.
-        licence: Its licence.
-        derived: Values that were derived from the model, one line each.
+        licence: Licence of the model.
+        derived: Values that were derived from the model, as one line of text each.
     """
 
     name: str
@@ -144,20 +146,20 @@ class RobotDescription:
         provenance: str | None = None,
         **options: Unpack[DescriptionOptions],
     ) -> RobotDescription:
-        """Return the description of any robot; what is not given is derived from the model.
+        """Return the description of any robot in a URDF; values that are not given are derived from the model.
 
         `wbc.robots.derivation.defaults` states the rules; `derived` lists the results.
 
         Args:
             source: URDF, a path or the XML itself.
-            left_sole: Frame of the URDF (link or fixed joint), or a placement in a link; a `Sole` gives
-                the rectangle, too. None for both: a robot without feet, for a `Controller` of its own.
+            left_sole: Frame of the URDF (link or fixed joint), or a placement in a link; a `Sole` also gives the
+                rectangle. With None for both soles the robot has no feet; it is then for a `Controller` of your own.
             right_sole: Same for the right foot.
             name: Name of the robot; that in the URDF when None.
-            sole_size: Length and width of both soles, m; from the geometry of the feet when None.
+            sole_size: Length and width of both soles, m; taken from the geometry of the feet when None.
             package_dirs: Folders for `package://` in the URDF.
-            base: "fixed" for a robot without feet whose root is bolted to the world: it has no floating velocities.
-            provenance: Origin of the model; the path when None.
+            base: "fixed" for a robot without feet whose root is bolted to the world; "floating" otherwise.
+            provenance: Origin of the model, for reports; the path when None.
             **options: See `wbc.robots.options.DescriptionOptions`.
         """
         if (left_sole is None) != (right_sole is None):
@@ -201,25 +203,27 @@ class RobotDescription:
     ) -> RobotDescription:
         """Return the description of any humanoid in an MJCF, read through MuJoCo's compiled model.
 
-        Joints, inertias, limits, rotor inertias, damping, friction, gains of position actuators, a keyframe to stand
-        in and the site of the IMU are those of the file; what it does not say is derived as in `from_urdf`.
+        These values are those of the file: joints, inertias, limits, rotor inertias, damping, friction, gains of
+        position actuators, a keyframe in which the robot stands, and the site of the IMU. Values that are not in the
+        file are derived as in `from_urdf`.
 
         Args:
             source: MJCF, a path or the XML itself, an `mujoco.MjSpec` (not changed) or a compiled `mujoco.MjModel`.
-            left_sole: Body, site or geom of the left foot, or a `Sole`; the lowest limbs when None.
+            left_sole: Body, site or geom of the left foot, or a `Sole`; the ends of the lowest limbs when None.
             right_sole: Same for the right foot.
             name: As in `from_urdf`.
-            sole_size: Length and width of both soles, m; from the geoms that can touch the ground when None.
-            feet: False for a robot without feet, such as an arm or a quadruped, for a `Controller` of its own.
-            base: "fixed" for a robot without feet that is bolted to the world where the file has it.
-            root: Body that floats; the one with a free joint when None. Joints of its own are replaced, unless the base
-                is fixed.
-            meshes: False to read a file whose meshes are missing; every body must then give its inertia.
+            sole_size: Length and width of both soles, m; taken from the geoms that can touch the ground when None.
+            feet: False for a robot without feet, such as an arm or a quadruped; it is then for a `Controller` of your
+                own.
+            base: "fixed" for a robot without feet that is bolted to the world at its place in the file.
+            root: Body that floats; the one with a free joint when None. Its joints are replaced by a free joint, unless
+                the base is fixed.
+            meshes: False to read a file whose meshes are missing; every body must then have its inertia in the file.
             use_gains: False to derive all servo gains instead of taking those of the file.
             provenance: As in `from_urdf`.
-            **options: See `wbc.robots.options.DescriptionOptions`. When not given, half-sitting is a keyframe in which
-                the robot stands, the IMU is at the site of a gyroscope, velocity limits, which an MJCF has not, are
-                20 rad/s, and torque limits the tightest of the file's.
+            **options: See `wbc.robots.options.DescriptionOptions`. Defaults: half-sitting is a keyframe in which the
+                robot stands; the IMU is at the site of a gyroscope; velocity limits, which an MJCF does not have, are
+                20 rad/s; torque limits are the tightest ones of the file.
         """
         from wbc.robots.readers import robot_mjcf  # noqa: PLC0415  MuJoCo is imported with it
 
@@ -244,19 +248,20 @@ class RobotDescription:
         """Return the same robot with other servo gains.
 
         Args:
-            gains: Each as pattern=kp,kd, such as "*knee*=100,2", Nm/rad and Nms/rad; * stands for any letters.
+            gains: Texts of the form pattern=kp,kd, such as "*knee*=100,2", with kp in Nm/rad and kd in Nms/rad; *
+                stands for any letters.
         """
         if not gains:
             return self
         return replace(self, gains={**self.gains, **read_gains(gains, self.joint_names)})
 
     def pinocchio_model(self) -> pin.Model:
-        """Return a copy of the Pinocchio model: free-flyer, limits, armature, gravity, frames of soles and IMU."""
+        """Return a copy of the Pinocchio model with free-flyer, limits, armature, gravity, and sole and IMU frames."""
         return self._model.copy()
 
     @staticmethod
     def instead_of(value: object) -> str:
-        """Return how to get a description where something else was given; empty if there is no way."""
+        """Return advice how to get a description from an object of another type; empty if there is none."""
         if isinstance(value, Robot):
             return f"the one that the robot was made of, load_robot('{value.name}') of a built-in one"
         return ""
@@ -264,7 +269,7 @@ class RobotDescription:
     def robot(self) -> Robot:
         """Return a new `Robot` at half-sitting, the soles on z = 0 and the origin midway between them.
 
-        That of a robot without feet has its base at the origin.
+        A robot without feet has its base at the origin.
         """
         model = self.pinocchio_model()
         return Robot(
@@ -282,7 +287,7 @@ class RobotDescription:
         )
 
     def needs_feet(self, what: str) -> None:
-        """Raise an `InputError` where the robot has no feet; `what` needs them, such as "a walk"."""
+        """Raise an `InputError` if the robot has no feet; `what` needs them, such as "a walk"."""
         if not self.soles:
             hint = feet_hint(self._model) or (
                 "left_sole and right_sole (--left, --right) say which links they are, of "
@@ -295,14 +300,14 @@ class RobotDescription:
         """Return the URDF without visuals, collisions and meshes: the same kinematics and inertias.
 
         Args:
-            moving_links: Merge links that are fixed to another one into it, so that each link has a joint and an
-                inertia, in its principal axes. Some engines give a link without inertia 1 kg, others take a matrix of
-                inertia for its diagonal.
-            rotors: For engines without rotor inertia: add that of each joint to the moving link behind it, as a thin
-                disc about the axis of the joint. Only with `moving_links`.
+            moving_links: Merge links that are fixed to another link, so that each link has a joint, and an inertia
+                along its principal axes. It helps with engines that give 1 kg to a link without inertia, or that read
+                only the diagonal of an inertia matrix.
+            rotors: Add the rotor inertia of each joint to the moving link behind the joint, as a thin disc about its
+                axis, for engines without rotor inertia. Only with `moving_links`.
 
         Raises:
-            InputError: `rotors` without `moving_links`, or of a robot with joints that slide.
+            InputError: `rotors` is given without `moving_links`, or for a robot with prismatic joints.
         """
         if rotors and not moving_links:
             raise InputError("rotors become a part of moving links: give moving_links=True as well")
@@ -312,25 +317,26 @@ class RobotDescription:
         return moving.moving_links(self.urdf, self.name, self.base == "fixed", inertias)
 
     def collision_shapes(self) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
-        """Return link → spheres and capsules for `CollisionLimit`, of its collision geometry, or of what is seen.
+        """Return link → spheres and capsules for `CollisionLimit`, from its collision or else its visual geometry.
 
-        A box, and a mesh as the box around it, is a capsule along its longest side, as thick as the second one.
+        A box becomes a capsule along its longest side whose diameter is the second longest side. A mesh counts as its
+        bounding box.
         """
         return shapes.capsules(self.urdf, self.package_dirs)
 
     def collision_hulls(self) -> dict[str, list[Shape]]:
-        """Return link → shapes for `CollisionLimit`, of its collision geometry, or of what is seen: meshes as hulls."""
+        """Return link → shapes for `CollisionLimit`, from collision or else visual geometry, with meshes as hulls."""
         return shapes.hulls(self.urdf, self.package_dirs)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
         """Return the moving link that carries a frame, and the placement of the frame in it.
 
-        MuJoCo's import keeps moving links and merges those that are fixed to them.
+        MuJoCo's import keeps moving links, and merges fixed links into them.
         """
         return frames.carrier(self._model, frame)
 
     def ankle(self, sole: str) -> Array:
-        """Return the origin of the last ankle joint in the frame of the sole of that name, shape (3,), m."""
+        """Return the origin of the last ankle joint in the frame of a sole, given by its name, shape (3,), m."""
         description = self.soles[frames.SOLE_NAMES.index(choose("sole", sole, frames.SOLE_NAMES))]
         frame = self._model.frames[self._model.getFrameId(description.frame)]
         return np.array(frame.placement.inverse().translation)
@@ -342,12 +348,12 @@ class RobotDescription:
 
     @cached_property
     def couplings(self) -> Mapping[str, Coupling]:
-        """Joints that move with another one, joint → its leader, ratio and offset."""
+        """Joints that are coupled to another joint: joint → its leader, ratio and offset."""
         return MappingProxyType(urdf.couplings(urdf.read(self.urdf)))
 
     @cached_property
     def digest(self) -> str:
-        """Hash of everything that a model is made of, 12 hex digits."""
+        """Hash of all data that models are made from, 12 hexadecimal digits."""
         names = [
             "half_sitting",
             "armature",
@@ -373,7 +379,7 @@ class RobotDescription:
 
     @cached_property
     def effective_inertia(self) -> Array:
-        """Inertia that each servo accelerates at half-sitting, shape (na,), kg m²."""
+        """Inertia that each servo accelerates in half-sitting, shape (na,), kg m²."""
         q = self._half_sitting_configuration()
         return _frozen(
             effective_inertia(self._model, q, self._sole_frames, self.armature_array, self.servo.stance_share)
@@ -391,7 +397,7 @@ class RobotDescription:
 
     @cached_property
     def servo_gains(self) -> Mapping[str, ServoGains]:
-        """Servo gains of each joint, with their source: "given" with the robot, or "derived" by the servo rule."""
+        """Servo gains of each joint and their source: "given" by the description, or "derived" by the servo rule."""
         return MappingProxyType(
             {
                 name: ServoGains(
@@ -403,7 +409,7 @@ class RobotDescription:
 
     @cached_property
     def servos(self) -> Servos:
-        """Servo gains as the robot's controls use them."""
+        """Servo gains of the controls."""
         bound = self.servo.bound(self._model, self._half_sitting_configuration(), self._sole_frames)
         ankles = tuple(joint for leg in self.legs for joint in leg[-2:])
         tipping = (
@@ -423,13 +429,13 @@ class RobotDescription:
 
     @cached_property
     def position_limits(self) -> tuple[Array, Array]:
-        """Lower and upper position limits, each of shape (na,), rad; infinite where a joint turns without end."""
+        """Lower and upper position limits, each of shape (na,), rad; infinite for a continuous joint."""
         na = len(self.joint_names)
         return _frozen(self._model.lowerPositionLimit[-na:]), _frozen(self._model.upperPositionLimit[-na:])
 
     @cached_property
     def legs(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Joints of the left and the right leg, from the root to the sole; none without feet."""
+        """Joints of the left and of the right leg, from the root to the sole; empty without feet."""
         if not self.soles:
             return (), ()
         names = list(self._model.names)
@@ -439,7 +445,7 @@ class RobotDescription:
         return left, right
 
     def summary(self) -> dict[str, Any]:
-        """Return mass, size, soles, joints and sources, ready for JSON."""
+        """Return mass, size, soles, joints and sources as a dictionary for JSON."""
         return facts(self)
 
     def report(self) -> str:
@@ -451,7 +457,7 @@ class RobotDescription:
         return f"RobotDescription('{self.name}', {len(self.joint_names)} joints, {mass:.1f} kg)"
 
     def doubts(self) -> tuple[str, ...]:
-        """Return what is doubtful, one line each: guessed limits, soft servos, legs that differ, …."""
+        """Return the doubtful values, one line each: guessed limits, soft servos, different legs and others."""
         return doubts(self)
 
     @cached_property

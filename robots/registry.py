@@ -63,7 +63,7 @@ def stamped(name: str) -> str:
 
 @checked
 def load(name: str | Path) -> RobotDescription:
-    """Return the description of a robot, the same object at every call.
+    """Return the description of a robot; every call with the same name returns the same object.
 
     Args:
         name: One of `names()` or `others()`, or the path of an MJCF, a URDF or a TOML description.

@@ -1,7 +1,9 @@
-"""Tasks of the controller, each a plain object whose target is an attribute, and the stiffness scheduler of soles.
+"""Tasks of the controller, and the scheduler of the soles' stiffness.
 
-A new motion task is a file in `motion/`, a new force task a file in `force/`, each with a line here and a test.
-`balance` has the tasks of a robot that stands, `stabilizer` the DCM stabilizer of walks.
+A task is a plain object whose target is an attribute.
+
+A new motion task goes into a file in `motion/`, a new force task into a file in `force/`; each needs a line here and a
+test. `balance` has the tasks of a robot that stands, `stabilizer` the DCM stabilizer of walks.
 """
 
 from typing import TYPE_CHECKING

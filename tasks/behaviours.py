@@ -84,20 +84,20 @@ Condition = Callable[[Scope], bool]
 
 @checked
 def after(seconds: Annotated[NonNegative, "s"]) -> Condition:
-    """Return a condition that holds from a time after the start of the state on, s."""
+    """Return a condition that is True once a time, s, has passed since the start of the state."""
     return lambda now: now.elapsed >= seconds - ROUNDING
 
 
 def reached(*things: Any) -> Condition:
-    """Return a condition that holds once every target is reached: tasks, hands, `walking.body`."""
+    """Return a condition that is True once all targets are reached, of tasks, hands or `walking.body`."""
     return lambda now: all(thing.reached for thing in things)
 
 
 class Behaviour:
-    """One thing that a robot does: a state of a `StateMachine`.
+    """State of a `StateMachine`: one activity of a robot, such as a squat or a walk.
 
-    Give functions, or override `start`, `tick` and `end` in a class of your own. All arguments but the functions are
-    attributes; "done" is the first of `outcomes`.
+    Pass functions to it, or derive a class of your own that overrides `start`, `tick` and `end`. All arguments except
+    the functions are attributes. The first of the `outcomes` is "done".
     """
 
     @checked
@@ -116,11 +116,13 @@ class Behaviour:
 
         Args:
             name: Name in paths, logs and messages, unique within its machine, without a slash.
-            start: Called once when the state begins, with its scope.
-            tick: Called at every tick of the state.
-            end: Called once when it ends, whatever the outcome, before what it has added is removed.
-            done: Condition of the outcome "done"; None for a state that has others, a timeout, or no end.
-            outcomes: Further outcomes, each with its condition, in the order in which they are looked at.
+            start: Function that is called once when the state begins, with its scope.
+            tick: Function that is called at every tick of the state.
+            end: Function that is called once when the state ends, with any outcome. The items that the state has added
+                are removed after it.
+            done: Condition of the outcome "done"; None for a state that ends by another outcome, by its timeout, or
+                never.
+            outcomes: Further outcomes and their conditions, which are checked in this order.
             timeout: Time after which the state ends with the outcome "timeout", s.
         """
         if not name or "/" in name or name.startswith(END):
@@ -156,15 +158,16 @@ class Behaviour:
 
     @property
     def possible(self) -> frozenset[str]:
-        """Outcomes that the state may have, but for faults; without any it goes on for ever."""
+        """Outcomes that the state may have, without faults; a state without outcomes never ends."""
         return frozenset(self.outcomes) | ({"timeout"} if self.timeout is not None else set())
 
 
 class StateMachine(Behaviour):
-    """States, and what follows each of them for each outcome.
+    """Machine of states: which state follows which, for each outcome.
 
-    "done" leads to the next state of the list, or ends the machine after the last; any other outcome without a
-    transition ends the machine with that outcome. `states` and `transitions` are dicts by the names of the states.
+    The outcome "done" leads to the next state in the list, and after the last state it ends the machine. Any other
+    outcome without a transition ends the machine with that outcome. `states` and `transitions` are dictionaries by the
+    names of the states.
     """
 
     @checked
@@ -176,7 +179,7 @@ class StateMachine(Behaviour):
         *,
         timeout: Annotated[Positive, "s"] | None = None,
     ) -> None:
-        """Take the states, the first one first; a transition leads to the name of a state, "end", or "end: OUTCOME"."""
+        """Take the states in order; a transition leads to a state, by its name, to "end", or to "end: OUTCOME"."""
         super().__init__(name, timeout=timeout)
         self.states = {state.name: state for state in states}
         names = [state.name for state in states]
@@ -202,13 +205,13 @@ class StateMachine(Behaviour):
 
     @property
     def possible(self) -> frozenset[str]:
-        """Outcomes that the machine may have, but for faults; without any it goes on for ever."""
+        """Outcomes that the machine may have, without faults; a machine without outcomes never ends."""
         goals = {self._goal(name, each) for name, state in self.states.items() for each in state.possible}
         return super().possible | {goal.partition(": ")[2] for goal in goals - self.states.keys()}
 
     @property
     def path(self) -> str:
-        """Path of the innermost state at work, from this machine on; the machine's own name before and after."""
+        """Path from this machine to the innermost active state; only the machine's name before and after the run."""
         if self._scope is None:
             return self.name
         inner = self.states[self._name]
@@ -234,7 +237,7 @@ class StateMachine(Behaviour):
                 scope.close()
 
     def outcome(self, now: Scope) -> str | None:
-        """Return the outcome of the machine, or None while it goes on; follow that of the present state."""
+        """Return the outcome of the machine, or None while it runs; change the state if the present one has ended."""
         if self._late(now):
             return "timeout"
         if self._scope is not None:
@@ -274,14 +277,14 @@ class StateMachine(Behaviour):
 
 
 class Program:
-    """A machine that runs, one tick of it before each tick of a controller.
+    """Execution of a state machine: one tick of the machine before each tick of a controller.
 
     Attributes:
-        machine, control, controller: The machine, what it drives, and the controller with all tasks.
+        machine, control, controller: The machine, the control that it drives, and the controller with all tasks.
         time: Time since the start, s.
-        outcome: Outcome of the machine; None before its end. After it the control goes on as it is.
+        outcome: Outcome of the machine; None before its end. The control goes on unchanged after the end.
         fault: Fault of this tick, "infeasible", "stopped" or "fall"; None without one.
-        history: Time (s), path and outcome of every state that has ended.
+        history: Time of the end (s), path and outcome of every state that has ended.
     """
 
     def __init__(
@@ -289,9 +292,9 @@ class Program:
     ) -> None:
         """Begin with the first tick.
 
-        `control` has `command(measurement)` and `controller`, as `wbc.PositionControl` and `wbc.walking.WalkingControl`
-        do, or is a `Controller`, for a loop that solves it itself after `tick`. `fallen` returns whether the robot has
-        fallen; None asks the control.
+        `control` is an object with `command(measurement)` and `controller`, such as a `wbc.PositionControl` or a
+        `wbc.WalkingControl`. It can also be a `Controller`, for a loop that calls `tick` and then solves the controller
+        itself. `fallen` is a function that returns True if the robot has fallen; when None, the control is asked.
         """
         if not isinstance(control, Controller) and not hasattr(control, "command"):
             raise InputError(f"a program drives a control or a Controller, got {shown(control)}")
@@ -309,7 +312,7 @@ class Program:
 
     @property
     def path(self) -> str:
-        """Path of the state at work, such as "demo/squat"."""
+        """Path of the active state, such as "demo/squat"."""
         return self.machine.path
 
     @property
@@ -320,14 +323,15 @@ class Program:
     def command(self, measurement: Measurement) -> Command:
         """Run one tick of the machine, then one of the control, and return its command.
 
-        An exception in a function of a state that has no transition for "error" is a `BehaviourError`.
+        An exception in a function of a state leads to its transition for "error", or, without one, to a
+        `BehaviourError`.
         """
         self.tick()
         command: Command = self.control.command(measurement)
         return command
 
     def tick(self) -> None:
-        """Run one tick of the machine alone; `command` does it."""
+        """Run one tick of the machine alone; `command` calls it."""
         if self.ended:
             return
         if self._scope is None:
@@ -352,10 +356,11 @@ class Program:
         after_tick: Callable[[], object] | None = None,
         record: Callable[[Any, Program, Measurement, Command], object] | None = None,
     ) -> str | None:
-        """Run in a simulation until the machine ends, and return its outcome; None if `seconds` were over before.
+        """Run in a simulation until the machine ends, and return its outcome; None if `seconds` are over before.
 
-        `plant` has `measure()` and `step(command)`, as `wbc.Plant`; `after_tick` is called after each tick, for a
-        viewer, and `record` in each tick with plant, program, measurement and command, such as a `wbc.app.Recorder`.
+        `plant` is an object with `measure()` and `step(command)`, such as a `wbc.Plant`. `after_tick` is called after
+        each tick, for example to update a view. `record` is called in each tick with plant, program, measurement and
+        command, for example a `wbc.app.Recorder`.
         """
         if seconds is None and not self.machine.possible:
             raise InputError(f"machine '{self.machine.name}' has no end: run it for a number of seconds")

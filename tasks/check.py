@@ -40,18 +40,20 @@ def check_rows(
 
         check_rows(MyTask("head"), description.robot())
 
-    The error of a task or contact falls as it moves: its derivative is −J v, and that of J v is the drift. The error of
-    a task on velocities, such as a momentum, is its target − J v. A copy of the task is bound there, as a controller
-    would do it: a target that is not given is where the robot is, so that rotations, whose error has J as its
-    derivative there alone, are checked where they should be. A limit contradicts nothing, itself included.
+    These properties are checked by finite differences. The derivative of the error of a task or contact is −J v, and
+    the derivative of J v at constant v is the drift. The error of a task on velocities, such as a momentum, is target −
+    J v. The lower bound of a limit is never above its upper bound.
+
+    A copy of the task is bound at each random state, as a controller would do it. A target that is not given is then
+    the present state. For rotations this matters, because J is the derivative of their error only at the target.
 
     Args:
-        item: Task, contact or limit, before it is added to a controller: then a target is still open.
-        robot: The robot; a copy of it is moved.
-        frame: Frame along whose axes the rows are, in threes, where these turn with it; none when None.
-        partial: True for a task that leaves joints to others: columns of zeros are not compared, nor is its drift.
+        item: Task, contact or limit that is not yet added to a controller.
+        robot: The robot; only a copy of it is moved.
+        frame: Frame along whose axes the rows are, in groups of three; None if the rows are along fixed axes.
+        partial: True for a task that does not use all joints: columns of zeros and the drift are then not compared.
         dt: Control period of a limit, s.
-        seed: Fixes the states.
+        seed: Seed of the random states.
     """
     robot, random = robot.clone(), np.random.default_rng(seed)
     if isinstance(item, Limit):

@@ -1,9 +1,9 @@
 """Whole-body QP control for humanoids.
 
-Tasks, contacts and limits become one quadratic program (QP) over Pinocchio dynamics, solved at every control tick; a
-MuJoCo plant with rigid, soft or variable-stiffness feet stands in for the machine. The names of first programs are
-listed in `__init__.pyi` and loaded when they are used; everything else is in `wbc.tasks`, `wbc.robots`, `wbc.feet`,
-`wbc.walking`, `wbc.motion`, `wbc.machine`, `wbc.sim` and `wbc.app`.
+Tasks, contacts and limits become one quadratic program (QP) over Pinocchio dynamics. It is solved at every control
+tick. A plant simulates the robot in MuJoCo, with rigid, soft or variable-stiffness feet. This package exports the names
+that first programs need. They are listed in `__init__.pyi` and imported at their first use. All other names are in
+`wbc.tasks`, `wbc.robots`, `wbc.feet`, `wbc.walking`, `wbc.motion`, `wbc.machine`, `wbc.sim` and `wbc.app`.
 """
 
 import lazy_loader

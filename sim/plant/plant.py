@@ -54,24 +54,24 @@ INITIAL_PRESS = 1e-6
 class Plant(SimulatedRobot):
     """A simulated robot.
 
-    Position control: the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ, inside every physics step and integrated
-    implicitly. Hybrid control: the same with the gains of the command. Torque control: τ alone. All are limited to the
-    torque of the description.
+    In position control the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ. This is computed in every physics step
+    and integrated implicitly. In hybrid control kp and kd are those of the command. In torque control only τ is
+    applied. All torques are limited to the torque limits of the description.
 
-    The force sensor sits above the foot: as with a real one, its reading lacks the weight of a foot with a mass.
+    The force sensor is above the foot, as in real robots. Its reading therefore does not include the weight of the
+    foot.
 
     Attributes:
         foot: The feet.
         feet: Names and sizes of what was built under the ankles, left first.
         sole_sites: MuJoCo site at each sole centre, left first.
-        of_robot: True for bodies of the robot and its feet, shape (nbody,).
-        terrain: The ground as drawn.
-        scene: MJCF of the furniture; None without.
+        of_robot: True for MuJoCo bodies of the robot and its feet, shape (nbody,).
+        terrain: The ground.
+        scene: MJCF of the furniture; None without a scene.
         physics: Settings of the physics.
-        joint_torque: Torques of the servos in the physics step that ended now, shape (na,), Nm; overwritten by the
-            next step.
-        ticks: Control periods since the start.
-        eyes: Sensors that see the ground; None without.
+        joint_torque: Torques of the servos in the last physics step, shape (na,), Nm; overwritten by the next step.
+        ticks: Number of control periods since the start.
+        eyes: Sensors that see the ground; None if there are none.
     """
 
     @checked
@@ -105,13 +105,15 @@ class Plant(SimulatedRobot):
             seed: Seed of every random draw.
             initial_configuration: Start of the robot, shape (nq,); half-sitting on the ground when None.
             range_sensor: Range sensor under each toe; none when None.
-            physics: Further settings of the physics; `timestep` is put in place of theirs.
-            machine: Delays, friction, payload and which sensors there are.
-            scene: What stands or lies about: a scene, the name of one, or MJCF, as a path, as XML or as a
-                specification. All of the robot touches it, and the ground; without a scene only the feet touch.
+            physics: Further settings of the physics; the argument `timestep` replaces the time step in them.
+            machine: Properties of the machine that the description omits: delays, friction, payload, and which sensors
+                exist.
+            scene: Furniture around the robot: a scene, the name of one, or MJCF as a path, as XML or as a
+                specification. With a scene all bodies of the robot can touch the scene and the ground; without one,
+                only the feet can touch the ground.
             eyes: Depth cameras and range sensors at the toes, whose clouds `clouds` returns.
-            visuals: Keep the shapes by which the robot is drawn: they touch nothing, and no number of a run changes
-                with them. Studies leave them out.
+            visuals: Keep the shapes by which the robot is drawn. They touch nothing and change no result. Studies leave
+                them out.
         """
         description = as_description(description)
         description.needs_feet("the plant")
@@ -187,17 +189,17 @@ class Plant(SimulatedRobot):
         *,
         velocity: ArrayLike | None = None,
     ) -> None:
-        """Restart at time zero, servos holding the configuration, without pushes.
+        """Restart at time zero without pushes; the servos hold the configuration.
 
         Args:
-            configuration: Start of the robot, shape (nq,), used as it is; when None, the plant's initial configuration,
-                else half-sitting on the ground.
+            configuration: Start of the robot, shape (nq,), used as it is. When None, it is the `initial_configuration`
+                of the plant, or half-sitting on the ground if there is none.
             seed: New seed; the same as before when None.
-            velocity: Velocity at the start, shape (nv,), base in the base frame; at rest when None.
+            velocity: Velocity at the start, shape (nv,), with that of the base in the base frame; zero when None.
 
         Raises:
-            InputError: A configuration or velocity of the wrong shape, not finite or without orientation, or a robot
-                inside the furniture; the plant stays as it is.
+            InputError: A configuration or velocity has a wrong shape, is not finite or has no unit quaternion, or the
+                robot is inside the furniture. The plant stays as it is.
         """
         data = self.data
         v = None if velocity is None else finite_array("velocity", velocity, (self.robot.nv,))
@@ -246,8 +248,9 @@ class Plant(SimulatedRobot):
             configuration: Shape (nq,).
 
         Returns:
-            Configuration, shape (nq,), pressed into the ground by a micrometre; peaks of a rough ground between the
-            points of the grid on which the soles are compared with it, some 13 mm apart, are not seen.
+            Configuration, shape (nq,), in which the robot is pressed into the ground by a micrometre. The soles are
+            compared with the ground at points some 13 mm apart, so higher peaks of a rough ground between these points
+            are missed.
         """
         q = checked_configuration("configuration", configuration, self.robot.nq)
         data = mujoco.MjData(self.model)
@@ -280,14 +283,14 @@ class Plant(SimulatedRobot):
     def step(self, command: Command) -> None:
         """Advance by one control period under a command.
 
-        Position control without a velocity reference takes it as zero.
+        In position control a command without a velocity reference counts as one with zero velocity.
 
         Args:
-            command: References of the servos and feed-forward torque, or torque alone.
+            command: References of the servos and feed-forward torque, or, in torque control, only the torque.
 
         Raises:
-            InputError: A command of the wrong shape, not finite, or one that this robot cannot follow; the simulation
-                has not moved.
+            InputError: The command has a wrong shape, is not finite, or cannot be followed by this robot. The
+                simulation has not advanced.
             DivergedError: The simulation has diverged before; `diverged` says why.
         """
         if self.diverged is not None:
@@ -307,7 +310,7 @@ class Plant(SimulatedRobot):
             self.eyes.look(self.time)
 
     def clouds(self) -> list[PointCloud]:
-        """Return the clouds of all eyes that have come since the last call; empty without eyes."""
+        """Return the clouds of points that have arrived from all eyes since the last call; empty without eyes."""
         return [] if self.eyes is None else self.eyes.take(self.time)
 
     def hold(self) -> Command:
@@ -324,20 +327,20 @@ class Plant(SimulatedRobot):
         over: Annotated[NonNegative, "s"] = 0.0,
         at: Triple = (0.0, 0.0, 0.0),
     ) -> None:
-        """Let a body carry a mass of which the description knows nothing; loads at several places add up.
+        """Put a mass on a body that is not in the description; loads at several places add up.
 
         Args:
             body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
-            mass: Mass at that place in the end, kg; zero takes it off.
-            over: Duration of the ramp from the mass that it carries there now, s; zero for at once.
-            at: Place in the frame of that body, shape (3,), m.
+            mass: Mass at that place after the ramp, kg; zero removes it.
+            over: Duration of the ramp from the present mass at that place, s; with zero the mass changes at once.
+            at: Position of the mass in the frame of that body, shape (3,), m.
         """
         index, place = self.places.carrier(body)
         self._loads.put(index, place.act(np.asarray(at)), mass, over)
 
     @property
     def load_mass(self) -> float:
-        """Mass of all loads now, kg."""
+        """Present mass of all loads, kg."""
         return self._loads.mass
 
     def _follow(self, command: Command) -> None:

@@ -14,13 +14,13 @@ from wbc.tasks.force.compliance import ComplianceOptions, ComplianceTask, six
 
 
 class AdmittanceTask(ComplianceTask):
-    """Yield at a speed proportional to the wrench error, and keep the offset.
+    """Task whose frame yields at a velocity proportional to the wrench error, and keeps its offset.
 
-        velocity = admittance ∘ (measured − target wrench),   the reference pose is moved by it
+        velocity = admittance ∘ (measured − target wrench), which moves the reference pose
 
-    On surroundings of stiffness K, N/m or Nm/rad, the wrench error decays at admittance · K, 1/s, without overshoot
-    if that is at most 1 / (4 · time constant). Without contact the frame moves on at the clamped speed, which searches
-    for a touch-down. The offset can be bounded by `offset_bound`.
+    In contact with surroundings of stiffness K, N/m or Nm/rad, the wrench error decays with the rate admittance · K,
+    1/s. There is no overshoot if this rate is at most 1 / (4 · time constant). Without contact the frame moves on at
+    the bounded velocity, and so searches for contact. `offset_bound` can bound the offset.
 
     Source: the rate form is that of mc_rtc's AdmittanceTask (jrl-umi3218/mc_rtc), with the low-pass as a time
     constant, and acceleration and velocity of the reference fed forward exactly.
@@ -44,7 +44,7 @@ class AdmittanceTask(ComplianceTask):
             frame: See `ComplianceTask`.
             target: See `ComplianceTask`.
             admittance: Velocity per wrench error along the axes of the frame, shape (6,) or a pair (linear, angular),
-                m/(N s) and rad/(Nm s). 1e-4 on ground of 1e5 N/m makes 10 1/s.
+                m/(N s) and rad/(Nm s). For example, 1e-4 m/(N s) on ground of 1e5 N/m gives a rate of 10 1/s.
             **options: See `ComplianceOptions`.
         """
         super().__init__(frame, target, **options)
@@ -52,7 +52,7 @@ class AdmittanceTask(ComplianceTask):
 
     @property
     def admittance(self) -> Array:
-        """Velocity per wrench error, shape (6,), m/(N s) and rad/(Nm s); assign that or a pair (linear, angular)."""
+        """Velocity per wrench error, shape (6,), m/(N s) and rad/(Nm s); assign this or a pair (linear, angular)."""
         return read_only(self._admittance)
 
     @admittance.setter

@@ -61,11 +61,11 @@ class ComplianceOptions(MotionOptions, total=False):
 
 
 class ComplianceTask(FrameTask):
-    """Base of the wrench-driven motion tasks; subclass it with a law of your own in `comply`.
+    """Base of motion tasks that yield to a wrench; derive a task with a law of your own in `comply`.
 
-    Rows are along the axes of the frame itself: position, m, then rotation, rad. With no wrench error the task is a
-    `PoseTask` whose rows are turned into the frame. Weight 10, stiffness 100 1/s², time constant 0.02 s and velocity
-    bound 0.1 m/s and 0.3 rad/s by default.
+    The rows are along the axes of the frame itself: first position, m, then rotation, rad. Without a wrench error the
+    task is a `PoseTask` with rows along the axes of the frame. By default the weight is 10, the stiffness 100 1/s², the
+    time constant of the low-pass 0.02 s, and the velocity bound 0.1 m/s and 0.3 rad/s.
     """
 
     __slots__ = (
@@ -83,7 +83,7 @@ class ComplianceTask(FrameTask):
     ) -> None:
         """Describe the task on a frame, or a sole by its name; see `ComplianceOptions`.
 
-        The target is the pose in the world at zero offset, the present one when None.
+        The target is the pose in the world without an offset, the present pose when None.
         """
         time_constant = options.pop("time_constant", SMOOTHING)
         velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
@@ -118,7 +118,7 @@ class ComplianceTask(FrameTask):
     def measured_wrench(self) -> Array:
         """Last measured wrench, [force; moment] in the frame, shape (6,), N and Nm.
 
-        A task on a sole reads it from each measurement; for all other frames assign it before each tick.
+        A task on a sole reads the wrench from each measurement. For any other frame assign the wrench before each tick.
         """
         return read_only(self._measured_wrench)
 
@@ -128,7 +128,7 @@ class ComplianceTask(FrameTask):
 
     @property
     def velocity_bound(self) -> Array:
-        """Greatest compliance velocity, [linear; angular], shape (6,), m/s and rad/s; assign that or a pair."""
+        """Bound of the compliance velocity, [linear; angular], shape (6,), m/s and rad/s; assign this or a pair."""
         return read_only(self._velocity_bound)
 
     @velocity_bound.setter
@@ -138,7 +138,7 @@ class ComplianceTask(FrameTask):
 
     @property
     def offset_bound(self) -> Array | None:
-        """Greatest offset along the axes of the reference, shape (6,), m and rad, or None; assign that or a pair."""
+        """Bound of the offset along the axes of the reference, shape (6,), m, rad, or None; assign this or a pair."""
         return None if self._offset_bound is None else read_only(self._offset_bound)
 
     @offset_bound.setter
@@ -147,22 +147,22 @@ class ComplianceTask(FrameTask):
 
     @property
     def wrench_error(self) -> Array:
-        """Measured − target wrench after the low-pass, shape (6,), N and Nm; a copy."""
+        """Wrench error, measured − target, after the low-pass, shape (6,), N and Nm; a copy."""
         return np.array(self._wrench_error)
 
     @property
     def compliance_velocity(self) -> Array:
-        """Velocity with which the frame yields, [linear; angular] along its axes, shape (6,), m/s and rad/s; a copy."""
+        """Velocity with which the frame yields, [linear; angular] along its axes, shape (6,), m/s, rad/s; a copy."""
         return np.array(self._velocity)
 
     @property
     def offset(self) -> pin.SE3:
-        """Reference pose in the frame of the target: how far the frame has yielded."""
+        """Offset by which the frame has yielded: the reference pose in the frame of the target."""
         return pin.SE3(self._offset_rotation, self._offset_position)
 
     @property
     def reference(self) -> pin.SE3:
-        """Pose in the world that the frame is brought to: target ∘ offset."""
+        """Reference pose of the frame in the world, target ∘ offset."""
         return self.target * self.offset
 
     def reset(self) -> None:
@@ -178,11 +178,11 @@ class ComplianceTask(FrameTask):
     def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
         """Return velocity and acceleration with which the frame yields, [linear; angular] along its axes, new arrays.
 
-        The velocity is clamped afterwards, and along axes that the task does not follow it becomes zero.
+        The caller then bounds the velocity, and sets it to zero along axes that are not among the `axes` of the task.
 
         Args:
             error: Filtered wrench error, shape (6,), N and Nm.
-            rate: Its derivative, shape (6,), N/s and Nm/s; zero without a low-pass.
+            rate: Derivative of the wrench error, shape (6,), N/s and Nm/s; zero without a low-pass.
             dt: Control period, s.
         """
 
@@ -211,10 +211,10 @@ class ComplianceTask(FrameTask):
         return self._target_rates
 
     def observe(self, measurement: Measurement, dt: float) -> None:
-        """Read the wrench of the sole, if the frame is one, and yield for one control period.
+        """Yield for one control period; if the frame is a sole, read its wrench from the measurement first.
 
         Raises:
-            MeasurementError: The wrench holds NaN or infinity; the task is left unchanged.
+            MeasurementError: The wrench contains NaN or infinity; the task does not change.
         """
         if self._sole is not None:
             wrench = measurement.wrenches[self._sole]
@@ -224,7 +224,7 @@ class ComplianceTask(FrameTask):
         self.advance(dt)
 
     def advance(self, dt: float) -> None:
-        """Yield for a period of dt, s, to `measured_wrench`; `observe` calls it where there are measurements."""
+        """Yield to `measured_wrench` for a period dt, s; `observe` calls it if the loop has measurements."""
         if dt != self._period:
             self._start(dt)
         error, rate = self._wrench_error, self._wrench_rate

@@ -27,15 +27,17 @@ MASS = (10.0, 1.0)
 
 
 class ImpedanceTask(ComplianceTask):
-    """Yield to the wrench error like a mass on a spring and a damper.
+    """Task whose frame yields to the wrench error like a mass on a spring and a damper.
 
         mass ∘ acceleration + damper ∘ velocity + spring ∘ offset = measured − target wrench
 
-    The offset settles at wrench error / spring and goes back to zero with the wrench error; without a mass with the
-    time constant damper / spring. Time constant of the low-pass 0.05 s, velocity bound 1 m/s and 3 rad/s by default.
+    The offset converges to wrench error / spring, and back to zero when the wrench error ends. Without a mass its time
+    constant is damper / spring. By default the time constant of the low-pass is 0.05 s, and the velocity bound is 1 m/s
+    and 3 rad/s.
 
-    On surroundings of stiffness K the loop through the low-pass is stable for damper > time constant · K (Routh's
-    criterion, sufficient): on stiff ones take a shorter time constant, more damping or no mass, which is always stable.
+    In contact with surroundings of stiffness K the loop through the low-pass is stable if damper > time constant · K (a
+    sufficient condition, by Routh's criterion). For stiff surroundings choose a shorter time constant, more damping, or
+    no mass: without a mass the loop is always stable.
 
     Source: the law is that of mc_rtc's ImpedanceTask (jrl-umi3218/mc_rtc), without a mass that of its
     FirstOrderImpedanceTask, integrated implicitly, so that no choice of mass, damper and control period is unstable by
@@ -60,11 +62,12 @@ class ImpedanceTask(ComplianceTask):
 
         Args:
             frame: Frame of the robot, or the name of a sole.
-            target: Pose in the world at zero offset; the present one when None.
-            mass: Along the axes of the frame, shape (6,) or a pair (linear, angular), kg and kg m², ≥ 0; zero is a
-                spring and a damper side by side.
-            spring: Along the same axes, N/m and Nm/rad, ≥ 0.
-            damper: Along the same axes, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
+            target: Pose in the world without an offset; the present pose when None.
+            mass: Mass along the axes of the frame, shape (6,) or a pair (linear, angular), kg and kg m², ≥ 0. With zero
+                the frame yields like a spring and a damper in parallel.
+            spring: Stiffness along the same axes, shape (6,) or a pair, N/m and Nm/rad, ≥ 0.
+            damper: Damping along the same axes, shape (6,) or a pair, Ns/m and Nms/rad, > 0; critical, 2·√(mass ·
+                spring), when None.
             **options: See `ComplianceOptions`.
         """
         options = {"time_constant": SMOOTHING, "velocity_bound": VELOCITY_BOUND, **options}
@@ -74,7 +77,7 @@ class ImpedanceTask(ComplianceTask):
 
     @property
     def mass(self) -> Array:
-        """Shape (6,), kg and kg m²; assign that or a pair (linear, angular)."""
+        """Mass, shape (6,), kg and kg m²; assign an array of this shape or a pair (linear, angular)."""
         return read_only(self._mass)
 
     @mass.setter
@@ -83,7 +86,7 @@ class ImpedanceTask(ComplianceTask):
 
     @property
     def spring(self) -> Array:
-        """Shape (6,), N/m and Nm/rad; assign that or a pair (linear, angular)."""
+        """Stiffness, shape (6,), N/m and Nm/rad; assign an array of this shape or a pair (linear, angular)."""
         return read_only(self._spring)
 
     @spring.setter
@@ -92,7 +95,7 @@ class ImpedanceTask(ComplianceTask):
 
     @property
     def damper(self) -> Array:
-        """Shape (6,), Ns/m and Nms/rad; assign that or a pair (linear, angular)."""
+        """Damping, shape (6,), Ns/m and Nms/rad; assign an array of this shape or a pair (linear, angular)."""
         return read_only(self._damper)
 
     @damper.setter

@@ -14,10 +14,10 @@ from wbc.tasks.motion.joints import JointTask, JointValues
 
 
 class JointTorqueTask(JointTask, VariableTask):
-    """Bring joint torques to given ones; with the default target, zero, keep them small.
+    """Task that brings joint torques to a target; the default target, zero, keeps them small.
 
-    Rows and residual are in Nm (N for sliding joints); the weight is a cost per (Nm)², 10⁻⁴ by default. Torques are
-    instantaneous: there is no stiffness, and no damping.
+    Rows and residual are in Nm (N for prismatic joints). The weight is a cost per (Nm)², 10⁻⁴ by default. The task acts
+    on the torque of the tick itself, so it has no stiffness and no damping.
     """
 
     __slots__ = ("_selection", "_torque_bias", "_torque_rows")
@@ -47,6 +47,9 @@ class JointTorqueTask(JointTask, VariableTask):
         self._selection = self._columns - self.robot.base_dof
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `Task.evaluate`. Torque rows leave out the bias, which is added back."""
+        """Fill the rows; see `Task.evaluate`.
+
+        The torque rows of the QP do not contain the bias, so it is added here.
+        """
         jacobian[:] = self._torque_rows[self._selection]
         np.subtract(self._target.value, self._torque_bias[self._selection], out=error)

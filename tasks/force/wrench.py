@@ -17,12 +17,12 @@ from wbc.core.qp.task import TaskOptions, VariableTask
 
 
 class WrenchTask(VariableTask):
-    """Bring the wrench of one contact to a target.
+    """Task that brings the wrench of one contact to a target.
 
-    Rows and residual are along the chosen axes of the contact frame, N and Nm; the weight is a cost per N² and (Nm)²,
-    10⁻³ by default. The wrench is what the ground does to the robot. It is instantaneous: there is no stiffness, and no
-    damping. A contact that is off, or is not in the controller, has zero wrench, whatever the target: a hard task
-    acts while its contact is active.
+    Rows and residual are along the chosen axes of the contact frame, N and Nm. The weight is a cost per N² and (Nm)²,
+    10⁻³ by default. The wrench is that of the ground on the robot. The task acts on the wrench of the tick itself, so
+    it has no stiffness and no damping. A contact that is off, or that is not in the controller, has zero wrench
+    whatever the target is. A hard task therefore has an effect only while its contact is active.
     """
 
     __slots__ = ("_axes", "_columns", "_contact", "_loaded", "_order", "_size")
@@ -40,11 +40,11 @@ class WrenchTask(VariableTask):
         """Describe the task.
 
         Args:
-            contact: The contact, or its name, which then must be a sole's.
-            target: All force variables of the contact, [force; moment] in the sole frame at the sole centre, shape
-                (6,), or the force of a point contact, shape (3,), N and Nm; zero when None.
-            axes: Axes of the contact frame to control: x, y, z of the force, roll, pitch, yaw of the moment; all that
-                the contact has when None.
+            contact: The contact, or the name of a sole contact.
+            target: Wrench of a sole contact, [force; moment] in the sole frame at the sole centre, shape (6,), N and
+                Nm, or force of a point contact, shape (3,), N; zero when None.
+            axes: Axes of the contact frame to control: x, y, z for the force, and roll, pitch, yaw for the moment; all
+                axes of the contact when None.
             **options: See `TaskOptions`.
         """
         self._contact = contact
@@ -61,7 +61,7 @@ class WrenchTask(VariableTask):
         return self._contact.name if isinstance(self._contact, Contact) else self._contact
 
     def waits_for(self) -> object | None:
-        """Return the contact, where the task was given it and not its name."""
+        """Return the contact if the task was given the contact itself; None if it was given its name."""
         return self._contact if isinstance(self._contact, Contact) else None
 
     def bind_problem(self, problem: Problem) -> None:

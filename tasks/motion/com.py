@@ -16,10 +16,10 @@ from wbc.core.robot import Robot
 
 
 class CoMTask(Task):
-    """Bring the centre of mass to a point of the world.
+    """Task that brings the centre of mass to a point of the world.
 
-    Error and residual are along the chosen world axes, in m and m/s²; the weight is a cost per (m/s²)². Weight 100 and
-    stiffness 30 1/s² by default.
+    Error (m) and residual (m/s²) are along the chosen world axes. The weight is a cost per (m/s²)². By default the
+    weight is 100 and the stiffness 30 1/s².
     """
 
     __slots__ = ("_base_force", "_base_rotation", "_bolted", "_gravity", "_mass")
@@ -74,7 +74,7 @@ class CoMTask(Task):
 
 
 class CoMOverFeetTask(CoMTask):
-    """Bring the centre of mass to a point over the middle of the soles: the target goes with the feet.
+    """Task that brings the centre of mass to a point over the middle of the soles; the target moves with the feet.
 
     The target is the vector from the middle of the soles' frames to the centre of mass, in world axes, m.
     """

@@ -49,10 +49,10 @@ def _turning(task: FrameTask, axis: Array, direction: Array, jacobian: Array, er
 
 
 class VectorOrientationTask(FrameTask):
-    """Turn one axis of a frame to a direction of the world; turning about that axis costs nothing.
+    """Task that turns one axis of a frame to a direction of the world; rotations about that axis are free.
 
-    The error is the least rotation vector from axis a to direction d, along the chosen axes of the world, rad; the rows
-    are ω − a (a · ω), of which two are independent.
+    The error is the shortest rotation vector from the axis a to the direction d, along the chosen world axes, rad. The
+    rows are ω − a (a · ω); two of the three are independent.
     """
 
     __slots__ = ("_axis",)
@@ -66,7 +66,7 @@ class VectorOrientationTask(FrameTask):
         axis: ArrayLike = (1.0, 0.0, 0.0),
         **options: Unpack[MotionOptions],
     ) -> None:
-        """Describe the task; target and axis have shape (3,) and any length; without a target it is the present one."""
+        """Describe the task; target and axis have shape (3,) and any length; the target is as now when None."""
         self._axis = unit_vector(f"axis of '{frame}'", axis)
         super().__init__(frame, "direction", ROTATION_AXES, target, options)
 
@@ -80,7 +80,7 @@ class VectorOrientationTask(FrameTask):
         return np.asarray(robot.placement(self.frame).rotation @ self._axis)
 
     def checked(self, value: ArrayLike) -> Array:
-        """Return a direction after a check, of length 1, shape (3,)."""
+        """Check a direction, shape (3,), and return it with length 1."""
         return unit_vector(f"target of task '{self.name}'", value)
 
     def _coordinates(self) -> Coordinates:
@@ -92,13 +92,14 @@ class VectorOrientationTask(FrameTask):
 
 
 class LookAtTask(FrameTask):
-    """Turn one axis of a frame, such as the head's, to a point of the world, whatever the body does.
+    """Task that turns one axis of a frame, such as that of a camera in the head, to a point of the world.
 
         controller.add(LookAtTask("head", [1.5, 0.4, 1.0]))
 
-    It has the joints between base and frame, neck and waist of a head, unless others are given: with its legs `g1` fell
-    when it looked to the side at the end of a walk. With d the unit vector to the point and r its distance, the rows
-    are those of `VectorOrientationTask` and d × v / r, by which a frame that moves turns past the point.
+    By default the task uses the joints between base and frame: for a head, these are neck and waist. With the joints of
+    the legs, `g1` fell when it looked to the side at the end of a walk. With the unit vector d to the point and the
+    distance r to it, the rows are those of `VectorOrientationTask` plus d × v / r, since a frame that moves with
+    velocity v sees the point in another direction.
     """
 
     __slots__ = ("_axis", "_followed", "_followed_id")
@@ -116,8 +117,8 @@ class LookAtTask(FrameTask):
 
         Args:
             frame: Frame of the robot.
-            target: Point in the world, shape (3,), m, or a frame of the robot to follow, such as a hand; a point 1 m
-                ahead when None.
+            target: Point in the world, shape (3,), m, or a frame of the robot that it follows, such as a hand. When
+                None, it is the point 1 m away along the axis.
             axis: Axis of the frame, shape (3,), of any length.
             **options: See `MotionOptions`.
         """
@@ -129,7 +130,7 @@ class LookAtTask(FrameTask):
 
     @property
     def target(self) -> Array:
-        """Point in the world, shape (3,), m, read-only; assign one, or a frame of the robot to follow."""
+        """Point in the world, shape (3,), m, read-only; assign a point, or a frame of the robot to follow."""
         if self._followed_id is not None:
             return read_only(self._data.oMf[self._followed_id].translation)
         point: Array = super().target
@@ -144,7 +145,7 @@ class LookAtTask(FrameTask):
         self._followed = self._followed_id = None
 
     def present(self, robot: Robot) -> Array:
-        """Return the point 1 m ahead, shape (3,), m."""
+        """Return the point 1 m away along the axis, shape (3,), m."""
         return np.asarray(robot.placement(self.frame).act(self._axis))
 
     def checked(self, value: ArrayLike) -> Array:

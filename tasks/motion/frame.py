@@ -91,7 +91,7 @@ class FrameTask(Task):
 
 
 class PositionTask(FrameTask):
-    """Bring the origin of a frame to a point of the world.
+    """Task that brings the origin of a frame to a point of the world.
 
     Error and residual are along the chosen world axes, m and m/s².
     """
@@ -122,7 +122,7 @@ class PositionTask(FrameTask):
 
 
 class OrientationTask(FrameTask):
-    """Turn a frame, such as the pelvis or the torso, to an orientation in the world.
+    """Task that turns a frame, such as the pelvis or the torso, to an orientation in the world.
 
     The error is the rotation vector from the present to the target orientation, along the chosen world axes, rad.
     """
@@ -131,12 +131,12 @@ class OrientationTask(FrameTask):
     unit = "rad"
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task; the target is the rotation to the world, shape (3, 3), the present one when None."""
+        """Describe the task; the target is a rotation matrix to the world, shape (3, 3), the present one when None."""
         super().__init__(frame, "orientation", ROTATION_AXES, target, options)
 
     @property
     def rotation(self) -> Array:
-        """Rotation of the frame now, shape (3, 3): a view that changes with the robot."""
+        """Present rotation matrix of the frame, shape (3, 3); a view that changes with the robot."""
         rotation: Array = self._rotation
         return rotation
 
@@ -145,7 +145,7 @@ class OrientationTask(FrameTask):
         return np.array(robot.placement(self.frame).rotation)
 
     def checked(self, value: ArrayLike) -> Array:
-        """Return a rotation after a check, shape (3, 3)."""
+        """Check a rotation matrix, shape (3, 3), and return a copy."""
         return rotation_matrix(f"target of task '{self.name}'", value)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
@@ -160,7 +160,7 @@ class OrientationTask(FrameTask):
 
 
 class PoseTask(FrameTask):
-    """Bring a frame to a pose in the world.
+    """Task that brings a frame to a pose in the world.
 
     Rows are along the chosen world axes: position, m, then rotation, rad.
     """
@@ -186,11 +186,11 @@ class PoseTask(FrameTask):
 
 
 class RelativeFrameTask(FrameTask):
-    """Bring a frame to a pose in another frame of the robot, such as one hand in the other.
+    """Task that brings a frame to a pose relative to another frame of the robot, such as one hand to the other.
 
-    Rows are along the axes of the reference frame: position of `frame`'s origin, m, then rotation, rad. With axes x, y,
-    z it is a task on the position alone, with roll, pitch, yaw on the orientation. Moving both frames together costs
-    nothing.
+    The rows are along the axes of the reference frame: first the position of the origin of `frame`, m, then the
+    rotation, rad. With axes=("x", "y", "z") the task controls only the position, with axes=("roll", "pitch", "yaw")
+    only the orientation. The task does not resist a motion of both frames together.
     """
 
     __slots__ = ("_reference_id", "_reference_placement", "reference")

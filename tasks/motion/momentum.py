@@ -17,16 +17,16 @@ from wbc.core.robot import BASE_DOF, Robot
 
 
 class MomentumTask(Task):
-    """Bring the centroidal momentum to a target: linear, kg m/s, and angular about the centre of mass, kg m²/s.
+    """Task that brings the centroidal momentum to a target: linear, kg m/s, and angular about the CoM, kg m²/s.
 
-    The rows are its rate, along the chosen world axes, in N and Nm; the weight is a cost per N² and (Nm)². A momentum
-    is a velocity already: `stiffness` is the rate of its convergence, in 1/s,
+    The rows are the rate of the momentum along the chosen world axes, N and Nm. The weight is a cost per N² and (Nm)².
+    A momentum is already a velocity, so `stiffness` is the rate of its convergence, 1/s,
 
         rate = feed-forward acceleration + stiffness · (target − momentum),
 
-    and there is nothing to damp. `feedforward_acceleration` is the rate of the target, N and Nm. Axes x, y, z are those
-    of the linear, roll, pitch, yaw those of the angular momentum. Weight 10⁻³ by default, with which 100 N cost as much
-    as 1 m/s² of the centre of mass, and stiffness 5 1/s.
+    and there is no damping. `feedforward_acceleration` is the rate of the target, N and Nm. The axes x, y, z are those
+    of the linear momentum, and roll, pitch, yaw those of the angular momentum. By default the weight is 10⁻³, with
+    which 100 N cost as much as 1 m/s² of a `CoMTask`, and the stiffness is 5 1/s.
 
     Source: Orin, Goswami, Lee, "Centroidal dynamics of a humanoid robot", Autonomous Robots 35, 2013.
     """
@@ -46,7 +46,7 @@ class MomentumTask(Task):
 
     @property
     def damping(self) -> Array:
-        """Zero: there is no velocity of a momentum to damp."""
+        """Damping, which is zero: a momentum has no velocity that could be damped."""
         return super().damping
 
     @damping.setter
@@ -60,12 +60,12 @@ class MomentumTask(Task):
 
     @property
     def residual_unit(self) -> str:
-        """Unit of the residual: that of the rate of a momentum."""
+        """Unit of the residual, which is that of the rate of a momentum."""
         return "N|Nm"
 
     @property
     def reached(self) -> bool:
-        """True while the momentum is within that of the whole robot at 0.05 m/s and 0.2 rad/s of its target."""
+        """True if the momentum differs from its target by less than that of the robot at 0.05 m/s and 0.2 rad/s."""
         robot = self.robot
         inertia = robot.data.Ig.inertia.diagonal()
         bounds = np.concatenate([np.full(3, SLOW["m"] * robot.mass), SLOW["rad"] * inertia])
@@ -83,8 +83,8 @@ class MomentumTask(Task):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`.
 
-        The drift needs no second pass over the dynamics: at zero generalised acceleration the wrench on the base rows
-        of the bias is what changes the momentum, less the weight.
+        The drift needs no second pass over the dynamics. At zero generalised acceleration the rate of the momentum is
+        the wrench in the base rows of the bias minus the weight.
         """
         robot, base, bias = self.robot, self._base, self.robot.bias
         jacobian[:] = self._map

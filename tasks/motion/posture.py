@@ -16,10 +16,10 @@ from wbc.tasks.motion.joints import JointTask, JointValues
 
 
 class PostureTask(JointTask, SelectionTask):
-    """Bring joints to given positions, as far as the other tasks leave them free.
+    """Task that brings joints to given positions; with its small weight it uses the freedom that other tasks leave.
 
-    Error and residual are in rad and rad/s² (m and m/s² for sliding joints); the weight is a cost per (rad/s²)².
-    Weight 0.1 and stiffness 20 1/s² by default.
+    Error and residual are in rad and rad/s² (m and m/s² for prismatic joints). The weight is a cost per (rad/s²)². By
+    default the weight is 0.1 and the stiffness 20 1/s².
     """
 
     __slots__ = ("_factor", "_factors", "_positions", "columns")
@@ -38,10 +38,10 @@ class PostureTask(JointTask, SelectionTask):
         """Describe the task.
 
         Args:
-            target: Positions of the task's joints, shape (number of joints,), or joint name → position for some of
-                them; the present posture for all others.
+            target: Positions of the task's joints, shape (number of joints,), rad (or m), or joint name → position for
+                some of them; all others keep their present position.
             joints: Joint or joints of the task; all when None.
-            joint_weights: Joint name → factor on the weight; it stays when the weight is changed.
+            joint_weights: Joint name → factor of the weight; later changes of `weight` keep these factors.
             **options: See `GainOptions`.
         """
         self._factor: Array | None = None
@@ -52,7 +52,7 @@ class PostureTask(JointTask, SelectionTask):
         super().__init__("posture", target, joints, options)
 
     def bind(self, robot: Robot) -> None:
-        """Resolve the joints, and take the present posture where no target was given."""
+        """Resolve the joints, and take the present position of each joint without a target as its target."""
         super().bind(robot)
         columns = self._columns
         whole = columns.size == robot.na and bool((columns == np.arange(robot.base_dof, robot.nv)).all())
@@ -66,18 +66,18 @@ class PostureTask(JointTask, SelectionTask):
             self._rows.weight *= factor
 
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
-        """Return targets after a check; one beyond the range of its joint is in other units: degrees, most often."""
+        """Check targets, and return a copy; a target beyond the range of its joint is most often in degrees."""
         target = super().checked(value, others)
         self.robot.check_range("target of joint", self._columns - self.robot.base_dof, target)
         return target
 
     def present(self, robot: Robot) -> Array:
-        """Return the present posture, shape (dim,), rad."""
+        """Return the present joint positions, shape (dim,), rad (or m)."""
         return np.array(robot.q[self._columns + (robot.nq - robot.nv)])
 
     @property
     def weight(self) -> Array:
-        """Cost per squared residual with the factors of the joints in it, shape (dim,); assign one without them."""
+        """Cost per squared residual, with the factors of the joints, shape (dim,); assign one without the factors."""
         return super().weight
 
     @weight.setter

@@ -37,7 +37,7 @@ class _Number(Task):
 
 
 class DistanceTask(_Number):
-    """Bring the origins of two frames to a distance, m; in which direction they lie is free."""
+    """Task that brings the origins of two frames to a distance, m; the direction from one to the other is free."""
 
     __slots__ = ("_ids", "frames")
 
@@ -70,7 +70,7 @@ class DistanceTask(_Number):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the row u·(J₁ − J₂) of the unit vector u between the frames; see `Task.evaluate`.
 
-        Of the acceleration of the distance d, the speed w across u adds w² / d.
+        A relative velocity w across u adds w² / d to the acceleration of the distance d.
         """
         model, data, (one, other) = self.robot.model, self.robot.data, self._ids
         line = data.oMf[one].translation - data.oMf[other].translation
@@ -88,9 +88,9 @@ class DistanceTask(_Number):
 
 
 class JointCouplingTask(_Number):
-    """Keep a weighted sum of joint positions at a target: `JointCouplingTask({"elbow": 1.0, "wrist": -0.5})`.
+    """Task that keeps a weighted sum of joint positions at a target: `JointCouplingTask({"elbow": 1, "wrist": -0.5})`.
 
-    The sum is Σ coefficient · position, rad; joints are coupled exactly with `hard=True`.
+    The sum is Σ coefficient · position, rad. With `hard=True` the joints are coupled exactly.
     """
 
     __slots__ = ("_columns", "_values", "coefficients")
@@ -103,7 +103,7 @@ class JointCouplingTask(_Number):
         target: Annotated[Number, "rad"] | None = None,
         **options: Unpack[GainOptions],
     ) -> None:
-        """Describe the task: joint → coefficient, and the target of the sum, the present one when None."""
+        """Describe the task by joint → coefficient and the target of the sum, which is the present sum when None."""
         if not isinstance(coefficients, Mapping) or not coefficients:
             raise InputError(f"a coupling needs joints with coefficients, got {coefficients!r}")
         self.coefficients = {
@@ -135,10 +135,10 @@ class JointCouplingTask(_Number):
 
 
 class ManipulabilityTask(_Number):
-    """Bring the manipulability √det(J Jᵀ) of a limb's end to a target, away from singular postures.
+    """Task that brings the manipulability √det(J Jᵀ) of the end of a limb to a target, away from singular postures.
 
-    J are the rows of the position, or of the pose, of a frame over the joints of its limb. Give a target that is higher
-    than the limb reaches to have as much as the other tasks leave.
+    J is the Jacobian of the position (or of the pose) of a frame over the joints of its limb. With a target that the
+    limb cannot reach, the manipulability becomes as large as the other tasks allow.
 
     Source: T. Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4(2), 1985.
     """
@@ -161,8 +161,8 @@ class ManipulabilityTask(_Number):
         Args:
             frame: Frame at the end of the limb.
             target: Manipulability, m³ for positions; the present one when None.
-            trunk: Frame from which on the joints count; the base when None.
-            pose: Take position and orientation, for limbs of six joints or more.
+            trunk: Frame at which the limb begins; the base when None.
+            pose: Use position and orientation, for limbs of six joints or more.
             **options: See `GainOptions`.
         """
         self.frame, self._trunk, self._size = frame, trunk, 6 if pose else 3
@@ -233,7 +233,7 @@ class ManipulabilityTask(_Number):
 
 
 class LowAccelerationTask(SelectionTask):
-    """Keep velocities as they are: no acceleration in a controller, in inverse kinematics those of the last step."""
+    """Task that keeps velocities: zero acceleration or, in inverse kinematics, the velocities of the last step."""
 
     __slots__ = ("columns",)
     unit = "rad/s"
@@ -252,7 +252,7 @@ class LowAccelerationTask(SelectionTask):
         super().bind(robot)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill no error; see `Task.evaluate`."""
+        """Fill an error of zero; see `Task.evaluate`."""
         error[:] = 0.0
 
     def _coordinates(self) -> Coordinates:
@@ -260,5 +260,5 @@ class LowAccelerationTask(SelectionTask):
 
     @property
     def reached(self) -> bool:
-        """True: there is nothing to reach."""
+        """True, since the task has no target."""
         return True

@@ -22,17 +22,18 @@ from wbc.feet.stiffness.model import StiffnessModel, default_model
 
 @dataclass(frozen=True, eq=False)
 class SwingScan:
-    """Input of a stiffness policy: one swing at the time of the decision.
+    """Input of a stiffness policy: data of one swing at the time of the decision.
 
     Attributes:
         side: The foot that swings, "left" or "right".
         step: Number of this swing since the start, from 0.
-        time: Now, s.
-        time_left: Until the foot lands as planned, s.
+        time: Time of the decision, s.
+        time_left: Time until the planned landing of the foot, s.
         position: Estimated centre of the swinging sole in the world, shape (3,), m.
-        landing: Planned centre of the sole at the landing in the world, shape (3,), m; `position` if there is no plan.
+        landing: Planned centre of the sole at the landing in the world, shape (3,), m; equal to `position` without a
+            plan.
         actual: Present stiffness of the sole, Nm/rad.
-        profile: Ground that the toe has passed over; None if too little was seen for one.
+        profile: Profile of the ground under the path of the toe; None if too little of it was seen.
     """
 
     side: str
@@ -68,29 +69,35 @@ class StiffnessDecision:
 
 
 class StiffnessPolicy(ABC):
-    """Base of stiffness policies; derive from it, or give a plain function of a `SwingScan` to the scheduler.
+    """Base of stiffness policies; a scheduler also accepts a plain function of a `SwingScan`.
 
         class SofterWhereItIsRough(StiffnessPolicy):
             def decide(self, swing):
                 return 40.0 if np.ptp(swing.profile.z) < 0.01 else 5.0
 
     Attributes:
-        needs_scan: True if `decide` needs a profile that is long enough; without one the scheduler falls back.
+        needs_scan: True if `decide` needs a long enough profile; without one the scheduler commands the fallback.
     """
 
     needs_scan: ClassVar[bool] = True
 
     def prepare(self, scan: ScanSettings) -> None:  # noqa: B027 - optional
-        """Do what is slow the first time; an `InputError` refuses profiles that the policy cannot work with."""
+        """Do slow work in advance; raise an `InputError` if the policy cannot use profiles of this kind."""
 
     def standing(self, single: bool) -> float | None:
-        """Return the stiffness of a foot that stands, alone if `single`, Nm/rad; None keeps that of its landing."""
+        """Return the stiffness of a standing foot, Nm/rad; None keeps that of its landing.
+
+        `single` is True if the other foot is in the air.
+        """
         del single
         return None
 
     @abstractmethod
     def decide(self, swing: SwingScan) -> StiffnessDecision | float | None:
-        """Return the stiffness, Nm/rad, or a whole decision, soon; None if the policy has no answer."""
+        """Return the stiffness, Nm/rad, or a whole decision; None if the policy cannot decide.
+
+        It runs inside a control tick, so it must be quick.
+        """
 
 
 PolicyLike: TypeAlias = StiffnessPolicy | Callable[[SwingScan], StiffnessDecision | float | None]
@@ -202,10 +209,12 @@ def stiffness_policy(name: str, **parameters: Any) -> StiffnessPolicy:
 
 
 def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -> None:
-    """Make a policy, its class or a function of named parameters, available by name, in place of one of the same name.
+    """Make a policy available by a name; it replaces a policy with the same name.
 
-    A sweep runs walks in processes of their own: register it in a module that these import, too. The policy behind a
-    name is not part of a journal's keys.
+    The policy is given as its class, or as a function of named parameters.
+
+    A sweep runs walks in other processes, so register the policy in a module that these processes import as well. The
+    keys of a journal contain only the name of the policy.
     """
     _POLICIES[name] = make
 

@@ -22,24 +22,25 @@ from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming, as_good_
 
 
 class StiffnessScheduler:
-    """Scheduler of variable soles: scans the ground while a foot swings, decides, commands, records the outcome.
+    """Scheduler of the stiffness of soles: during each swing it scans the ground, decides and commands a stiffness.
 
         scheduler = StiffnessScheduler(robot, foot, ModelPolicy.load("model.json"))
         ...
         stiffness = scheduler.update("left", progress, time_left, robot, measurement)    # every tick
         plant.step(replace(command, sole_stiffness=stiffness))
 
-    This is the stiffness-scheduling task of the paper; it has no rows in the QP and is not a `Task`.
+    It is the stiffness-scheduling task of the paper. It has no rows in the QP, so it is not a `Task`.
 
-    While a foot swings, its range readings and estimated pose make a profile of the ground. At `decide_at` of the
-    single support the policy is asked, and from then on its answer is commanded, as far as the actuator can get by the
-    landing. The other foot keeps its stiffness. Without a usable profile or decision the fallback is commanded.
+    While a foot swings, its range readings and estimated poses give a profile of the ground. When the share `decide_at`
+    of the single support is over, the policy decides. From then on its stiffness is commanded, as far as the actuator
+    can change it before the landing. The other foot keeps its stiffness. Without a usable profile or decision the
+    fallback stiffness is commanded.
 
     Attributes:
         policy: Policy that decides the stiffness.
         timing: Settings.
         actuator: Limits of the sole's actuator.
-        steps: Records of the last swings, the latest last; each is added when its foot lands.
+        steps: Records of the last swings, the latest one last; a record is added when its foot lands.
     """
 
     @checked
@@ -53,9 +54,10 @@ class StiffnessScheduler:
         """Prepare the policy, so that the first decision is as fast as all others.
 
         Args:
-            robot: Robot with the soles, left first; its state is not used.
-            foot: The feet: place of the range sensor, actuator and stiffness at the start.
-            policy: Policy that decides, or a plain function of a `SwingScan`.
+            robot: Robot with the soles, left first; only the model is used, not the state.
+            foot: Description of the feet, with the place of the range sensor, the actuator and the stiffness at the
+                start.
+            policy: Policy that decides the stiffness, or a plain function of a `SwingScan`.
             timing: Settings; the defaults when None.
         """
         if not isinstance(foot, VariableStiffnessFoot):
@@ -78,7 +80,7 @@ class StiffnessScheduler:
         self.reset()
 
     def reset(self, stiffness: float | None = None) -> None:
-        """Clear records and scan, and command a stiffness, Nm/rad; that of the foot's description when None."""
+        """Clear records and scan, and command a stiffness, Nm/rad; when None, that of the foot's description."""
         start = self.actuator.check(self._initial if stiffness is None else stiffness)
         self._command = np.full(len(SIDES), start)
         self._side: int | None = None
@@ -96,7 +98,7 @@ class StiffnessScheduler:
 
     @property
     def decided(self) -> StepStiffness | None:
-        """Decision of the present swing; None before there is one."""
+        """Decision of the present swing; None before the decision."""
         return self._record if self._side is not None else None
 
     def update(
@@ -112,8 +114,8 @@ class StiffnessScheduler:
 
         Args:
             swing: The foot that swings, "left" or "right"; None while both are on the ground.
-            progress: Share of the single support that is over, 0 to 1; not used without a swing.
-            time_left: Time until the swinging foot lands as planned, s; not used without a swing.
+            progress: Share of the single support that is over, 0 to 1; ignored without a swing.
+            time_left: Time until the planned landing of the swinging foot, s; ignored without a swing.
             robot: Estimated state, updated.
             measurement: Range and stiffness of the soles.
             landing: Planned centre of the swinging sole at its landing in the world, shape (3,), m.

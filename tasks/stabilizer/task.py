@@ -57,13 +57,13 @@ def _feet(contacts: Any) -> Sequence[SoleContact]:
 
 
 class StabilizerTask(CoMTask):
-    """Balance on two feet: feedback of the DCM, desired foot wrenches, and admittances of the feet.
+    """Task that balances a robot on two feet: feedback of the DCM, desired foot wrenches and foot admittances.
 
-    Error and residual are those of the CoM, in m and m/s²; the weight is a cost per (m/s²)². On torques only the
-    vertical row has stiffness and damping: the horizontal acceleration is the feedback's.
+    Error and residual are those of the CoM, in m and m/s²; the weight is a cost per (m/s²)². With torque drives only
+    the vertical row has stiffness and damping, since the feedback of the DCM gives the horizontal acceleration.
 
     Attributes:
-        parts: Tasks on the contacts' wrenches, which a controller takes and gives back with this one.
+        parts: Tasks on the wrenches of the contacts, which a controller adds and removes together with this task.
         output: Output of the stabilizer in the last tick; None before the first one.
     """
 
@@ -88,15 +88,16 @@ class StabilizerTask(CoMTask):
         """Describe the task.
 
         Args:
-            contacts: Contacts of the left and of the right sole, in any order; both are added before, or together with
-                the task, and removed after it, or together.
-            target: CoM of a robot that stands, shape (3,), m; the present one when None.
-            drives: How the drives are commanded: "torque" for torque and hybrid control, "position".
+            contacts: Contacts of the left and of the right sole, in any order. Add both contacts before the task or
+                together with it, and remove them after the task or together with it.
+            target: CoM position at which the robot stands, shape (3,), m; the present position when None.
+            drives: Kind of drive commands: "position", or "torque" for torque and hybrid control.
             gains: Gains of feedback and admittances; the defaults when None.
             distribution: Settings of the wrench distribution; the defaults when None.
-            estimate: Robot whose state is the measured one (`State.robot`). When None, that of the control which runs
-                the controller (`PositionControl`, …), or the controller's own robot where none does.
-            wrench_weight: Desired foot wrenches on torques, cost per N² and (Nm)².
+            estimate: Robot whose state is the estimate from the sensors (`State.robot`). When None, it is the estimated
+                robot of the control that runs the controller (`PositionControl` and others), or, without a control, the
+                robot of the controller.
+            wrench_weight: Cost of deviations from the desired foot wrenches with torque drives, per N² and (Nm)².
             **options: See `MotionOptions`.
         """
         defaults: MotionOptions = {"weight": 100.0, "stiffness": STIFFNESS}
@@ -122,12 +123,12 @@ class StabilizerTask(CoMTask):
 
     @property
     def drives(self) -> Drives:  # type: ignore[override]
-        """Drives that the task is made for: "torque", for torque and hybrid control, or "position"."""
+        """Kind of drives for which the task is made: "position", or "torque" for torque and hybrid control."""
         return "torque" if self._torque else "position"
 
     @property
     def target(self) -> Array:
-        """CoM of a robot that stands, shape (3,), m, read-only; assign one, or see `move_to`."""
+        """CoM position at which the robot stands, shape (3,), m, read-only; assign a new one, or call `move_to`."""
         target: Array = super().target if self._aim is None else read_only(self._aim[0])
         return target
 
@@ -145,14 +146,14 @@ class StabilizerTask(CoMTask):
 
     @property
     def wrenches(self) -> dict[str, Array]:
-        """Name of a contact → its desired wrench, for `DriveControl.act`; none before the first tick, N and Nm."""
+        """Name of a contact → its desired wrench, N and Nm, for `DriveControl.act`; empty before the first tick."""
         if self.output is None:
             return {}
         left, right = self._contacts
         return {left.name: self.output.feet.wrenches[0], right.name: self.output.feet.wrenches[1]}
 
     def bind(self, robot: Robot) -> None:
-        """Take the robot's soles and mass, and its present CoM as target when none was given."""
+        """Take the robot's soles and mass, and the present CoM as the target if none was given."""
         super().bind(robot)
         soles = [robot.sole(contact.name) for contact in self._contacts]
         if soles[0] is soles[1]:
@@ -169,18 +170,18 @@ class StabilizerTask(CoMTask):
         self._stand()
 
     def keeps(self) -> Sequence[object]:
-        """Return the contacts, without which nothing can be balanced."""
+        """Return the contacts, which the task needs to balance."""
         return self._contacts
 
     def let_go(self) -> None:
-        """Leave the feet where they are, at rest."""
+        """Set the targets of the feet to their present places, at rest."""
         if not self._torque:
             for contact in self._contacts:
                 if contact.engaged:
                     contact.hold()
 
     def reset(self) -> None:
-        """Forget errors, corrections and filtered wrenches, and stand where the robot is."""
+        """Reset errors, corrections and filtered wrenches, and take the present places of the feet."""
         super().reset()
         if self._stabilizer is not None:
             self._stabilizer.reset()
@@ -205,7 +206,7 @@ class StabilizerTask(CoMTask):
                 self.stabilizer.feet.reset(side)
 
     def observe(self, measurement: Measurement, dt: float) -> None:
-        """Stand, unless something has handed out a pendulum: a tick of `update` and `apply` with the CoM's target.
+        """Run `update` and `apply` with the CoM target, unless a walk has set a pendulum reference in this tick.
 
         Args:
             measurement: Measurement with the wrenches on the soles.
@@ -242,14 +243,14 @@ class StabilizerTask(CoMTask):
         Args:
             target: Reference of the pendulum.
             wrenches: Measured wrenches on the soles, shape (2, 6), N and Nm.
-            contact: True for each foot that is to carry.
+            contact: True for each foot that should carry load.
             yaw: Heading of the robot, rad.
             dt: Control period, s.
             bias: Bias of the measured DCM, shape (2,), m.
-            outside: Wrench of the surroundings on all but the feet; see `Stabilizer.update`.
+            outside: Wrench of the surroundings on the robot except its feet; see `Stabilizer.update`.
 
         Returns:
-            The output, which `apply` hands to the QP.
+            The output, which `apply` passes to the QP.
         """
         estimate, stabilizer = self._given or self._measured(), self.stabilizer
         if stabilizer.mass != estimate.mass:  # a load was taken over or given back
@@ -281,13 +282,13 @@ class StabilizerTask(CoMTask):
         places: Sequence[pin.SE3],
         beyond: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Set the references of this task, of the standing feet and of their wrenches; unchecked.
+        """Set the references of this task, of the standing feet and of their wrenches, without checks.
 
         Args:
             target: Reference of the pendulum.
-            contact: True for each foot that is to carry.
+            contact: True for each foot that should carry load.
             places: Placements of the left and the right sole as planned.
-            beyond: Acceleration of the CoM beyond the pendulum's, x and y, m/s².
+            beyond: Acceleration of the CoM in addition to that of the pendulum, x and y, m/s².
         """
         output = self.output
         assert output is not None

@@ -189,45 +189,46 @@ def _couplings(model: pin.Model, driven: Sequence[int]) -> dict[str, Coupling]:
 class Robot:
     """Pinocchio model, data and current state of a robot, whose base floats, or is bolted to the world.
 
-    A bolted base has no coordinates: configuration and velocity are those of the joints alone, and the centre of mass
-    is that of what moves. A joint that is coupled to another one has none either: `couplings`.
+    A bolted base has no coordinates: configuration and velocity contain the joints alone, and the centre of mass is
+    that of the moving links. A joint that is coupled to another joint has no coordinate either, see `couplings`.
 
     Attributes:
         name: Name of the robot.
-        model: Pinocchio model; after construction only `carry` changes its inertias.
+        model: Pinocchio model; only `carry` changes it, by its inertias.
         data: Pinocchio data of the current state.
-        soles: The soles that can make contact, left first; none of a robot without feet.
+        soles: The soles that can make contact, left first; empty for a robot without feet.
         half_sitting: Reference configuration with the soles on the ground z = 0, shape (nq,).
         nq: Size of a configuration: base position (world, m), base quaternion (xyzw), joints (rad or m).
         nv: Size of a velocity: base linear and angular velocity in the base frame, joints.
         floating: True for a base that floats.
-        base_nq: Number of coordinates of the base, 7 or 0, with which a configuration begins; `base_dof` those of its
-            velocity, 6 or 0.
+        base_nq: Number of coordinates of the base, with which a configuration begins: 7, or 0 for a bolted base. The
+            velocity of the base has `base_dof` coordinates: 6, or 0.
         na: Number of joints with a coordinate, nv − `base_dof`.
-        joint_names: These joints in the order of the velocity vector, length na.
-        joint_numbers: Their numbers in the model.
-        couplings: Joint without a coordinate of its own → its leader.
-        passive: Places of the joints without a drive, whose torque is zero, in arrays of shape (na,).
-        closures: Where closed chains close; every solver has a `LoopClosure` for each.
+        joint_names: Names of these joints in the order of the velocity vector, length na.
+        joint_numbers: Numbers of these joints in the Pinocchio model.
+        couplings: Joint without a coordinate of its own → the joint that leads it.
+        passive: Indices of the joints without a drive, whose torque is zero, in arrays of shape (na,).
+        closures: Closures of kinematic chains; every solver adds a `LoopClosure` for each.
         q: Configuration of the last `update`, shape (nq,).
         v: Velocity of the last `update`, shape (nv,).
         mass_matrix: M(q), shape (nv, nv); overwritten by the next update.
         bias: Coriolis, centrifugal, gravity and spring forces h(q, v), shape (nv,); overwritten by the next update.
         com: Centre of mass in the world, shape (3,), m; overwritten by the next update.
-        com_velocity: Its velocity in the world, shape (3,), m/s; overwritten by the next update.
+        com_velocity: Velocity of the centre of mass in the world, shape (3,), m/s; overwritten by the next update.
         com_jacobian: Jacobian of the centre of mass, shape (3, nv); overwritten by the next update.
         position_lower: Lower joint limits, shape (na,), rad (or m).
         position_upper: Upper joint limits, shape (na,), rad (or m).
         velocity_limit: Largest joint speed, shape (na,), rad/s (or m/s); `UNLIMITED` where the model has none.
         torque_limit: Largest joint torque in either direction, shape (na,), Nm (or N); `UNLIMITED` where the model has
             none.
-        torque_lower: Least joint torque, shape (na,), Nm (or N): −torque_limit but for drives of one direction.
-        torque_upper: Greatest joint torque, shape (na,), Nm (or N).
+        torque_lower: Smallest joint torque, shape (na,), Nm (or N). It is −torque_limit, except for drives whose limits
+            differ by direction.
+        torque_upper: Largest joint torque, shape (na,), Nm (or N).
         torso_frame: Frame of the chest.
         imu_frame: Frame of the inertial measurement unit.
-        servos: Gains of the servos; None where they are not known.
+        servos: Gains of the servos; None if they are unknown.
         springs: Stiffness (Nm/rad) and rest position (rad) of springs beside the drives, each of shape (na,); their
-            torques are part of `bias`. None without any.
+            torques are part of `bias`. None for a robot without springs.
     """
 
     @checked
@@ -246,11 +247,11 @@ class Robot:
         passive: Sequence[str] = (),
         closures: Sequence[Closure] = (),
     ) -> None:
-        """Make a robot of a complete model: limits, armature and sole frames are in it; see the attributes.
+        """Make a robot from a complete model, which has limits, armature and sole frames; see the attributes.
 
         Args:
-            model: Pinocchio model with a free-flyer root, or without a root joint for a bolted base, and joints of one
-                degree of freedom; those that mimic another one are coupled to it.
+            model: Pinocchio model with a free-flyer root joint, or without a root joint for a bolted base. All other
+                joints have one degree of freedom. Joints that mimic another joint are coupled to it.
             soles: The soles, left first.
             half_sitting: Reference configuration, shape (nq,).
             torso_frame: The root when None.
@@ -258,9 +259,10 @@ class Robot:
             frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
             servos: Gains of the servos.
             springs: Stiffness and rest position of springs.
-            torque_lower: Those of the model, negative, when None.
+            torque_lower: Smallest joint torques, shape (na,), Nm (or N); the negative torque limits of the model when
+                None.
             passive: Joints without a drive.
-            closures: Where closed chains close.
+            closures: Closures of kinematic chains.
         """
         if model.njoints < 2:
             raise ModelError(f"robot '{model.name}' has no joints")
@@ -364,29 +366,29 @@ class Robot:
 
     @property
     def total_mass(self) -> Array:
-        """Total mass with everything that is carried, kg, as an array of shape () that follows `carry`."""
+        """Total mass of the robot and its loads, kg, as an array of shape () whose value follows `carry`."""
         return self._loads.total_mass
 
     @property
     def mass(self) -> float:
-        """Total mass with everything that is carried, kg; it changes with the load: read it where it is used."""
+        """Total mass of the robot and its loads, kg; read it when it is used, since it changes with the loads."""
         return float(self._loads.total_mass)
 
     @property
     def force_scale(self) -> float:
-        """Factor of the forces in settings, such as the least force on a sole: below 1 for a light robot."""
+        """Factor of forces in settings, such as the smallest force on a sole; below 1 for a light robot."""
         return force_scale(self.mass)
 
     @checked
     def carry(
         self, frame: str | int, mass: Annotated[NonNegative, "kg"], point: Triple = (0.0, 0.0, 0.0)
     ) -> None:
-        """Set the point mass that a frame carries, of this robot and of all its clones; it counts from the next update.
+        """Set the point mass that a frame carries, for this robot and all its clones, from the next update on.
 
         Args:
             frame: Frame of a link.
-            mass: kg; zero takes the load off.
-            point: Place of the mass in the frame, shape (3,), m.
+            mass: Mass, kg; zero removes the load.
+            point: Position of the mass in the frame, shape (3,), m.
         """
         index = frame if isinstance(frame, int) else self.frame_id(frame)
         carrier = self.model.frames[index]
@@ -400,7 +402,7 @@ class Robot:
 
     @staticmethod
     def instead_of(value: object) -> str:
-        """Return how to make a robot of what was given in its place; empty if there is no way."""
+        """Return advice how to make a robot from an object of another type; empty if there is none."""
         if isinstance(value, str):
             return f"load_robot('{value}').robot() makes one"
         if callable(getattr(value, "robot", None)):
@@ -408,7 +410,7 @@ class Robot:
         return "its attribute robot is one" if isinstance(getattr(value, "robot", None), Robot) else ""
 
     def update(self, q: Array, v: Array) -> None:
-        """Compute all quantities that depend on configuration, shape (nq,), of unit quaternion, and velocity, (nv,)."""
+        """Compute all quantities that depend on the state: configuration, shape (nq,), and velocity, shape (nv,)."""
         self._take(q, v)
         if self.couplings:
             self._compute_coupled()
@@ -419,7 +421,7 @@ class Robot:
         pin.updateFramePlacements(self.model, self.data)
 
     def spring_torques(self, q: Array) -> Array:
-        """Return what drives hold against springs at configurations, shape (…, nq): shape (…, na), Nm, as in `bias`."""
+        """Return torques, shape (…, na), Nm, that hold the springs at configurations, shape (…, nq), as in `bias`."""
         joints = q[..., self.base_nq :]
         if self.springs is None:
             return np.zeros_like(joints)
@@ -427,7 +429,7 @@ class Robot:
         return np.asarray(stiffness * (joints - rest))
 
     def torque_share(self, torque: Array) -> Array:
-        """Return joint torques over their limits in the direction in which they act, shape (…, na), 0 or above."""
+        """Return joint torques as shares of their limits in the same direction, shape (…, na), at least 0."""
         limit = np.where(torque < 0.0, -self.torque_lower, self.torque_upper)
         return np.asarray(abs(torque) / np.maximum(limit, TINY))
 
@@ -444,7 +446,7 @@ class Robot:
         pin.forwardKinematics(model, data, q, v, self._no_acceleration)
 
     def update_kinematics(self, q: Array, v: Array) -> None:
-        """Compute frames, centre of mass and their velocities alone, in half the time of `update`.
+        """Compute only frames, the centre of mass and their velocities, in half the time of `update`.
 
         They equal those of `update` up to rounding. Mass matrix, bias, accelerations and Jacobians stay as they are.
         """
@@ -453,7 +455,7 @@ class Robot:
         pin.updateFramePlacements(self.model, self.data)
 
     def update_jacobians(self, q: Array) -> None:
-        """Compute frames, the CoM and their Jacobians at a configuration, shape (nq,), for kinematics alone.
+        """Compute only frames, the CoM and their Jacobians at a configuration, shape (nq,).
 
         They equal those of `update` up to rounding; velocities, forces and accelerations stay as they are.
         """
@@ -461,7 +463,7 @@ class Robot:
         self.compute_jacobians()
 
     def compute_jacobians(self) -> None:
-        """Do the same at the configuration `q` as it is, which is not checked."""
+        """Compute the same as `update_jacobians` at the present configuration `q`, which is not checked."""
         pin.jacobianCenterOfMass(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
 
@@ -487,7 +489,7 @@ class Robot:
         return checked_configuration(what, value, self.nq, self.floating)
 
     def clone(self) -> Robot:
-        """Return another robot of the same model with a state of its own."""
+        """Return a robot with the same model and a state of its own."""
         twin = Robot(
             self.model,
             self.soles,
@@ -511,7 +513,7 @@ class Robot:
         )
 
     def frame_id(self, name: str) -> int:
-        """Return the index of a frame, by its name, or by a role: that of a hand in `frames`, or of a sole."""
+        """Return the index of a frame by its name or by its role, such as "left_hand" or "left_foot"."""
         if name not in self._frame_ids:
             roles = self.roles
             if name not in roles:
@@ -521,7 +523,7 @@ class Robot:
 
     @property
     def roles(self) -> dict[str, str]:
-        """Frames by role, such as "left_hand" and "left_foot"; a name of a frame goes before a role."""
+        """Frames by role, such as "left_hand" and "left_foot"; the name of a frame takes precedence over a role."""
         return {**{sole.name: sole.frame for sole in self.soles}, **self.frames}
 
     def joint_index(self, name: str) -> int:
@@ -533,10 +535,10 @@ class Robot:
     def check_range(
         self, what: str, joints: Sequence[int] | NDArray[np.intp], positions: Array, beyond: float = BEYOND
     ) -> None:
-        """Refuse positions, rad or m, beyond the range of their joints, which are indices in arrays of shape (na,).
+        """Refuse positions, rad or m, outside the ranges of joints, which are given by their indices, 0 to na − 1.
 
-        A range is a little wider than the limits, by `beyond`: stops yield, and where a robot stands is a position that
-        it may hold.
+        A range is wider than the limits by `beyond`, because stops yield and a robot may hold the position in which it
+        is.
         """
         low, high = self.position_lower[joints] - beyond, self.position_upper[joints] + beyond
         outside = ((positions < low) | (positions > high)).nonzero()[0]
@@ -549,7 +551,7 @@ class Robot:
             )
 
     def needs_feet(self, what: str) -> None:
-        """Refuse what needs two feet, such as "an observer", where the robot has none."""
+        """Raise an `InputError` if the robot has no two feet; `what` needs them, such as "an observer"."""
         if not self.soles:
             raise InputError(f"{what} needs two feet, robot '{self.name}' is described without")
 
@@ -561,11 +563,11 @@ class Robot:
         unknown_name("sole", name, [sole.name for sole in self.soles])
 
     def placement(self, frame: str | int) -> pin.SE3:
-        """Return the placement of a frame in the world, a view that follows updates; `pin.SE3(placement)` is a copy."""
+        """Return the placement of a frame in the world, a view that updates change; `pin.SE3(placement)` copies it."""
         return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
 
     def joints_between(self, frame: str, trunk: str) -> list[int]:
-        """Return the joints that move a frame, such as a hand, but not a trunk, from there outwards.
+        """Return the joints between a trunk and a frame, such as a hand, in order from the trunk outwards.
 
         They are indices in arrays of shape (na,).
         """
@@ -578,9 +580,9 @@ class Robot:
         return [j for sole in self.soles for j in self.joints_between(sole.frame, self.base_frame)]
 
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
-        """Return half-sitting with some joints changed and the lower sole, if there is one, on the ground z = 0.
+        """Return half-sitting with other positions of some joints, the lower sole (if any) on the ground z = 0.
 
-        `joints` is joint name → position, rad (or m).
+        `joints` maps a joint name to its position, rad (or m).
         """
         q = np.array(self.half_sitting)
         for name, value in (joints or {}).items():

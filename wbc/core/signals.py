@@ -26,36 +26,36 @@ LARGEST_COMMAND = 1e6
 class Measurement:
     """Sensor readings of one instant, without ground truth.
 
-    All of them belong to one instant, once a control period. Joints come in the order of `Robot.joint_names`, by name,
-    whatever the order of drives on a bus or of actuators in a simulator. Angles and torques are those of the joint,
-    behind the gear.
+    All readings belong to one instant. A robot gives one measurement in each control period. The joints are in the
+    order of `Robot.joint_names`, which may differ from the order of the drives on a bus or of the actuators in a
+    simulator. Angles and torques are those on the joint's side of the gear.
 
     Attributes:
-        time: Clock of the sensors when they were read, not of the arrival of the message, s; rises by the control
-            period from one measurement to the next, from any start.
-        joint_position: Encoders, shape (na,), rad (m for prismatic joints); positive about the axis of the joint in the
-            robot's model, zero where the model is at zero.
+        time: Time at which the sensors were read, by their own clock, s. It is not the time at which the message
+            arrived. It may start anywhere, and rises by the control period from one measurement to the next.
+        joint_position: Joint positions by the encoders, shape (na,), rad (m for prismatic joints). Signs and zeros are
+            those of the robot's model.
         joint_velocity: Joint velocities from the drives, shape (na,), rad/s (or m/s); the derivative of
             `joint_position`, same sign.
-        angular_velocity: Gyroscope, angular velocity of the IMU against the world, in the IMU frame
+        angular_velocity: Angular velocity by the gyroscope: that of the IMU relative to the world, in the IMU frame
             (`Robot.imu_frame`), shape (3,), rad/s.
-        specific_force: Accelerometer: acceleration minus gravity, in the IMU frame, shape (3,), m/s². At rest it is
-            9.81 m/s² upwards: (0, 0, +9.81) for an IMU that stands upright.
+        specific_force: Specific force by the accelerometer: acceleration minus gravity, in the IMU frame, shape (3,),
+            m/s². At rest it is 9.81 m/s² upwards: (0, 0, +9.81) for an IMU whose z axis points up.
         sole_wrench: Wrench of the ground on each sole, [force; moment] in the sole frame at the sole centre, left foot
-            first, shape (number of soles, 6), N and Nm. The normal force of a standing robot is positive, both
-            together its weight; zero in the air. The weight of the foot below the sensor may be missing. None: feet
-            without force sensors, whose wrenches a control estimates from the torques of the joints.
+            first, shape (number of soles, 6), N and Nm. The normal forces of a standing robot are positive, and their
+            sum is its weight. They are zero in the air. The weight of the foot below the sensor may be missing. None if
+            the feet have no force sensors: a control then estimates the wrenches from the joint torques.
         sole_range: Range sensor under the toe of each foot, shape (number of soles,), m; NaN without a hit or without
             a sensor.
         sole_stiffness: Actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid sole.
-        joint_torque: Torque that each drive applies to its joint as measured or computed from its current, shape
-            (na,), Nm (or N); positive accelerates the joint in the direction of its positive velocity. None: not
-            measured.
+        joint_torque: Torque that each drive applies to its joint, measured or computed from its current, shape (na,),
+            Nm (or N). A positive torque accelerates the joint in its positive direction. None if it is not measured.
         hand_wrenches: Wrench of the surroundings on each hand, [force; moment] in the hand's frame at its origin, in
-            the order of `Robot.frames`, shape (number of hands, 6), N and Nm; a load that is held counts, the hand's
-            own weight does not. NaN for a hand without a reading; None: no force sensors at the wrists.
-        wrench_source: Origin of `sole_wrench`: "sensor", or "measured torques" or "commanded torques" where a control
-            has estimated it.
+            the order of `Robot.frames`, shape (number of hands, 6), N and Nm. The weight of a load in the hand is part
+            of it, the weight of the hand itself is not. NaN for a hand without a reading. None if the wrists have no
+            force sensors.
+        wrench_source: Origin of `sole_wrench`: "sensor", or, where a control has estimated it, "measured torques" or
+            "commanded torques".
     """
 
     time: float
@@ -72,7 +72,7 @@ class Measurement:
 
     @property
     def wrenches(self) -> Array:
-        """`sole_wrench`; a `MeasurementError` where it is neither measured nor estimated yet."""
+        """Wrenches of `sole_wrench`; raises a `MeasurementError` if they are neither measured nor estimated yet."""
         if self.sole_wrench is None:
             raise MeasurementError(
                 f"measurement at {self.time:.4f} s has no sole_wrench; a control estimates it (Control.measurement)"
@@ -82,29 +82,29 @@ class Measurement:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Command of the drives, valid until the next one.
+    """Command of the drives, valid until the next command.
 
     In position control `joint_position` and `joint_velocity` are references of the servos and `joint_torque` is
     added to them as a feed-forward: each drive applies kp (q_ref − q) + kd (q̇_ref − q̇) + τ, with the machine's own
     gains unless the command brings others. In torque control `joint_position` is None and the servos are off. Order,
-    signs and units of joints are those of a `Measurement`. A command comes once a control period; a machine that gets
-    none for some periods must not hold the last one for ever.
+    signs and units of joints are those of a `Measurement`. A machine gets one command in each control period. If it
+    gets none for some periods, it must not hold the last command for ever.
 
     Attributes:
-        joint_torque: Torque, or feed-forward of the servos, shape (na,), Nm (or N).
-        joint_position: Servo reference, to be reached at the next command, shape (na,), rad (or m); None in torque
-            control: kp and kd are zero.
-        joint_velocity: Servo velocity reference, shape (na,), rad/s (or m/s); None in torque control, and taken as zero
-            where a position reference comes without one.
+        joint_torque: Torque of each joint, or feed-forward torque of its servo, shape (na,), Nm (or N).
+        joint_position: Servo reference, to be reached at the next command, shape (na,), rad (or m). None in torque
+            control, where kp and kd count as zero.
+        joint_velocity: Servo velocity reference, shape (na,), rad/s (or m/s); None in torque control. With a position
+            reference, None counts as zero.
         sole_stiffness: Commanded stiffness of each sole, shape (number of soles,), Nm/rad; None keeps the last one.
-        kp: Stiffness of each servo in this period, shape (na,), Nm/rad (or N/m); None: the machine's own, which are
-            `RobotDescription.kp` in the plant.
-        kd: Damping of each servo in this period, shape (na,), Nms/rad (or Ns/m); None: the machine's own,
-            `RobotDescription.kd`.
-        released: True for each joint that somebody else moves, shape (na,): nothing here is meant for it. None: all
-            are the control's.
-        period: Control period that it is made for, s: a simulated robot that advances by another one refuses it. None
-            fits any.
+        kp: Stiffness of each servo in this period, shape (na,), Nm/rad (or N/m). None stands for the machine's own
+            stiffness; in the plant this is `RobotDescription.kp`.
+        kd: Damping of each servo in this period, shape (na,), Nms/rad (or Ns/m). None stands for the machine's own
+            damping; in the plant this is `RobotDescription.kd`.
+        released: True for each joint that something else moves, shape (na,): the command has no values for it. None if
+            the control commands all joints.
+        period: Control period for which the command is made, s. A simulated robot with another control period refuses
+            the command. None fits every period.
     """
 
     joint_torque: Array
@@ -117,7 +117,7 @@ class Command:
     period: float | None = None
 
     def copy(self) -> Command:
-        """Return the same command with arrays of its own."""
+        """Return a copy of the command, with its own arrays."""
 
         def own(part: Array | None) -> Array | None:
             return None if part is None else part.copy()
@@ -134,7 +134,7 @@ class Command:
         )
 
     def check(self, joint_names: Sequence[str]) -> None:
-        """Refuse what no drive must get: a wrong shape, not finite, beyond `LARGEST_COMMAND`, negative gains."""
+        """Refuse wrong shapes, values that are not finite or beyond `LARGEST_COMMAND`, and negative gains."""
         na = len(joint_names)
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
             value = getattr(self, name)

@@ -25,12 +25,13 @@ class HybridControl(TorqueControl):
     """Hybrid control: joint position, joint velocity, torque, kp and kd in one command, for drives with soft servos.
 
     The controller's robot is the estimated one, as in torque control, and the torques of the solution carry it. The
-    references are the joint positions and velocities which these torques lead to at the next command, so the servos add
-    nothing while the robot moves as its model says, and damp and hold it where it does not, at the rate of the drive.
+    references are the joint positions and velocities that these torques should produce by the next command. While the
+    robot moves as its model predicts, the servos therefore add no torque. When it moves otherwise, they damp and hold
+    it, at the high rate of the drives.
 
     Attributes:
-        kp: Stiffness that the commands bring, shape (na,), Nm/rad.
-        kd: Damping that the commands bring, shape (na,), Nms/rad.
+        kp: Stiffness in the commands, shape (na,), Nm/rad.
+        kd: Damping in the commands, shape (na,), Nms/rad.
         q: Joint positions of the last references, shape (na,), rad.
         v: Joint velocities of the last references, shape (na,), rad/s.
     """
@@ -51,13 +52,13 @@ class HybridControl(TorqueControl):
 
         Args:
             controller: The controller.
-            observer: As that of torque control.
+            observer: Observer of the same robot model, as in torque control; a new one when None.
             policy: Reaction to failures.
-            kp: Stiffness of the machine's servos, shape (na,), Nm/rad; that of the robot's description when None, and
-                a soft share of what is derived there (`Servos.soft`).
-            kd: Damping of the machine's servos, shape (na,), Nms/rad; likewise.
-            reference_time: Time constant with which the position references are drawn to the estimate, s; 0 starts
-                them from the estimate in every tick.
+            kp: Stiffness in the commands, shape (na,), Nm/rad. When None, it is that of the robot's description; if
+                that was derived and not given, a softer share of it (`Servos.soft`).
+            kd: Damping in the commands, shape (na,), Nms/rad; chosen in the same way when None.
+            reference_time: Time constant with which the position references converge to the estimated positions, s;
+                with 0 they start from the estimate at every tick.
             safety: Ranges of measurements and commands.
         """
         super().__init__(controller, observer, policy, safety=safety)

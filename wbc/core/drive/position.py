@@ -26,14 +26,14 @@ from wbc.core.signals import Command
 
 
 class PositionControl(DriveControl):
-    """Position control: integrates the accelerations of the solution to references of joint position and velocity.
+    """Position control: the accelerations of the solution are integrated to references of joint position and velocity.
 
     Attributes:
-        feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
-            them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
+        feedback: With "open" the controller's robot is the commanded one, and sensors act only through tasks that read
+            them. With "closed" it is the estimated robot, and the references converge to the estimate.
         feedforward: True to add the torques of the solution to the servos.
         q: Configuration of the commanded robot, shape (nq,).
-        v: Its velocity, shape (nv,).
+        v: Velocity of the commanded robot, shape (nv,).
     """
 
     _moves_references = True
@@ -53,13 +53,14 @@ class PositionControl(DriveControl):
         """See `DriveControl`.
 
         Args:
-            controller: The controller; in open loop its robot becomes the commanded robot, starting from its
+            controller: The controller. With open feedback its robot becomes the commanded robot, which starts from its
                 present state.
             observer: Observer of the same robot model; a new one when None.
             policy: Reaction to failures.
             feedback: "open" or "closed"; see the attribute.
-            feedforward: Add the torques of the solution, against the sag of position servos.
-            reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
+            feedforward: Add the torques of the solution to the commands, so that the servos do not sag under the weight
+                of the robot.
+            reference_time: Time constant with which the references converge to the estimate with closed feedback, s.
             safety: Ranges of measurements and commands.
         """
         if feedback == "open" and observer is not None and observer.robot is controller.robot:

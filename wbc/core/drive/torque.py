@@ -12,7 +12,7 @@ from wbc.core.signals import Command
 
 
 class TorqueControl(DriveControl):
-    """Torque control: sends the torques of the solution; the controller's robot is the estimated one."""
+    """Torque control: the torques of the solution are commanded; the controller's robot is the estimated one."""
 
     @checked
     def __init__(
@@ -25,8 +25,8 @@ class TorqueControl(DriveControl):
     ) -> None:
         """See `DriveControl`.
 
-        With an observer that estimates into the controller's own robot (`Observer(robot, adopt=True)`, the default) the
-        model is updated once a tick instead of twice.
+        By default the observer estimates into the controller's own robot (`Observer(robot, adopt=True)`). The model is
+        then updated once in a tick instead of twice.
         """
         if observer is None:
             observer = Observer(controller.robot, adopt=True)

@@ -95,13 +95,13 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
-        foot_rotation: Angular speed with which both feet on the ground turn alike, by encoders and gyroscope, rad/s;
-            zero if they turn differently, as on stones, or if one carries everything.
-        stance_rotation: Angular velocity of the foot that carries more, by encoders and gyroscope, in the world, rad/s;
-            zero in flight.
-        lifts: True for each foot that moves up or down by gyroscope and accelerometer, faster than `slip` of the
-            settings: what loads its leg is not the ground.
-        outside: Observer of the wrench of the surroundings besides the ground; None leaves it out.
+        foot_rotation: Angular velocity about the vertical that both feet on the ground have in common, by encoders and
+            gyroscope, rad/s. Zero if the feet turn differently, as on stones, or if one foot carries everything.
+        stance_rotation: Angular velocity of the foot that carries more load, by encoders and gyroscope, along the world
+            axes, shape (3,), rad/s; zero in flight.
+        lifts: True for each foot that moves up or down faster than the setting `slip`, by gyroscope and accelerometer.
+            A load on such a leg does not come from the ground.
+        outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
     """
 
     @checked
@@ -113,14 +113,14 @@ class Observer:
         adopt: bool = False,
         dynamics: bool = True,
     ) -> None:
-        """Start at rest in the configuration that the robot has.
+        """Start at rest in the present configuration of the robot.
 
         Args:
             robot: Robot to estimate.
             settings: Settings; the defaults when None.
-            adopt: Estimate into `robot` itself instead of a clone, for a controller of the estimated robot.
-            dynamics: Update mass matrix, bias forces and Jacobians of the estimated robot, too. Without them
-                (`Robot.update_kinematics`) an update is faster; an adopted robot always has them.
+            adopt: Write the estimate into `robot` itself instead of a clone, for a controller of the estimated robot.
+            dynamics: Update the mass matrix, bias forces and Jacobians of the estimated robot, too. An update without
+                them is faster (`Robot.update_kinematics`). An adopted robot always has them.
         """
         robot.needs_feet("an observer of the base")
         q = np.array(robot.q)
@@ -163,13 +163,13 @@ class Observer:
         self.reset(q)
 
     def observe_outside(self) -> OutsideWrench:
-        """Estimate the wrench of the surroundings from the next tick on; return its observer."""
+        """Estimate the wrench of the surroundings from the next tick on, and return the observer of this wrench."""
         if self.outside is None:
             self.outside = OutsideWrench(self.robot)
         return self.outside
 
     def retune(self, settings: InertialSettings) -> None:
-        """Go on with other time constants of attitude and velocity."""
+        """Change the time constants of attitude and velocity."""
         self.inertial.settings = settings
 
     @property
@@ -179,7 +179,7 @@ class Observer:
 
     @property
     def share(self) -> Array:
-        """Share of the load on each foot, shape (number of soles,); sums to 1, or 0 in flight."""
+        """Share of the load on each foot, shape (number of soles,); the sum is 1, or 0 in flight."""
         return np.array(self._shares)
 
     @property
@@ -196,12 +196,12 @@ class Observer:
         return not any(self._shares)
 
     def reset(self, q: Array | None = None, specific_force: Array | None = None) -> None:
-        """Restart at rest from a configuration; only the gyro bias is kept.
+        """Restart at rest from a configuration; the bias of the gyroscope is kept.
 
         Args:
             q: Configuration, shape (nq,); half-sitting when None.
-            specific_force: Accelerometer of the robot at rest, in the IMU frame, shape (3,), m/s²: roll and
-                pitch are then taken from it instead of q.
+            specific_force: Reading of the accelerometer of the robot at rest, in the IMU frame, shape (3,), m/s². Roll
+                and pitch are then taken from this reading instead of q.
         """
         robot = self.robot
         q = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)
@@ -231,16 +231,16 @@ class Observer:
 
     @property
     def measured_state(self) -> tuple[Array, Array]:
-        """Configuration and velocity when the last measurement was made, shapes (nq,) and (nv,)."""
+        """Configuration and velocity at the time of the last measurement, shapes (nq,) and (nv,)."""
         return self._measured
 
     def commanded(self, acceleration: Array, dt: float) -> None:
-        """Take over the acceleration, shape (nv,), of the command that is sent now for dt, s; for stated delays."""
+        """Take the acceleration, shape (nv,), of the command that is sent now for dt, s, to bridge known delays."""
         if self._predictor is not None:
             self._predictor.commanded(acceleration, dt)
 
     def resume(self, time: float) -> None:
-        """Go on from another time stamp, s, without integrating over the gap."""
+        """Continue from another time stamp, s, without integrating over the gap."""
         self._time = time
 
     def update(
@@ -253,16 +253,17 @@ class Observer:
         """Update the estimate with one measurement.
 
         Args:
-            measurement: Measurement; its time stamp gives the period.
-            soles: Placements of the soles in the world in the controller's model; loaded feet are drawn there, so
-                that the estimate does not drift away from the controller's world. Odometry when None.
-            plausible: True for a measurement that `Plausibility.check` has returned: it is not checked again.
+            measurement: Measurement; the period is the difference of its time stamp from the last one.
+            soles: Placements of the soles in the world according to the controller's model. The estimate of loaded feet
+                converges to them, so that it does not drift away from the controller's world. When None, the position
+                is integrated (odometry).
+            plausible: True for a measurement that `Plausibility.check` has returned; it is then not checked again.
 
         Returns:
             The estimated robot, the same object each time.
 
         Raises:
-            MeasurementError: Not finite, of the wrong shape, or older than the last one.
+            MeasurementError: The measurement is not finite, has a wrong shape, or is older than the last one.
         """
         if not plausible:
             self._check(measurement)

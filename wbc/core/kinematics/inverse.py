@@ -37,11 +37,11 @@ class InverseKinematics(Items):
         while not hand.reached:
             ik.step()
 
-    A task asks for the velocity of its target plus `rate` times its error; contacts do not move, and limits hold for
-    positions, velocities and, where they are given, accelerations. `wbc.core.kinematics.assembly` states the QP.
+    A task asks for the velocity of its target plus `rate` times its error. Contacts do not move. Limits hold for
+    positions, for velocities and, if given, for accelerations. `wbc.core.kinematics.assembly` states the QP.
 
     Attributes:
-        robot: The robot whose configuration is read, and by `step` and `update` written.
+        robot: The robot. Its configuration is read by all methods, and changed by `step` and `update`.
     """
 
     _noun = "solver of inverse kinematics"
@@ -60,9 +60,9 @@ class InverseKinematics(Items):
         Args:
             robot: The robot.
             dt: Period of a step, s.
-            regularisation: Cost per squared velocity of every coordinate, above zero: it makes the answer unique.
-            damping: Cost per squared velocity of every coordinate, per weighted squared error that is left: it bounds
-                the speeds of joints near a singular posture, and is gone at the target.
+            regularisation: Cost per squared velocity of every coordinate, above zero; it makes the solution unique.
+            damping: Cost per squared velocity of every coordinate, divided by the weighted squared error. It bounds the
+                joint velocities near singular postures, and vanishes as the errors do.
         """
         super().__init__(robot, dt)
         self._regularisation, self._damping = regularisation, damping
@@ -88,12 +88,13 @@ class InverseKinematics(Items):
         Args:
             item: The first of them.
             *items: Further ones.
-            level: Priority of these tasks, 0 first: a level decides on what those before it leave free, whatever its
-                weights are. Contacts, limits and hard tasks have no level: they hold at every one.
+            level: Priority of these tasks; 0 is the highest. A level uses only the freedom that the levels before it
+                leave, whatever the weights are. Contacts, limits and hard tasks have no level: they hold at every
+                level.
 
         Raises:
-            InputError: See `Controller.add`. Tasks on forces and torques, tasks that read sensors, and limits of
-                torques have no place among velocities.
+            InputError: See `Controller.add`. Tasks on forces or torques, tasks that read sensors, and torque limits
+                cannot be used in inverse kinematics.
         """
         whole_number("level of a task", level, low=0)
         for each in (item, *items):
@@ -105,7 +106,7 @@ class InverseKinematics(Items):
         return added
 
     def remove(self, *items: Item) -> None:
-        """Take tasks, contacts or limits out again."""
+        """Remove tasks, contacts or limits."""
         super().remove(*items)
         for item in items:
             self._levels.pop(id(item), None)
@@ -140,7 +141,7 @@ class InverseKinematics(Items):
     # ---- steps --------------------------------------------------------------------------------------------------
 
     def update(self, q: Array) -> None:
-        """Set the configuration, shape (nq,); frames, the CoM and their Jacobians follow, forces do not."""
+        """Set the configuration, shape (nq,), and update frames, the CoM and their Jacobians, but no dynamics."""
         self._move(self.robot.check_configuration("configuration", q))
 
     def _move(self, q: Array) -> None:
@@ -158,10 +159,9 @@ class InverseKinematics(Items):
             robot.compute_jacobians()
 
     def solve(self) -> Array:
-        """Return the velocities at the present configuration: base in its own frame, then joints, shape (nv,).
+        """Return the velocities at the present configuration, shape (nv,): base (in the base frame), then joints.
 
-        Nothing is raised where contacts and hard tasks contradict each other: look at the `solution`, and call
-        `diagnose`.
+        No error is raised if contacts and hard tasks contradict each other: check `solution`, and call `diagnose`.
         """
         if self._dirty:
             self._rebuild()
@@ -205,21 +205,22 @@ class InverseKinematics(Items):
         starts: Count = 1,
         seed: Seed = 0,
     ) -> ReachResult:
-        """Search for a configuration in which all targets are reached; the robot stays where it is.
+        """Search for a configuration in which all targets are reached; the robot's configuration stays as it is.
 
-        The search makes steps of Gauss and Newton with the damping of Levenberg and Marquardt, within the limits of
-        positions: rates, velocities and accelerations do not count. It ends within the tolerance, or where no step
-        lowers the weighted errors.
+        The search takes Gauss-Newton steps with Levenberg-Marquardt damping, within the position limits. Rates,
+        velocity limits and acceleration limits have no effect. The search ends when all errors are within the
+        tolerance, or when no step reduces the weighted errors any more.
 
         Args:
-            tolerance: Greatest error of a task, m and rad.
-            iterations: Most steps of a start.
-            starts: Number of starts: the present configuration, then random positions of the joints within their
-                limits, until the targets are reached.
+            tolerance: Largest error of a task that counts as reached, m and rad.
+            iterations: Largest number of steps from each start.
+            starts: Largest number of starts. The first one is the present configuration, the others are random joint
+                positions within the limits. No further start is tried once the targets are reached.
             seed: Seed of the random positions.
 
         Returns:
-            The configuration with the least cost, what is not reached in it, and what holds it there.
+            The configuration with the smallest cost, the tasks that it does not reach, and the limits that are active
+            in it.
         """
         if self._dirty:
             self._rebuild()
@@ -232,7 +233,7 @@ class InverseKinematics(Items):
             self._move(before)
 
     def diagnose(self) -> dict[str, float]:
-        """Return contacts, hard tasks and limits that contradict each other, name → violation, worst first."""
+        """Return contacts, hard tasks and limits that contradict each other: name → violation, largest first."""
         if self._dirty:
             self._rebuild()
             self._assembly.write(self._dt)

@@ -15,7 +15,7 @@ from wbc.core.robot import Reads, Robot
 
 
 class Limit(ABC):
-    """Base of limits: lower ≤ rows · acceleration ≤ upper.
+    """Base of limits on the generalised acceleration: lower ≤ rows · acceleration ≤ upper.
 
     Attributes:
         name: Name in status tables and messages.
@@ -45,15 +45,15 @@ class Limit(ABC):
         """
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill rows · step between bounds, for a step of the configuration: what inverse kinematics searches with.
+        """Fill rows and bounds of a step of the configuration, lower ≤ rows · step ≤ upper, for inverse kinematics.
 
-        The rows are to fill as those of `write`; a step is a velocity times a time, shape (nv,). A limit without it has
-        no place in inverse kinematics.
+        The arguments are those of `write`. A step is a velocity times a time, shape (nv,). A limit that does not
+        override this method cannot be used in inverse kinematics.
         """
         raise InputError(f"limit '{self.name}' bounds no step of the configuration")
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill rows · velocity between bounds, for inverse kinematics with a period, s: a step's, unless overridden."""
+        """Fill rows and bounds of the velocity for inverse kinematics with a period dt, s; by default, from a step."""
         self.write_step(rows, lower, upper)
         lower /= dt
         upper /= dt

@@ -111,16 +111,16 @@ class _Place:
 
 
 class CollisionLimit(Limit):
-    """Keep pairs of links at a distance, and links away from obstacles, which may move.
+    """Limit that keeps pairs of links at a distance, and links away from obstacles, which may move.
 
         CollisionLimit("all", shapes=description.collision_hulls(), obstacles=[Obstacle("table", CollisionBox(…))])
 
-    Each pair of shapes has one row: the distance may shrink at (distance − margin) / time constant at most. Rows of
-    pairs that are far apart are empty. Of the acceleration of the distance, the turning of the common normal is left
-    out; the next tick sees what it has changed.
+    Each pair of shapes has one row: its distance may shrink at (distance − margin) / time constant at most. The rows
+    of pairs that are far apart are empty. The rows ignore how the rotation of the common normal accelerates the
+    distance. The next tick measures the distance again, and so corrects this.
 
-    The demanded acceleration of the distance is at most (distance − margin) / time constant² + recovery, m/s²: enough
-    for links that come within `influence` at no more than the speed allowed there.
+    A row demands at most the acceleration (distance − margin) / time constant² + recovery of the distance, m/s². This
+    is enough if two links are not faster than allowed when they come within `influence` of each other.
     """
 
     reads = "kinematics"
@@ -146,16 +146,17 @@ class CollisionLimit(Limit):
             pairs: Pairs of links or frames; "all" for all links of `shapes` but neighbours, pairs that touch in
                 half-sitting, and pairs that never come within the margin in 1,000 random postures.
             obstacles: Shapes of the world; their placements are attributes.
-            against: Links that keep away from the obstacles; when None, all links of `shapes` but the soles' and, of a
-                robot without soles, those that touch an obstacle when the limit is added.
-            shapes: Link or frame → its shapes, in its own coordinates; `RobotDescription.collision_shapes` has spheres
-                and capsules of all links, `collision_hulls` closer ones, whose distances take longer.
+            against: Links that keep away from the obstacles. When None: all links of `shapes` but the feet or, for a
+                robot without feet, but the link at its root.
+            shapes: Link or frame → its shapes, in its own coordinates. `RobotDescription.collision_shapes` returns
+                spheres and capsules for all links; `collision_hulls` returns shapes that fit more closely, whose
+                distances take longer to compute.
             urdf: URDF, a path or the XML itself, whose primitive collision geometry (boxes, spheres, cylinders,
                 capsules) is the shape of links that are not in `shapes`; meshes are left out.
             margin: Smallest distance, m.
             influence: Distance beyond which a pair is ignored, m.
             time_constant: Time constant of the approach, s.
-            recovery: Smallest acceleration that separates links closer than the margin, m/s². It also stops links that
+            recovery: Smallest acceleration that separates links closer than the margin, m/s². It also slows links that
                 come within `influence` too fast.
             name: Name of the limit.
         """
@@ -352,7 +353,7 @@ class CollisionLimit(Limit):
 
     @property
     def distances(self) -> dict[tuple[str, str], float]:
-        """Pair of links, or of a link and an obstacle → distance at the last tick, m; negative in collision."""
+        """Distance at the last tick of each pair of links, or of a link and an obstacle, m; negative in collision."""
         smallest: dict[tuple[str, str], float] = {}
         for row, pair in enumerate(self._names):
             found = pin.computeDistance(self._geometry, self._geometry_data, row).min_distance
@@ -371,13 +372,13 @@ class CollisionLimit(Limit):
             lower[near.rows] = np.minimum(demand, ATTAINABLE * np.abs(moving).sum(axis=1))
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the distance that each pair may lose, or has to gain; see `Limit.write_step`."""
+        """Fill how far each pair may approach, or must separate; see `Limit.write_step`."""
         near = self._fill(rows, lower, upper, self._influence)
         if near.rows.size:
             lower[near.rows] = np.minimum(-near.room, np.abs(rows[near.rows]).sum(axis=1))
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the least change of each distance; see `Limit.write_velocity`."""
+        """Fill the smallest rate of each distance; see `Limit.write_velocity`."""
         near = self._fill(rows, lower, upper, min(self._influence, self._margin + NEAR))
         if near.rows.size:
             demand = near.room / -max(self._time, dt) - near.closing

@@ -27,11 +27,12 @@ EDGES = 8
 
 
 class CoMPolygonLimit(Limit):
-    """Keep the ground projection of the centre of mass inside a convex polygon.
+    """Limit that keeps the ground projection of the centre of mass inside a convex polygon.
 
-    The rows allow the next velocity to be in (polygon − CoM) / time constant, which is never empty, so they cannot
-    contradict each other. They demand no more than distance / time constant² + recovery of acceleration away from an
-    edge: that suffices inside, and outside `recovery` brings the CoM back.
+    The CoM may approach an edge with distance / time constant at most. The velocities that this allows at all edges
+    together are never empty, so the rows cannot contradict each other. A row demands at most the acceleration distance
+    / time constant² + recovery away from its edge. This is enough while the CoM is inside; when it is outside,
+    `recovery` brings it back.
     """
 
     reads = "kinematics"
@@ -49,13 +50,13 @@ class CoMPolygonLimit(Limit):
         """Describe the limit.
 
         Args:
-            polygon: Points in world x and y, shape (n, 2), m, whose convex hull is the polygon; the hull of all soles
-                at the time the limit is added when None.
+            polygon: Points in world x and y, shape (n, 2), m; the polygon is their convex hull. When None, it is the
+                hull of all soles at the time when the limit is added.
             margin: Distance that the CoM keeps from the edges, m.
-            time_constant: Time constant of the approach to an edge, s; √(height of the CoM / g) when None. With a
-                shorter one the CoM may reach speeds from which the ground cannot stop it.
-            recovery: Smallest acceleration back from beyond an edge, m/s². When None, that of a CoP half the margin
-                further out, margin / (2 · time constant²).
+            time_constant: Time constant of the approach to an edge, s; √(height of the CoM / g) when None. If it is
+                shorter, the CoM may become so fast that no contact force can stop it in time.
+            recovery: Smallest acceleration that brings a CoM back from outside an edge, m/s². When None, it is margin /
+                (2 · time constant²): the acceleration by a CoP that is half the margin further out than the CoM.
             name: Name of the limit.
         """
         self.name, self.dim = name, EDGES if polygon is None else max(EDGES, len(convex_hull(polygon)))
@@ -102,7 +103,10 @@ class CoMPolygonLimit(Limit):
         self._normals[: self._edges], self._offsets[: self._edges] = normals, offsets
 
     def use_soles(self, soles: Iterable[str] | None = None) -> None:
-        """Take the hull of soles, by name or frame, all when None; call it when contacts have changed."""
+        """Take the hull of some soles as the polygon; call it when contacts have changed.
+
+        `soles` has names or frames of soles; all when None.
+        """
         robot = self._robot
         chosen = robot.soles if soles is None else [robot.sole(name) for name in soles]
         corners = [
@@ -177,7 +181,7 @@ class CoMPolygonLimit(Limit):
         upper[self._edges :] = np.inf
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the greatest velocity of the CoM towards each edge; see `Limit.write_velocity`."""
+        """Fill the largest velocity of the CoM towards each edge; see `Limit.write_velocity`."""
         self.write_step(rows, lower, upper)
         upper /= max(dt, self.time_constant)
 

@@ -63,7 +63,7 @@ class FrameLimit(Limit):
 
 
 class FramePositionLimit(FrameLimit):
-    """Keep the origin of a frame inside bounds along directions of the world: a box, or behind a plane.
+    """Limit that keeps the origin of a frame inside bounds along directions of the world: in a box, or behind a plane.
 
     FramePositionLimit("hand", lower=(0.2, -0.5, 0.1))
     FramePositionLimit("hand", directions=[(0.0, 0.6, 0.8)], upper=[1.2])
@@ -84,9 +84,9 @@ class FramePositionLimit(FrameLimit):
 
         Args:
             frame: Frame of the robot.
-            lower: Least place along each direction, m, shape (n,); −inf, or None, for none.
-            upper: Greatest place along each direction, m, shape (n,); inf, or None, for none.
-            directions: Directions of the world, of any length, shape (n, 3); the axes when None.
+            lower: Smallest coordinate along each direction, shape (n,), m; −inf or None where there is no bound.
+            upper: Largest coordinate along each direction, shape (n,), m; inf or None where there is no bound.
+            directions: Vectors in the world, of any length, shape (n, 3); the three world axes when None.
             time_constant: Time constant of the approach to a bound, s.
             name: Name of the limit.
         """
@@ -138,7 +138,7 @@ class FramePositionLimit(FrameLimit):
 
 
 class FrameSpeedLimit(FrameLimit):
-    """Keep the components of the velocity of a frame along the world axes within a linear and an angular speed."""
+    """Limit of the linear and of the angular velocity of a frame, for each component along the world axes."""
 
     @checked
     def __init__(
@@ -149,7 +149,7 @@ class FrameSpeedLimit(FrameLimit):
         angular: Annotated[Positive, "rad/s"] = math.inf,
         name: str | None = None,
     ) -> None:
-        """Describe the limit; there is none where no speed is given."""
+        """Describe the limit; a speed that is not given is not limited."""
         super().__init__(frame, "speed", 6, name, 0.0)
         self.speed = np.repeat([linear, angular], 3)
 
@@ -161,7 +161,7 @@ class FrameSpeedLimit(FrameLimit):
         lower[:] = np.minimum((-self.speed - velocity) / dt, RECOVERY) - drift
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Bound no step, which has no time; see `Limit.write_step`."""
+        """Leave a step free, since a step has no duration and so no speed; see `Limit.write_step`."""
         rows[:] = 0.0
         lower[:], upper[:] = -np.inf, np.inf
 
@@ -173,9 +173,10 @@ class FrameSpeedLimit(FrameLimit):
 
 
 class AxisConeLimit(FrameLimit):
-    """Keep an axis of a frame inside a cone about a direction of the world, such as a cup that does not spill.
+    """Limit that keeps an axis of a frame inside a cone about a direction of the world, such as the axis of a full cup.
 
-    With a the axis and d the direction, a·d ≥ cos(angle); its rate is ω·(a × d).
+    The limit is a·d ≥ cos(angle), with the axis a and the direction d, both of length 1, along the world axes. The rate
+    of a·d is ω·(a × d), with the angular velocity ω of the frame.
     """
 
     @checked
@@ -189,7 +190,10 @@ class AxisConeLimit(FrameLimit):
         time_constant: Annotated[Positive, "s"] = 0.1,
         name: str | None = None,
     ) -> None:
-        """Describe the limit: half the opening of the cone, rad, and axis and direction, of any length, shape (3,)."""
+        """Describe the limit.
+
+        `angle` is half the opening of the cone, rad. `axis` and `direction` have shape (3,) and any length.
+        """
         super().__init__(frame, "cone", 1, name, time_constant)
         if angle >= math.pi:
             raise InputError(f"angle of limit '{self.name}' must be below π rad, got {angle}")
@@ -208,7 +212,7 @@ class AxisConeLimit(FrameLimit):
         return axis, float(axis @ self._direction) - self._least
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the row; see `Limit.write`. Of the acceleration, α·(a × d) + (ω × (ω × a))·d are its parts."""
+        """Fill the row; see `Limit.write`. The second derivative of a·d is α·(a × d) + (ω × (ω × a))·d."""
         axis, room = self._row(rows)
         velocity, acceleration = self._motion()
         spin, turn = velocity[3:], np.cross(axis, self._direction)

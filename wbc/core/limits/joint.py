@@ -106,14 +106,15 @@ def stopping_velocity(distance: Array, braking: Array, dt: float) -> Array:
 
 
 class JointLimits(Limit):
-    """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration.
+    """Bounds of the position, velocity and acceleration of every actuated joint, as one interval of its acceleration.
 
-    In inverse kinematics they are an interval of its velocity; accelerations are bounded there, and braking distances
-    kept, where `acceleration` or `braking` is given.
+    In inverse kinematics they are an interval of its velocity. There the accelerations are bounded, and braking
+    distances are kept, only if `acceleration` or `braking` is given.
 
     Attributes:
-        braking: Deceleration that is available both ways, shape (na,), rad/s² (or m/s²): of a drive that is weaker one
-            way, that of the weaker one. Bounds that a drive has no torque to keep are none.
+        braking: Deceleration that is available in both directions, shape (na,), rad/s² (or m/s²). For a drive that is
+            weaker in one direction it is that of the weaker direction. A position bound that the drive has no torque to
+            keep is left out.
     """
 
     reads = "kinematics"
@@ -133,17 +134,17 @@ class JointLimits(Limit):
         """Choose the bounds.
 
         Args:
-            position: Keep the position limits of the model, by a viable braking law: as long as the joint can be
-                decelerated by `braking`, the position bound can be kept.
+            position: Keep the position limits of the model by a viable braking law: the bound holds as long as the
+                joint can be decelerated by `braking`.
             velocity: Keep the velocity limits of the model.
             acceleration: Largest acceleration, rad/s² (or m/s²), scalar or shape (na,); unlimited when None.
-            braking: Deceleration that is always available, rad/s², scalar or shape (na,). When None, the acceleration
-                limit (as far as there is torque for it), or what 30 % of the torque limit, of the direction that
-                brakes, gives to the joint's inertia in the posture in which the limits are added, at most 100 rad/s²:
-                the rest is left for gravity and contact forces.
-            margin: Distance kept from the position limits, rad (or m); room for the solver's tolerance.
+            braking: Deceleration that is always available, rad/s² (or m/s²), scalar or shape (na,). When None, it is
+                the acceleration limit, as far as there is torque for it. Without an acceleration limit it is what 30 %
+                of the braking torque limit gives to the inertia of the joint, in the posture at which the limits are
+                added, and at most 100 rad/s². The other 70 % are left for gravity and contact forces.
+            margin: Distance from the position limits, rad (or m), for the tolerance of the solver.
             velocity_ratio: Share of the velocity limit that may be used, in (0, 1].
-            joints: Joints that are limited; all when None.
+            joints: Names of the joints that are limited; all when None.
         """
         self.name, self.dim = "joint limits", 0
         self._joints = None if joints is None else names_in("joints of joint limits", joints)
@@ -259,7 +260,7 @@ class JointLimits(Limit):
         self._release(lower, upper)
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the velocity interval of every joint, rad/s, of which the next position, q + v dt, is inside."""
+        """Fill the velocity interval of every joint, rad/s, that keeps the next position, q + v dt, in its bounds."""
         if rows is not self._rows:
             self._place_rows(rows)
         if dt != self._period:

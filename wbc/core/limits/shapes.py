@@ -19,11 +19,11 @@ Point = tuple[float, float, float]
 
 @settings
 class CollisionSphere:
-    """A sphere around a point of a frame.
+    """Sphere around a point of a frame.
 
     Attributes:
-        radius: m.
-        centre: In the frame, m.
+        radius: Radius, m.
+        centre: Centre in the frame, shape (3,), m.
     """
 
     radius: Annotated[Positive, "m"]
@@ -32,12 +32,12 @@ class CollisionSphere:
 
 @settings
 class CollisionCapsule:
-    """A capsule: all points within a radius of a line segment in a frame.
+    """Capsule: all points within a radius of a line segment in a frame.
 
     Attributes:
-        radius: m.
-        start: One end of the segment in the frame, m.
-        end: Its other end, m.
+        radius: Radius, m.
+        start: One end of the segment in the frame, shape (3,), m.
+        end: The other end of the segment, shape (3,), m.
     """
 
     radius: Annotated[Positive, "m"]
@@ -53,12 +53,12 @@ class CollisionCapsule:
 
 @settings
 class CollisionCylinder:
-    """A cylinder between two points of a frame.
+    """Cylinder between two points of a frame.
 
     Attributes:
-        radius: m.
-        start: Middle of one end in the frame, m.
-        end: Middle of the other end, m.
+        radius: Radius, m.
+        start: Middle of one end in the frame, shape (3,), m.
+        end: Middle of the other end, shape (3,), m.
     """
 
     radius: Annotated[Positive, "m"]
@@ -72,12 +72,12 @@ class CollisionCylinder:
 
 @settings
 class CollisionBox:
-    """A box in a frame.
+    """Box in a frame of a robot.
 
     Attributes:
-        size: Full sizes along its axes, m.
-        centre: In the frame, m.
-        turn: Rotation vector of its axes in the frame, rad.
+        size: Full lengths of the edges along the axes of the box, m.
+        centre: Centre in the frame, shape (3,), m.
+        turn: Rotation vector from the axes of the frame to those of the box, shape (3,), rad.
     """
 
     size: Annotated[tuple[Positive, Positive, Positive], "m"]
@@ -87,10 +87,10 @@ class CollisionBox:
 
 @settings
 class CollisionHull:
-    """The convex hull of points of a frame, such as the vertices of a mesh.
+    """Convex hull of points in a frame, such as the vertices of a mesh.
 
     Attributes:
-        points: At least four in the frame that span a volume, m.
+        points: At least four points in the frame that span a volume, shape (n, 3), m.
     """
 
     points: Annotated[tuple[Point, ...], "m"]
@@ -105,11 +105,11 @@ class CollisionHull:
 
 @settings
 class CollisionHalfSpace:
-    """Everything on one side of a plane of a frame, such as the ground; for obstacles.
+    """Half-space on one side of a plane in a frame, such as the ground; for obstacles.
 
     Attributes:
-        normal: Direction out of the half-space, of any length.
-        offset: Distance of the plane from the origin along the normal, m.
+        normal: Direction out of the half-space, shape (3,), of any length.
+        offset: Distance of the plane from the origin of the frame along the normal, m.
     """
 
     normal: Annotated[Point, "1"] = (0.0, 0.0, 1.0)
@@ -123,7 +123,7 @@ class CollisionHalfSpace:
 Shape = (
     CollisionSphere | CollisionCapsule | CollisionCylinder | CollisionBox | CollisionHull | CollisionHalfSpace
 )
-"""A shape in a frame of the robot, or of an obstacle."""
+"""Shapes in a frame of the robot, or of an obstacle."""
 
 RoundShape = CollisionSphere | CollisionCapsule
 """Shapes that are all points within a radius of a point or a segment."""
@@ -139,7 +139,7 @@ SHAPES = (
 
 
 class Obstacle:
-    """A shape in the world, which may move at any tick.
+    """Shape in the world, which may move at any tick.
 
     Attributes:
         name: Name in messages and distances.
@@ -147,7 +147,7 @@ class Obstacle:
     """
 
     def __init__(self, name: str, shape: Shape, placement: pin.SE3 | None = None) -> None:
-        """Describe the obstacle; its frame is the world where no placement is given."""
+        """Describe the obstacle; without a placement its frame is the world frame."""
         if not isinstance(name, str) or not name:
             raise InputError(f"name of an obstacle must be text, got {shown(name)}")
         if not isinstance(shape, SHAPES):
@@ -160,7 +160,7 @@ class Obstacle:
 
     @property
     def placement(self) -> pin.SE3:
-        """Frame of the obstacle in the world, a copy; assign it, with `velocity` where it moves."""
+        """Placement of the obstacle in the world, a copy; assign a new one, and `velocity` if it moves."""
         return pin.SE3(self._placement)
 
     @placement.setter
@@ -174,7 +174,7 @@ class Obstacle:
 
     @property
     def velocity(self) -> Array:
-        """Velocity of the frame along the world axes, [linear; angular], shape (6,), m/s and rad/s; zero at first."""
+        """Velocity of the obstacle, [linear; angular] along the world axes, shape (6,), m/s and rad/s."""
         return self._velocity.copy()
 
     @velocity.setter

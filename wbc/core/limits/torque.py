@@ -14,10 +14,10 @@ from wbc.core.robot import Robot
 
 
 class TorqueLimits(Limit):
-    """Bounds of the joint torques, and of how fast they change.
+    """Bounds of the joint torques and of their rates.
 
     Attributes:
-        previous: Torques of the last tick, shape (na,), Nm; None at the first one.
+        previous: Torques of the last tick, shape (na,), Nm; None before the first tick.
     """
 
     @checked
@@ -26,7 +26,7 @@ class TorqueLimits(Limit):
 
         Args:
             ratio: Share of the model's torque limits that may be used, in (0, 1].
-            rate: Greatest change of torque per second, Nm/s, scalar or shape (na,); unlimited when None.
+            rate: Largest rate of a torque, Nm/s, scalar or shape (na,); unlimited when None.
         """
         self.name, self.dim = "torque limits", 0
         self.previous: Array | None = None
@@ -42,7 +42,7 @@ class TorqueLimits(Limit):
             self.rate = for_joints("rate of torque limits", self._rate, robot)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the torque interval of every joint, Nm; the rows, which the QP has anyway, stay as they are."""
+        """Fill the torque interval of every joint, Nm; the rows are the torque rows of the QP, and stay as they are."""
         upper[:] = self.most
         lower[:] = self.least
         if self.rate is not None and self.previous is not None:

@@ -29,16 +29,18 @@ FREE = 1e-6
 
 
 class LoopClosure(Contact):
-    """Two frames of the robot that stay together: at one point, or in their orientation as well.
+    """Closure of a kinematic chain: two frames of the robot stay at one point, and in one orientation if asked for.
 
-    It is a contact between two parts of the robot: what the second frame does to the first one is its wrench, in the
-    axes of the first frame, and the first one does the opposite to the second. It costs 10⁻⁸ per N² and (Nm)². In a
-    direction in which the chain cannot open, as out of the plane of four bars, the closure has no row, since nobody can
-    tell the force there: `dim` is the number of the others, once it is bound, and `directions` are these.
+    It is a contact between two parts of the robot. Its wrench is that of the second frame on the first one, along the
+    axes of the first frame; the opposite wrench acts on the second frame. It costs 10⁻⁸ per N² and (Nm)².
+
+    In some directions the chain cannot open, for example out of the plane of a four-bar linkage. There the force is
+    undetermined, so the closure has no row. `directions` are the directions of the rows, and `dim` their number, once
+    the closure is bound.
 
     Attributes:
         other: The second frame.
-        rotation: True if the orientations stay together as well.
+        rotation: True if the orientations stay equal as well.
         directions: Directions of the rows, [linear; angular] in the axes of the first frame, shape (dim, 3 or 6).
     """
 
@@ -60,11 +62,11 @@ class LoopClosure(Contact):
         """Describe the closure.
 
         Args:
-            frame: A frame on one side of where the chain closes.
-            other: The frame on the other side that is in the same place, with the same axes if `rotation`.
-            rotation: False where only the points stay together, as in a ball joint or at the end of a rod.
-            name: Name; that of the two frames when None.
-            **options: See `ContactOptions`; there is no normal force.
+            frame: Frame on one side of the place where the chain closes.
+            other: Frame on the other side, at the same place, and with the same axes if `rotation`.
+            rotation: False if only the points stay together, as in a ball joint or at the end of a rod.
+            name: Name; the names of the two frames when None.
+            **options: See `ContactOptions`; those of the normal force have no effect.
         """
         if frame == other:
             raise InputError(f"a closure ties two frames, got '{frame}' twice")
@@ -104,11 +106,11 @@ class LoopClosure(Contact):
 
     @property
     def normal_force_range(self) -> tuple[float, float]:
-        """No bounds: a closure has no normal force."""
+        """Bounds of the normal force, N: minus and plus infinity, since a closure has no normal force."""
         return -np.inf, np.inf
 
     def gap(self) -> tuple[float, float]:
-        """Return how far apart the two frames are, m, and the angle between them, rad, 0 without `rotation`."""
+        """Return the distance of the two frames, m, and their angle, rad, which is 0 without `rotation`."""
         _ = self.robot
         apart = self._placement.actInv(self._there)
         return float(np.linalg.norm(apart.translation)), float(
@@ -157,7 +159,7 @@ class LoopClosure(Contact):
         jacobian[:] = turn.dot(one[:3] - two[:3]) + (turn_spin - lever).dot(one[3:]) - turn_spin.dot(two[3:])
 
     def full_wrench(self, wrench: Array) -> Array:
-        """Return a wrench of the solution, shape (dim,), with all components along the axes of the first frame."""
+        """Return a wrench of the solution, shape (dim,), as all its components along the axes of the first frame."""
         return np.asarray(self.directions.T.dot(wrench))
 
 

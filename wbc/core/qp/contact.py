@@ -439,17 +439,18 @@ class _HeldFrame(Contact):
 
 
 class SoleContact(_HeldFrame):
-    """A sole on the ground: its motion is a constraint or a cost, its centre of pressure stays in a box.
+    """Contact of a sole with the ground: its motion is a constraint or a cost, its centre of pressure stays in a box.
 
-    On flat ground, without a `torsion`, wrench and motion are those of the sole centre in the axes of the sole, and
-    friction acts at the corners of the box.
+    Without a `torsion` the ground is taken as flat. Wrench and motion are then those of the sole centre along the axes
+    of the sole, and friction acts at the corners of the box.
 
-    With a `torsion` the ground has a shape that nobody knows: a stone, an edge, or the whole sole may carry. Wrench and
-    motion are then those of the centre of the box. Forces are in level axes, x along the sole, because how a sole tilts
-    on a stone does not tell the normal of the ground; moments are in the axes of the sole, whose edges bound them.
+    With a `torsion` the shape of the ground is unknown: a stone, an edge or the whole sole may carry the robot. Wrench
+    and motion are then those of the centre of the box. Forces are along level axes, with x along the sole, because the
+    tilt of a sole on a stone is not the slope of the ground. Moments are along the axes of the sole, since its edges
+    bound them.
 
-    By default its normal force is at least 10 N, a share of it for a light robot (`Robot.force_scale`), and it costs
-    10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)².
+    By default its normal force is at least 10 N, and less for a light robot (`Robot.force_scale`). Its default costs
+    are 10⁻⁵ per N² of shear force, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)² of moment.
     """
 
     # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
@@ -471,9 +472,9 @@ class SoleContact(_HeldFrame):
         Args:
             sole: Name of one of the robot's soles, or its frame.
             friction: Coulomb coefficient; 0.7 as in the soft-foot experiments of Frizza et al., 2022.
-            margin: Distance that the CoP keeps from the edge of the box, m; no share of the box: it is for round edges.
-            even: Bound the yaw moment as under even pressure (`rectangle_wrench_cone`).
-            torsion: Greatest yaw moment over the normal force on ground of unknown shape, m; None for flat ground.
+            margin: Distance that the CoP keeps from the edges of the box, m; it is for soles with round edges.
+            even: Bound the yaw moment by that of a sole with uniform pressure (`rectangle_wrench_cone`).
+            torsion: Largest yaw moment divided by the normal force on ground of unknown shape, m; None for flat ground.
             **options: See `ContactOptions`.
         """
         self._friction, self._margin, self._even, self._torsion = friction, margin, even, torsion
@@ -500,13 +501,13 @@ class SoleContact(_HeldFrame):
         return self._centre.copy()
 
     def set_box(self, length: float, width: float, centre: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Bound the CoP to a box of the given full size, less the margin, m.
+        """Bound the CoP to a box of the given size, less the margin on each side.
 
         Args:
             length: Extent along the sole, m.
             width: Extent across it, m.
-            centre: Centre of the box in the sole frame, m; elsewhere than in the sole centre on ground of unknown shape
-                alone.
+            centre: Centre of the box in the sole frame, m; only on ground of unknown shape may it differ from the sole
+                centre.
         """
         least = 2.0 * self._margin
         self._box = (
@@ -521,7 +522,7 @@ class SoleContact(_HeldFrame):
         self.centre_box(place)
 
     def centre_box(self, centre: Sequence[float] | Array) -> None:
-        """Move the box of the CoP to a centre in the sole frame, m, as `set_box` does, in a tick."""
+        """Move the box of the CoP to a centre in the sole frame, m; quick and unchecked, for the tick."""
         self._centre[:2] = centre
         self.update_cone()
 
@@ -588,9 +589,9 @@ class SoleContact(_HeldFrame):
 
 
 class PointContact(Contact):
-    """A point, such as a hand on a wall; its force is in a contact frame whose z axis is the surface normal.
+    """Contact at a point, such as a hand on a wall; its force is in a frame whose z axis is the normal of the surface.
 
-    Cost 10⁻⁵ per N² by default.
+    Its cost is 10⁻⁵ per N² by default.
     """
 
     dim = 3
@@ -608,7 +609,7 @@ class PointContact(Contact):
 
         Args:
             frame: Frame at the point.
-            normal: Direction from the surface to the robot, in the world; normalised here.
+            normal: Direction from the surface to the robot, in the world, shape (3,), of any length.
             friction: Coulomb coefficient.
             **options: See `ContactOptions`.
         """
@@ -618,7 +619,7 @@ class PointContact(Contact):
 
     @property
     def normal(self) -> Array:
-        """Direction from the surface to the robot, in the world, shape (3,); assigned ones are normalised."""
+        """Direction from the surface to the robot, in the world, of length 1, shape (3,); assign one of any length."""
         return np.array(self._world_to_contact[2])
 
     @normal.setter
@@ -655,10 +656,11 @@ class PointContact(Contact):
 
 
 class FixedContact(_HeldFrame):
-    """A frame that is fixed to the world, and holds any wrench: a bolted base, a robot on a gantry, a gripped rail.
+    """Contact of a frame that is fixed to the world and holds any wrench: a bolted base, a gantry, a gripped rail.
 
-    Its wrench is in the frame; no cone bounds it. Cost 10⁻⁸ per N² and (Nm)² by default; a `max_force` bounds the force
-    along the z axis both ways, 10⁶ N by default. While the contact is switched, all six components have bounds.
+    Its wrench is along the axes of the frame, and no friction cone bounds it. Its cost is 10⁻⁸ per N² and (Nm)² by
+    default. `max_force` bounds the force along the z axis in both directions, 10⁶ N by default. All six components have
+    bounds while the contact is being switched on or off.
     """
 
     ranged = (0, 1, 2, 3, 4, 5)
@@ -667,17 +669,17 @@ class FixedContact(_HeldFrame):
 
     @checked
     def __init__(self, frame: str, **options: Unpack[ContactOptions]) -> None:
-        """Describe the contact of a frame, which is fixed where it is when the contact is added."""
+        """Describe the contact of a frame, which stays where it is when the contact is added."""
         super().__init__(frame, frame, np.zeros((0, 6)), **options)
 
     @property
     def normal_force_range(self) -> tuple[float, float]:
-        """Smallest and greatest force along the z axis of the frame allowed now, N."""
+        """Smallest and largest force along the z axis of the frame that are allowed now, N."""
         high = float(self.force_ranges()[1][self.force_axis])
         return -high, high
 
     def force_ranges(self) -> tuple[Array, Array]:
-        """Return the smallest and the greatest values of all force variables allowed now, shape (6,), N and Nm."""
+        """Return the smallest and largest values of the force variables allowed now, each of shape (6,), N and Nm."""
         if self._active and self._load == 1.0:
             high = np.full(self.dim, np.inf)
             high[self.force_axis] = self.max_force

@@ -32,13 +32,14 @@ class Controller(Items):
 
     Attributes:
         robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
-        model_time: Wall time of the last model update, s; reported in the timings of the next solution.
-        outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: of what holds a
-            robot that does not stand yet. They enter the dynamics of every tick; None for none.
-        released: Joints that somebody else moves; None while there are none. See `release`.
-        drives: Drives that the control which runs the controller commands; None while there is no such control.
-        measured: Robot whose state is estimated from the sensors, where it is not `robot`, as in position control; the
-            control that runs the controller sets it. None for `robot`.
+        model_time: Wall time of the last model update, s; it is part of the timings of the next solution.
+        outside: Generalised forces of the surroundings in addition to the contacts, shape (nv,), Nm and N, for example
+            of a crane that holds the robot. They enter the dynamics at every tick. None for no such forces.
+        released: Joints that something else moves, see `release`; None while there are none.
+        drives: Kind of drive commands, "torque" or "position", of the control that runs the controller; None while no
+            control runs it.
+        measured: Robot whose state is estimated from the sensors; None if this is `robot`. In position control they
+            differ. The control that runs the controller sets it.
     """
 
     @checked
@@ -55,8 +56,8 @@ class Controller(Items):
         Args:
             robot: The robot; its state is read, never written, by `solve`.
             dt: Control period, s.
-            regularisation: Cost per squared acceleration of every coordinate, above zero: it makes the answer unique,
-                and is shown in the status table.
+            regularisation: Cost per squared acceleration of every coordinate, above zero. It makes the solution of the
+                QP unique, and has a row in the status table.
             settings: Settings of the solver.
         """
         super().__init__(robot, dt)
@@ -74,7 +75,7 @@ class Controller(Items):
 
     @property
     def problem(self) -> Problem:
-        """The QP as of the last tick."""
+        """QP of the last tick."""
         return self._assembly.problem
 
     @property
@@ -84,11 +85,11 @@ class Controller(Items):
 
     @property
     def solver_counts(self) -> dict[str, int]:
-        """Number of ticks since the last change of the layout, by the solver that solved them; and of those failed."""
+        """Number of ticks since the last change of the layout, by the solver that solved them, and of failed ticks."""
         return dict(self._solver.counts)
 
     def run_by(self, drives: Drives, measured: Robot) -> None:
-        """Take the drives that a control commands and the robot that it estimates; refuse tasks for other drives."""
+        """Take the kind of drives and the estimated robot of a control; refuse tasks that are made for other drives."""
         _check_drives(self._tasks, drives)
         self.drives, self.measured = drives, measured
 
@@ -108,13 +109,13 @@ class Controller(Items):
             )
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
-        """Leave joints to somebody else, those and no others; none takes all back.
+        """Leave exactly these joints to something else, such as a teleoperator; an empty list takes all joints back.
 
-        Their motion is known to the QP, see `wbc.core.qp.released`. Their torques are those that this motion takes,
-        and their limits are not the controller's.
+        The QP knows their motion (see `wbc.core.qp.released`). Their torques are those that this motion needs. The
+        controller does not apply their limits.
 
         Args:
-            joints: Names; not of a leg.
+            joints: Names of joints that are not in a leg.
         """
         names = names_in("joints to release", joints)
         released = ReleasedJoints(self.robot, names) if names else None
@@ -126,16 +127,16 @@ class Controller(Items):
     # ---- the tick -----------------------------------------------------------------------------------------------
 
     def update(self, q: Array, v: Array) -> None:
-        """Update the robot's state; the same as `robot.update`, and timed."""
+        """Update the robot's state as `robot.update` does, and measure the time that it takes."""
         start = perf_counter()
         self.robot.update(q, v)
         self.model_time = perf_counter() - start
 
     def solve(self, measurement: Measurement | None = None) -> Solution:
-        """Solve the QP at the present state of the robot; a measurement is for tasks that read sensors.
+        """Solve the QP at the present state of the robot; tasks that read sensors need the measurement.
 
-        An infeasible QP raises nothing: look at the solution's `status`, and call `diagnose` for the constraints that
-        contradict each other.
+        An infeasible QP raises no error. Check the `status` of the solution, and call `diagnose` for the constraints
+        that contradict each other.
         """
         start = perf_counter()
         if self._dirty:
@@ -186,9 +187,10 @@ class Controller(Items):
         return x
 
     def torques(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
-        """Return the joint torques, shape (na,), Nm, of a solution's motion with other wrenches on some contacts.
+        """Return the joint torques of the motion of a solution with other wrenches at some contacts, shape (na,), Nm.
 
-        `wrenches` is name of a contact → wrench in place of the solution's, in the frame of the contact, N and Nm.
+        `wrenches` maps the name of a contact to the wrench that replaces that of the solution, in the contact frame, N
+        and Nm.
         """
         x, columns = solution.variables.copy(), solution.layout.contacts
         for name, wrench in wrenches.items():
@@ -208,7 +210,7 @@ class Controller(Items):
         self._dirty = False
 
     def reset(self) -> None:
-        """Reset solver guesses, torques of the last tick, places and force ramps of contacts, and tasks."""
+        """Reset tasks, contacts (places and force ramps), torques of the last tick and guesses of the solver."""
         self._torques = self._solution = None
         self._dirty = True
         for task in self._tasks:
@@ -221,8 +223,9 @@ class Controller(Items):
     def diagnose(self) -> dict[str, float]:
         """Return the constraints that contradict each other, found with slack on every group; slow, not for the tick.
 
-        That is name of a group → largest violation in its own unit, worst first; empty when the QP has a solution. If
-        there is NaN or infinity in the QP, it is NaN for the tasks and groups that have it.
+        The result maps the name of a group of constraints to its largest violation in the group's own unit, largest
+        first. It is empty when the QP has a solution. If the QP contains NaN or infinity, the result is NaN for the
+        tasks and groups that contain it.
         """
         if self._dirty:
             self._rebuild()
@@ -231,7 +234,7 @@ class Controller(Items):
         return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
 
     def status_table(self) -> str:
-        """Return a table of tasks, contacts and limits as of the last tick, to print."""
+        """Return a printable table of the tasks, contacts and limits at the last tick."""
         items = self._tasks, self._contacts
         return status_table(self.robot, self.dt, *items, self._regularisation, self._solution)
 

@@ -1,14 +1,14 @@
 """Base of tasks: rows of a least-squares objective, or of a hard constraint, over the variables of the QP.
 
-A task owns a block of rows in the arrays of its controller. Setting its weight, gains or feed-forward writes into
-that block at once, so that a tick only asks each task for what depends on the state: its Jacobian, its error and its
-drift. The controller then computes the reference acceleration of all tasks together,
+A task owns a block of rows in the arrays of its controller. Its weight, gains and feed-forward are written into that
+block when they are set. A tick only asks each task for the values that depend on the state: its Jacobian, its error and
+its drift. The controller then computes the reference acceleration of all tasks together,
 
     reference = feed-forward acceleration + stiffness · error
                 + damping · (feed-forward velocity − Jacobian · v) − drift,
 
-and minimises ½ Σ weight · (Jacobian · acceleration − reference)². An error beyond its bound acts as one of that size: a
-target out of reach pulls no harder the further away it is.
+and minimises ½ Σ weight · (Jacobian · acceleration − reference)². An error beyond its bound is shortened to the bound,
+so that a distant target does not cause a larger acceleration.
 """
 
 from __future__ import annotations
@@ -33,8 +33,7 @@ Drives = Literal["torque", "position"]
 """Kind of the commands to the drives; "torque" for hybrid control as well."""
 
 ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}
-"""Unit → greatest component of an error that acts, unless a task is given another: far above those of a motion that is
-followed. Errors of other units have no bound."""
+"""Unit → default bound of each component of an error, far above the errors of a followed motion; others have none."""
 
 NEAR = {"m": 0.01, "rad": 0.05}
 """Unit → error within which a task has reached its target."""
@@ -44,11 +43,13 @@ SLOW = {"m": 0.05, "rad": 0.2}
 
 
 class TaskOptions(TypedDict, total=False):
-    """Options of all tasks; an unknown one raises an `UnknownNameError`, a value out of range an `InputError`.
+    """Options of all tasks.
+
+    An unknown option raises an `UnknownNameError`, and a value out of range an `InputError`.
 
     Attributes:
-        name: Name in status tables and solutions, unique within a controller; made from the class and the frame or
-            contact when None.
+        name: Name in status tables and solutions, unique within a controller; when None, it is made from the class and
+            the frame or contact.
         weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; without effect on a hard task.
         hard: Make the rows a constraint instead of a cost; False by default.
     """
@@ -65,11 +66,11 @@ class GainOptions(TaskOptions, total=False):
         stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
         damping: Acceleration per velocity error, 1/s, scalar or shape (dim,), ≥ 0; critical, 2·√stiffness, when None,
             the default.
-        rate: Velocity per error in inverse kinematics, where stiffness and damping are not used, 1/s, scalar or shape
-            (dim,), ≥ 0; 10 by default.
-        error_bound: Greatest component of the error that acts, in its unit (m, rad), scalar or shape (dim,), > 0: a
-            longer error acts as one of this length in its direction, so that a target out of reach pulls no harder
-            the further away it is. 0.1 m (of the centre of mass 0.3 m) and 1 rad by default; `math.inf` for none.
+        rate: Velocity per error in inverse kinematics, 1/s, scalar or shape (dim,), ≥ 0; 10 by default. Inverse
+            kinematics does not use stiffness and damping.
+        error_bound: Largest component of the error, in its unit (m, rad), scalar or shape (dim,), > 0. A longer error
+            is shortened to the bound, in its own direction, so that a distant target does not cause a larger
+            acceleration. 0.1 m (for the centre of mass 0.3 m) and 1 rad by default; `math.inf` for no bound.
     """
 
     stiffness: ArrayLike
@@ -82,9 +83,9 @@ class MotionOptions(GainOptions, total=False):
     """Options of motion tasks: those of tasks with an error, and a choice of axes and joints.
 
     Attributes:
-        axes: Axes to control, each with a row; all by default. Out of x, y, z for a position, roll (about x), pitch
-            (about y), yaw (about z) for an orientation, all six for a pose.
-        joints: Joints that the task may use, "base" for the floating base; all of them when None, the default.
+        axes: Axes to control, one row each; all by default. A position has x, y and z. An orientation has roll (about
+            x), pitch (about y) and yaw (about z). A pose has all six.
+        joints: Joints that the task may use, with "base" for the floating base; all when None, the default.
     """
 
     axes: str | Sequence[str]
@@ -92,23 +93,27 @@ class MotionOptions(GainOptions, total=False):
 
 
 class Task(Targeted):
-    """Base of all tasks: rows over the accelerations, unless it is a `SelectionTask` or a `VariableTask`.
+    """Base of all tasks: rows over the generalised accelerations.
 
-    A task of your own has `evaluate`, which fills its rows, and `bind`, which looks names up. `present` and `checked`
-    give it a target that is checked, moved and followed: a number for each axis unless they say otherwise.
+    The rows of a `SelectionTask` select single coordinates; those of a `VariableTask` are over all variables of the QP.
+
+    Derive a task of your own from this class. Its `evaluate` fills the rows, and its `bind` looks names up. By default
+    the target is one number for each axis; for a target of another type override `present`, which returns the target at
+    which the error is zero, and `checked`, which checks a new target.
 
     Attributes:
         name: Name in status tables and solutions, unique within a controller.
         dim: Number of rows; fixed once the task has been added to a controller.
-        unit: Unit of the error, with a bar between those of position and rotation; the residual is in `unit`/s² for
-            motion tasks.
-        usual: Options of the tasks of a class where none are given.
-        of_velocity: True of a class whose error is one of a velocity: in inverse kinematics its target is what the
-            velocities make of the rows, whatever `rate` is.
-        drives: Drives for which the rows are made, "torque" (hybrid control as well) or "position"; None for all.
-        reads: State of the robot that the rows of a class need in inverse kinematics.
-        spared_acceleration: Accelerations of the coordinates in `spared` as they are expected, shape (n,).
-        idle: True while the weight is zero: the rows are left as they were, and cost no time.
+        unit: Unit of the error, such as "m", or "m|rad" for position and rotation. For motion tasks the unit of the
+            residual is `unit`/s².
+        usual: Default options of all tasks of the class.
+        of_velocity: True for a class whose error is that of a velocity, such as a momentum. In inverse kinematics the
+            velocity of its rows is then the target itself, and `rate` has no effect.
+        drives: Kind of drives for which the rows are made: "position", or "torque" for torque and hybrid control; None
+            for all.
+        reads: Part of the robot's state that the rows of the class need in inverse kinematics.
+        spared_acceleration: Expected accelerations of the coordinates in `spared`, shape (n,).
+        idle: True while the weight is zero; the rows are then not evaluated, and cost no time.
     """
 
     __slots__ = (
@@ -125,9 +130,10 @@ class Task(Targeted):
         """Describe the task; gains can be changed at any time.
 
         Args:
-            name: Name where the options give none.
-            rows: Number of rows, at least 1, or their names in order, of which the option `axes` chooses.
-            **options: See `MotionOptions`. Weight 1 and stiffness 0 where neither they nor `usual` say otherwise.
+            name: Default name, for options without a name.
+            rows: Number of rows, at least 1, or the names of the rows in order, from which the option `axes` can
+                choose.
+            **options: See `MotionOptions`. The weight is 1 and the stiffness 0 unless they or `usual` have others.
         """
         given: dict[str, Any] = {**self.usual, **options}
         name = given.pop("name", None) or name
@@ -193,7 +199,7 @@ class Task(Targeted):
 
     @property
     def error_bound(self) -> Array:
-        """Greatest component of the error that acts, `unit`, shape (dim,), read-only; assign one, or inf for none."""
+        """Bound of each component of the error, `unit`, shape (dim,), read-only; assign one, or inf for no bound."""
         return read_only(self._rows.bound)
 
     @error_bound.setter
@@ -226,9 +232,9 @@ class Task(Targeted):
         return [(unit, part) for unit, part in parts if part.stop > part.start]
 
     def saturate(self, error: Array) -> None:
-        """Shorten an error, shape (dim,), `unit`, that is beyond the bound to it, in its own direction.
+        """Shorten an error, shape (dim,), `unit`, to its bound, without a change of its direction.
 
-        Positions and rotations are shortened each by themselves.
+        The parts of position and rotation are shortened separately.
         """
         bound = self._rows.bound
         for _, part in self._parts():
@@ -238,7 +244,7 @@ class Task(Targeted):
 
     @property
     def error(self) -> Array:
-        """Target − measured at the last tick, shape (dim,), `unit`; a copy."""
+        """Error at the last tick, target − measured, shape (dim,), `unit`; a copy."""
         return np.array(self._rows.error)
 
     @property
@@ -248,19 +254,19 @@ class Task(Targeted):
 
     @property
     def velocity(self) -> Array:
-        """Measured velocity of the rows now, shape (dim,), `unit`/s."""
+        """Present velocity of the rows, shape (dim,), `unit`/s."""
         return np.asarray(evaluated(self)[0] @ self.robot.v)
 
     @property
     def speed(self) -> float:
-        """Measured speed now, `unit`/s: that of the fastest of position, rotation and joints."""
+        """Present speed, `unit`/s: the largest of those of position, rotation and joints."""
         return max(self._sizes(self.velocity))
 
     @property
     def reached(self) -> bool:
-        """True once the target has arrived, and the robot there: within 10 mm and 0.05 rad, below 0.05 m/s, 0.2 rad/s.
+        """True if no move goes on and the robot is at the target: within 10 mm and 0.05 rad, below 0.05 m/s, 0.2 rad/s.
 
-        It is the robot of the controller, in position control with open feedback the commanded one.
+        The robot is that of the controller: in position control with open feedback it is the commanded robot.
         """
         if self.moving:
             return False
@@ -275,13 +281,13 @@ class Task(Targeted):
     # ---- what a controller calls ----------------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Reset internal state, such as the offset of a compliance task, and end a move; targets stay."""
+        """Reset internal state, such as the offset of a compliance task, and end a move; targets do not change."""
         self._stop()
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names, and take the present state as target where none was given; see `Motion.bind`.
+        """Resolve names, and take the present state as the target if none was given; see `Motion.bind`.
 
-        The rows of a task that does not `observe` are then evaluated once, so that mistakes show before the first tick.
+        The rows of a task without `observe` are then evaluated once, so that mistakes show before the first tick.
         """
         super().bind(robot)
         self._unused = other_columns(robot, self._only_joints)
@@ -295,23 +301,23 @@ class Task(Targeted):
         return ()
 
     def let_go(self) -> None:  # noqa: B027 (optional)
-        """Undo what the task has set at other objects than its own rows: it is being removed."""
+        """Undo the changes that the task has made to other objects; called when the task is removed."""
 
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
-        """Read the sensors before the rows are written, at every tick of dt, s; a task overrides it."""
+        """Read the sensors, at every tick of dt, s, before the rows are written; for subclasses to override."""
 
     @abstractmethod
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows from the present state of `self.robot`, those of all axes of the task.
+        """Fill the rows of all axes of the task from the present state of `self.robot`.
 
         Args:
-            jacobian: To fill: velocity of the task per generalised velocity, shape (rows, nv).
-            error: To fill: target − measured, shape (rows,).
-            drift: To fill: task acceleration at zero generalised acceleration, J̇·v, shape (rows,).
+            jacobian: Array to fill with the velocity of the task per generalised velocity, shape (rows, nv).
+            error: Array to fill with target − measured, shape (rows,).
+            drift: Array to fill with the task acceleration at zero generalised acceleration, J̇·v, shape (rows,).
         """
 
     def fill(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows of the chosen axes, with the chosen joints; as `evaluate`, for the controller."""
+        """Fill the rows of the chosen axes with the chosen joints, by `evaluate`; the controller calls it."""
         if self._full is None:
             self.evaluate(jacobian, error, drift)
         else:
@@ -324,7 +330,7 @@ class Task(Targeted):
             self._leave_out(self._unused, jacobian, drift)
 
     def quick(self) -> Callable[[Array, Array], None] | None:
-        """Return what fills Jacobian and error alone, for inverse kinematics; None where `fill` has to."""
+        """Return a function that fills only Jacobian and error, for inverse kinematics; None if `fill` has to do it."""
         direct = self._full is None and self._unused is None and has_first_order(self)
         return self.first_order if direct else None
 
@@ -335,11 +341,11 @@ class Task(Targeted):
 
     @property
     def spared(self) -> NDArray[np.intp]:
-        """Velocity coordinates whose motion counts but that the task does not use, shape (n,); none until they are set.
+        """Velocity coordinates whose motion the task expects but does not use, shape (n,); empty at first.
 
-        They are, for the centre of mass, those of an arm with a task of its own, and for a hand those of the body that
-        carries it. Assigning them sets their expected accelerations to zero. The motion of joints that the option
-        `joints` leaves out counts as well, with no acceleration expected.
+        For the centre of mass they are, for example, those of an arm that has a task of its own; for a hand, those of
+        the body that carries the hand. Assigning them sets their expected accelerations to zero. Joints that the option
+        `joints` leaves out are taken into account as well, with an expected acceleration of zero.
         """
         return np.zeros(0, dtype=np.intp) if self._spared is None else self._spared
 
@@ -372,9 +378,9 @@ class Task(Targeted):
 
 
 class SelectionTask(Task):
-    """Base of tasks whose rows select single coordinates: they cost the QP nothing but a diagonal.
+    """Base of tasks whose rows select single coordinates: they only change the diagonal of the QP's cost.
 
-    `evaluate` fills the error alone. Every row is a part of the error by itself.
+    `evaluate` fills only the error. Each row has its own error bound.
 
     Attributes:
         columns: Velocity coordinates of the rows, distinct, shape (dim,) or a slice; `bind` sets them.
@@ -384,7 +390,7 @@ class SelectionTask(Task):
     columns: slice | NDArray[np.intp]
 
     def saturate(self, error: Array) -> None:
-        """Bring each component of an error, shape (dim,), `unit`, within its bound."""
+        """Clip each component of an error, shape (dim,), `unit`, to its bound."""
         bound = self._rows.bound
         np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
 
@@ -394,7 +400,7 @@ class SelectionTask(Task):
 
 
 class VariableTask(Task):
-    """Base of tasks on torques and wrenches: rows over all variables of the QP, matrix · x = reference.
+    """Base of tasks on torques and wrenches: rows over all variables x of the QP, matrix · x = reference.
 
     `evaluate` fills the matrix, shape (dim, number of variables), in place of the Jacobian, and the reference, shape
     (dim,), in place of the error.
@@ -408,13 +414,13 @@ class VariableTask(Task):
         return self.unit
 
     def bind_problem(self, problem: Problem) -> None:  # noqa: B027 (optional)
-        """Look up contacts or torque rows; called whenever the layout of the QP has changed.
+        """Look up contacts or torque rows; called after each change of the QP's layout.
 
-        A task whose contact is not in the QP raises an `UnknownNameError`, and has no effect while it is not.
+        A task whose contact is not in the QP raises an `UnknownNameError`; it has no effect until the contact is added.
         """
 
     def waits_for(self) -> object | None:
-        """Return the contact object of the task, which may be added after it; None where nothing may."""
+        """Return the contact of the task if it may be added after the task; None otherwise."""
         return None
 
     def fill(self, jacobian: Array, error: Array, drift: Array) -> None:
