@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -184,11 +184,12 @@ class Report:
     Attributes:
         raised: Text of the first exception out of `command`, None if none came.
         wild: Description of the first command beyond a limit, None if there was none.
-        named: Time from the fault to the first tick whose status says that something is refused, doubtful, relaxed,
-            failing or stopped, s; infinite if none did.
+        named: Time from the first fault to the first tick whose status says that something is refused, doubtful,
+            relaxed, failing or stopped, s; infinite if none did.
         stopped: True if the control had stopped the robot at the end.
         upright: True if the robot had not fallen at the end.
         status: That status.
+        last: Name of the last fault that was injected.
     """
 
     raised: str | None = None
@@ -197,24 +198,31 @@ class Report:
     stopped: bool = False
     upright: bool = True
     status: str = ""
+    last: str = ""
 
 
 class Injector:
-    """Feeds a control with a fault from a certain time on, and looks at its commands."""
+    """Feeds a control with a lasting fault, or with faults of one tick one after the other; looks at its commands."""
 
     def __init__(
-        self, control: Any, robot: Any, fault: Fault, start: float, lasting: bool, dt: float
+        self, robot: Any, given: dict[str, Fault], start: float, every: float | None, dt: float
     ) -> None:
-        self.control, self.robot, self.fault, self.start = control, robot, fault, start
-        self.lasting, self.dt = lasting, dt
+        self.robot, self.start, self.every = robot, start, every
         self.report = Report()
+        self._to_come = list(given.items())
+        self._next = start
+        self._fault: Fault | None = None
         self._memory = Memory([])
         self._last: Array | None = None
-        self._done = False
         self._command: Command | None = None
         limit = robot.torque_limit
         self._torque = np.where(np.isfinite(limit), limit, 1e6) * (1.0 + 1e-9)
         self._step = np.minimum(2.0 * robot.velocity_limit, 1e6) * dt + 1e-9
+
+    @property
+    def all_came(self) -> bool:
+        """True once every fault has been injected."""
+        return not self._to_come
 
     def command(
         self, measurement: Measurement, command: Callable[[Measurement], Command], status: Any
@@ -222,9 +230,13 @@ class Injector:
         """Return the command for a tick; the last one where the tick is dropped."""
         now = measurement.time
         given: Any = measurement
-        if now >= self.start and (self.lasting or not self._done):
-            self._done = True
-            given = self.fault(measurement, self._memory)
+        if self.every is not None:
+            self._fault = None
+        if now >= self._next and self._to_come:
+            self.report.last, self._fault = self._to_come.pop(0)
+            self._next += self.every or 0.0
+        if self._fault is not None:
+            given = self._fault(measurement, self._memory)
             if given is None and self._command is not None:
                 return self._command
             if given is type(None):
@@ -234,7 +246,7 @@ class Injector:
         try:
             sent = command(given)
         except Exception as error:
-            self.report.raised = self.report.raised or f"{type(error).__name__}: {error}"
+            self.report.raised = self.report.raised or f"{self.report.last}: {type(error).__name__}: {error}"
             return self._command
         self._look(sent, now)
         said = status()
@@ -246,7 +258,9 @@ class Injector:
 
     def _look(self, sent: Command, now: float) -> None:
         if self.report.wild is None:
-            self.report.wild = next(self._exceeded(sent, now), None)
+            self.report.wild = next(
+                (f"{self.report.last}: {text}" for text in self._exceeded(sent, now)), None
+            )
         if sent.joint_position is not None:
             self._last = sent.joint_position
 
@@ -271,19 +285,20 @@ class Injector:
             yield f"{now:.3f} s: position reference jumps by {jump.max():.3g}"
 
 
-def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
-    """Return what a run with a fault came to.
+def run(task: str, mode: str, names: Sequence[str], *, lasting: bool) -> Report:
+    """Return what a run with faults came to.
 
     Args:
         task: "stand" or "walk".
         mode: "position", "torque" or "hybrid".
-        name: One of `faults()` or of `CHANGES`.
-        lasting: From its start to the end of the run; a single tick otherwise.
+        names: A lasting fault, of `faults()` or of `CHANGES`, or up to 18 faults of `faults()` of one tick each.
+        lasting: From its start to the end of the run; otherwise each fault lasts one tick, and the next one comes
+            0.1 s later while the robot stands, 0.15 s later while it walks.
     """
     if task == "stand":
-        stand = StandTrial(StandSpec(robot="hrp4_class", mode=mode, seconds=2.0, noise="realistic"))
+        stand = StandTrial(StandSpec(robot="hrp4_class", mode=mode, seconds=3.0, noise="realistic"))
         plant, control, command = stand.plant, stand.control, stand.control.command
-        start, end = (0.8, 2.0) if lasting else (0.4, 1.4)
+        start, end, every = (0.8, 2.0, None) if lasting else (0.4, 3.0, 0.1)
     else:
         plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
         spec = WalkSpec(
@@ -291,12 +306,14 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
         )
         trial = WalkTrial(spec)
         plant, control, command = trial.plant, trial.walking.control, trial.walking.command
-        start, end = 2.2, 5.0
+        start, end, every = 2.2, 5.5, 0.15
+        if lasting:
+            end, every = 5.0, None
     robot = control.controller.robot
     control.watch()
-    change = CHANGES[name][0] if name in CHANGES else None
-    fault = _good if change else faults()[name][0]
-    injector = Injector(control, robot, fault, start, lasting, plant.control_period)
+    change = CHANGES[names[0]][0] if names[0] in CHANGES else None
+    given = {name: _good if change else faults()[name][0] for name in names}
+    injector = Injector(robot, given, start, every, plant.control_period)
     report = injector.report
     falls = TrueFallDetector(plant.robot)
     while plant.time < end and report.upright:
@@ -313,6 +330,7 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
             break
         plant.step(sent)
         report.upright = not falls.fallen(plant.truth().q)
+    assert injector.all_came or not report.upright or report.raised is not None
     report.stopped = control.stopped
     return report
 
