@@ -349,7 +349,7 @@ SECOND_SWING = 0.8 + 0.8 + 0.3
 
 def adjust(error: tuple[float, float], elapsed: float = 0.4, *, plan: FootstepPlan = PLAN, flip: float = 1.0,
            world: pin.SE3 | None = None, settings: AdjustmentSettings | None = None):  # fmt: skip
-    adjuster = StepAdjuster(OMEGA, Reach.of(ROBOT, HEIGHT), SIZES, settings)
+    adjuster = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), SIZES, settings)
     now, then = PATTERN.at(SECOND_SWING + elapsed).dcm, PATTERN.at(SECOND_SWING + 0.8 + 0.15).dcm
     points = [now + [*error, 0.0], now, then]
     points = [p * [1, flip, 1] for p in points]

@@ -171,7 +171,7 @@ def test_a_landing_that_is_held_costs_what_its_stiffness_says(move: tuple[float,
     step = program.solve(dcm, (0.0, 0.0), OMEGA, TIME, TIME, wish, free)
     assert step is not None
     stiffness, least = program.stiffness(), _cost(program)
-    held = step.place[0] + move[0], step.place[1] + move[1]
+    held = ((step.place[0] + move[0], step.place[1] + move[1]),) * 2
     assert program.solve(dcm, (0.0, 0.0), OMEGA, TIME, TIME, wish, free, held)
     delta = np.array(move)
     assert _cost(program) - least == pytest.approx(0.5 * delta @ stiffness @ delta, rel=1e-2, abs=1e-7)

@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
-import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
@@ -173,7 +172,7 @@ class Walk(GaitMachine):
         self.omega, self.com_height = self._preview.omega, com_height
         self._adjuster: StepAdjuster | None = None
         if adjustment is not None:
-            self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, adjustment)
+            self._adjuster = StepAdjuster(com_height, self.reach, self.sole_sizes, adjustment)
         self._planned_swing: _PlannedSwing | None = None
 
         self._robot = robot
@@ -471,7 +470,7 @@ class Walk(GaitMachine):
         if self.remaining <= FREEZE or remaining <= FREEZE:
             return
         landing, time = adjuster.adjust(
-            np.asarray(dcm)[:2],
+            dcm,
             planned.pattern.dcm_at(elapsed - planned.begin),
             planned.dcm,
             planned.landing,

@@ -165,7 +165,7 @@ class StepDecision:
         chosen = None if look is None else self._choose(stance, free, look)
         if chosen is not None:
             x, y = stance.offset(*chosen)
-            held = (x + c.carrying, y)
+            held = (x + c.carrying, y), (x + c.carrying, y)
             step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds, held) or step
         self.end, self._wanted = elapsed + step.left, (step.shift[0], stance.side * step.shift[1])
         self.place = free if chosen is None else self._centre(stance, step.place)

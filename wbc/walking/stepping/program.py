@@ -108,7 +108,7 @@ class StepProgram:
         last: float,
         wish: Wish,
         bounds: Bounds,
-        landing: Point | None = None,
+        landing: tuple[Point, Point] | None = None,
     ) -> Step | None:
         """Return the step; None if the solver fails.
 
@@ -120,7 +120,7 @@ class StepProgram:
             last: The same by the last solution: τ'.
             wish: Steps that are asked for.
             bounds: Limits of this step, and of the next ones' places.
-            landing: Place that this step is held to, m; None for a free one.
+            landing: Least and greatest place of this step, m, in place of that of the bounds.
         """
         rows, low, high, z = self._rows, self._lower, self._upper, contact
         growth, tau, before = math.exp(omega * wish.time), math.exp(omega * left), math.exp(omega * last)
@@ -136,7 +136,7 @@ class StepProgram:
         low[2:4] = low[4:6] = low[0:2]
         high[2:4] = high[4:6] = high[0:2]
         if landing is not None:
-            low[0:2] = high[0:2] = landing
+            low[0:2], high[0:2] = landing
         high[NEXT_SHIFT] = bounds.next_area
         np.negative(high[NEXT_SHIFT], out=low[NEXT_SHIFT])
         low[TIME], high[TIME] = (math.exp(omega * time) / tau for time in bounds.times)
