@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
+from scipy.spatial import ConvexHull
 
 from wbc.base.numbers import Array
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
@@ -12,6 +14,7 @@ from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, zmp_reference
 from wbc.walking.lipm.walk import PhaseSettings
+from wbc.walking.plans.footsteps import Footstep, SoleSizes
 
 BY_TIME = PhaseSettings(touch_down=1.0, early=1.0, lift_off=1.0, stance=0.0, max_wait=0.0, max_late=0.0)
 """Feet lift and land as planned, whatever they carry."""
@@ -29,17 +32,28 @@ def analytic_pattern(supports: Sequence[SupportPhase], height: float, start: Pen
     One more knot in the middle of the first support gives the DCM its present value; unlike in the preview controller
     it may lie outside the support.
     """
-    times, points = zmp_reference(supports, ZmpTarget(), start.zmp[:2])
-    keep = np.concatenate([[True], np.diff(times) > 1e-9])
-    times, points = times[keep], points[keep]
-    times = np.insert(times, 1, 0.5 * times[1])
-    points = np.insert(points, 1, 0.5 * (points[0] + points[1]), axis=0)
+    times, points = [0.0], [complex(*start.zmp[:2])]
+    for support, end in zip(supports, zmp_reference(supports, ZmpTarget()), strict=True):
+        if support.duration > 1e-9:
+            times.append(times[-1] + support.duration)
+            points.append(end)
+    times.insert(1, 0.5 * times[1])
+    points.insert(1, 0.5 * (points[0] + points[1]))
     profile = HeightProfile(supports, height, start)
-    omega = natural_frequency(height)
-    com, velocity = start.com[:2], start.com_velocity[:2]
-    free = Pattern(times, points, com, velocity, height, profile)
-    nudged = points.copy()
-    nudged[1] += 1.0
-    gain = (Pattern(times, nudged, com, velocity, height, profile).dcm[0] - free.dcm[0])[0]
-    points[1] += (com + velocity / omega - free.dcm[0]) / gain
-    return Pattern(times, points, com, velocity, height, profile)
+    free = Pattern(times, points, start, height, profile)
+    nudged = [*points[:1], points[1] + 1.0, *points[2:]]
+    gain = Pattern(times, nudged, start, height, profile).dcm[0] - free.dcm[0]
+    dcm = complex(*(start.com + start.com_velocity / natural_frequency(height))[:2])
+    points[1] += (dcm - free.dcm[0]) / gain
+    return Pattern(times, points, start, height, profile)
+
+
+def support_area(feet: Sequence[Footstep], sizes: SoleSizes, margin: float = 0.0) -> tuple[Array, Array]:
+    """Return half-planes N z ≤ d of the convex hull of feet less a margin (m): shapes (n, 2), (n,)."""
+    corners = []
+    for foot in feet:
+        half = 0.5 * np.array(sizes[0 if foot.side == "left" else 1]) - margin
+        turn = pin.rpy.rpyToMatrix(0.0, 0.0, foot.yaw)[:2, :2]
+        corners += [foot.position[:2] + turn @ (half * sign) for sign in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    equations = ConvexHull(np.array(corners)).equations
+    return equations[:, :2], -equations[:, 2]

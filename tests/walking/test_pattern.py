@@ -8,17 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from pendulum import analytic_pattern
-from scipy.spatial import ConvexHull
+from pendulum import analytic_pattern, support_area
 
-from wbc.base.errors import InputError
-from wbc.core.qp.solver import Status
 from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.preview import INTERVAL, PreviewController, PreviewSettings
-from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule, support_area, zmp_reference
+from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule, zmp_reference
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
@@ -80,36 +77,13 @@ def test_the_schedule_covers_the_plan() -> None:
     assert schedule(START)[0].feet == (START.left, START.right)
 
 
-def test_support_areas_are_convex_hulls_with_a_margin() -> None:
-    rng = np.random.default_rng(1)
-    for _ in range(30):
-        feet = tuple(
-            Footstep(side, *rng.uniform(-0.2, 0.2, 2), 0.0, rng.uniform(-0.5, 0.5))
-            for side in ("left", "right")
-        )
-        margin = rng.uniform(0.0, 0.02)
-        corners = np.array([
-            f.placement.act(np.array([a * (0.08 - margin), b * (0.038 - margin), 0.0]))[:2]
-            for f in feet for a in (1, -1) for b in (1, -1)
-        ])  # fmt: skip
-        area = support_area(feet, SIZES, margin)
-        hull = ConvexHull(corners)
-        for point in rng.uniform(-0.4, 0.4, (50, 2)):
-            outside = (hull.equations[:, :2] @ point + hull.equations[:, 2]).max()
-            assert inside(area, point) == pytest.approx(outside, abs=1e-9)
-    side_by_side = support_area((START.left, START.right), SIZES)
-    assert (np.abs(side_by_side[0]).sum(axis=1) > 0).sum() == 4
-    with pytest.raises(InputError, match="nothing"):
-        support_area((START.left,), SIZES, 0.05)
-
-
 def test_the_zmp_target_is_inward_on_both_feet() -> None:
     target = ZmpTarget(forward=0.01, inward=0.02)
-    np.testing.assert_allclose(target.under(START.left), [0.01, 0.0675])
-    np.testing.assert_allclose(target.under(START.right), [0.01, -0.0675])
-    times, points = zmp_reference(WALK, target, np.zeros(2))
-    assert times[-1] == pytest.approx(sum(s.duration for s in WALK))
-    np.testing.assert_allclose(points[-1], [0.61, 0.0], atol=1e-9)
+    assert target.under(START.left) == pytest.approx(0.01 + 0.0675j)
+    assert target.under(START.right) == pytest.approx(0.01 - 0.0675j)
+    points = zmp_reference(WALK, target)
+    assert len(points) == len(WALK) and points[-1] == pytest.approx(0.61 + 0.0j)
+    assert points[0] == points[1] == target.under(WALK[1].feet[0])
 
 
 # Heights
@@ -174,7 +148,7 @@ def check_pendulum(pattern: Pattern, until: float) -> None:
         np.testing.assert_allclose((c.com_velocity - a.com_velocity) / (2 * h), b.com_acceleration, atol=2e-3)
         np.testing.assert_allclose(b.com_acceleration[:2], b.omega**2 * (b.com - b.zmp)[:2], atol=1e-9)
     for i, t in enumerate(pattern.times):
-        np.testing.assert_allclose(pattern.at(t).dcm[:2], pattern.dcm[i], atol=1e-7)
+        assert abs(complex(*pattern.at(t).dcm[:2]) - pattern.dcm[i]) < 1e-7
 
 
 def test_the_analytic_plan_obeys_the_pendulum_from_rest_to_rest() -> None:
@@ -196,7 +170,7 @@ def test_the_analytic_plan_obeys_the_pendulum_from_rest_to_rest() -> None:
 def test_the_dcm_alone_is_that_of_the_pendulum() -> None:
     pattern = analytic_pattern(WALK, HEIGHT, REST)
     for time in np.linspace(0.0, pattern.duration + 0.5, 97):
-        np.testing.assert_array_equal(pattern.dcm_at(time), pattern.at(time).dcm[:2])
+        np.testing.assert_allclose(pattern.dcm_at(time), pattern.at(time).dcm[:2], atol=1e-12)
 
 
 def test_plans_move_and_mirror_with_the_world() -> None:
@@ -224,7 +198,7 @@ def test_replanning_on_the_plan_gives_the_plan_back() -> None:
     preview = PreviewController(SIZES, HEIGHT)
     for t in np.arange(0.9, 8.0, 0.37):
         again = preview.plan(remaining(WALK, t), plan.at(t))
-        assert preview.status is Status.SOLVED
+        assert preview.missed == 0.0
         for dt in (0.01, 0.2, 0.8, 2.5):
             np.testing.assert_allclose(again.at(dt).com, plan.at(t + dt).com, atol=1e-9)
             np.testing.assert_allclose(again.at(dt).zmp, plan.at(t + dt).zmp, atol=1e-9)
@@ -239,7 +213,6 @@ def test_the_zmp_stays_inside_and_the_dcm_is_taken_over() -> None:
     for t in np.arange(1.0, 8.0, 0.23):
         start = pushed(plan.at(t), rng.uniform(-0.015, 0.015, 2))
         pattern = preview.plan(remaining(WALK, t), start)
-        assert preview.status.ok
         check = pattern.at(0.0)
         np.testing.assert_allclose(check.zmp[:2], start.zmp[:2], atol=1e-9)
         reached += np.abs(check.dcm[:2] - start.dcm[:2]).max() < 1e-4

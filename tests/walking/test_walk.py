@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from pendulum import analytic_pattern, com_after
+from pendulum import analytic_pattern, com_after, support_area
 
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots import load
@@ -19,7 +19,7 @@ from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.lipm.adjustment import SHORTEST, AdjustmentSettings, StepAdjuster
-from wbc.walking.lipm.schedule import ZmpTarget, schedule, support_area
+from wbc.walking.lipm.schedule import ZmpTarget, schedule
 from wbc.walking.lipm.walk import CLIMBING_INWARD, TOUCH_DOWNS, Walk, WalkSettings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity

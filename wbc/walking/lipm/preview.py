@@ -1,54 +1,50 @@
 """Preview control: a motion of the ZMP inside the supports that takes the DCM to the plan.
 
-The ZMP is a broken line with knots z_0 … z_N at fixed times, the first and the last one on the reference; the
-pendulum over it is known in closed form, so that the DCM now is linear in the knots,
+The ZMP is a broken line with knots z_k: the first one is where it is now, the others are the ends of the next supports,
+and some within the present one. The pendulum over it is known in closed form, so that the DCM now is linear in them,
 
-    ξ_0 = Σ_k B_k z_k + e^{−ω T} ξ_N,
+    ξ_0 = Σ_k w_k z_k + e^{−ω T} ξ_N,
 
-and a small QP of fixed size finds their distances δ_k from the reference:
+and a small QP finds their distances δ_k from the reference, with Δ_k the time that belongs to a knot:
 
-    minimise  Σ_k Δ_k |δ_k|² + r Σ_k |δ_k − δ_{k−1}|²/Δ_k + s |slack|²
-    subject to  ξ_0 + slack = the DCM as planned or as measured,   z_k inside the support.
+    minimise  Σ_k Δ_k |δ_k|² + s |ξ_0 − the DCM as planned or as measured|²     subject to  z_k inside the support.
 
-From the horizon on the plan is the analytic one, which comes to rest: there is no horizon effect, and a start on
-the analytic plan gives that plan back.
+A knot between two supports belongs to the single one, so that its limits are those of one sole: with both ends of a
+ramp in a sole each, the ramp is within their hull. A knot within a double support stays on the strip between the soles.
+From the horizon on the plan is the analytic one, which comes to rest: there is no horizon effect, and a start on the
+analytic plan gives that plan back.
 
-Source: the boundedness constraint of N. Scianca et al., IEEE T-RO 36(4), 2020 (intrinsically stable MPC), with
-the tail of the analytic plan; support rows as in S. Caron et al., ICRA 2019.
+Source: the boundedness constraint of N. Scianca et al., IEEE T-RO 36(4), 2020 (intrinsically stable MPC), with the tail
+of the analytic plan.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from dataclasses import field
 from typing import Annotated
 
+import daqp
 import numpy as np
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, Array
+from wbc.base.numbers import ROUNDING
 from wbc.base.settings import NonNegative, settings
-from wbc.core.qp.problem import Problem
-from wbc.core.qp.solver import QpSolver, Status
+from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern, dcm_backwards
-from wbc.walking.lipm.schedule import (
-    EDGES,
-    SupportPhase,
-    ZmpTarget,
-    support_area,
-    zmp_reference,
-)
-from wbc.walking.plans.footsteps import SoleSizes
+from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, zmp_reference
+from wbc.walking.plans.footsteps import Footstep, SoleSizes
 
-KNOTS, INTERVAL = 16, 0.1
-"""Number of knots N; greatest time between them, s: each support is cut into equal parts."""
+SUPPORTS, PARTS, INTERVAL, REST = 8, 4, 0.1, 0.5
+"""Supports after the present one whose ends are knots, of four steps; greatest number of parts of the present one, and
+their least time, s; time of the last piece where the walk ends within the horizon, s."""
 
-RATE_WEIGHT, SLACK_WEIGHT = 1e-3, 1e4
-"""Cost r of the velocity of the ZMP against the reference's, s²; cost s of a DCM that no ZMP inside the supports takes
-to the plan, 1/s²: the slack is zero unless the constraints cannot be met without it."""
+DCM_WEIGHT = 1e6
+"""Cost s of a DCM that no ZMP inside the supports takes to the plan, s: it is met unless it cannot be."""
 
 
 @settings
@@ -64,114 +60,108 @@ class PreviewSettings:
     target: ZmpTarget = field(default_factory=ZmpTarget)
 
 
+Area = tuple[complex, complex, complex]
+"""Rectangle: its axis e^{iφ}, its centre, and half of its size along and across that axis as parts of a number, m."""
+
+
 class PreviewController:
     """Planner of the pendulum over a horizon.
 
     Attributes:
-        status: Status of the last QP.
+        missed: Distance between the DCM and that from which the last plan begins, m: none but where a ZMP inside the
+            supports does not take it there.
     """
 
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
-        """Set up the QP; an `InputError` for a margin or a target that does not fit into a sole."""
+        """Set up; an `InputError` for a margin or a target that does not fit into a sole."""
         self.settings = s = settings or PreviewSettings()
-        self.height = height
-        self.omega = natural_frequency(height)
-        self._sizes = sizes
-        for length, width in sizes:
+        self.height, self.omega, self.missed = height, natural_frequency(height), 0.0
+        self._room = {}
+        for side, (length, width) in zip(SIDES, sizes, strict=True):
             if 2.0 * s.margin >= min(length, width):
                 raise InputError(
                     f"preview margin of {s.margin:g} m leaves nothing of a sole of {length:g} × {width:g} m"
                 )
-            room = 0.5 * length - s.margin, 0.5 * width - s.margin
-            if abs(s.target.forward) > room[0] or abs(s.target.inward) > room[1]:
+            self._room[side] = room = complex(0.5 * length - s.margin, 0.5 * width - s.margin)
+            if abs(s.target.forward) > room.real or abs(s.target.inward) > room.imag:
                 raise InputError(
                     f"target of the ZMP, {s.target.forward:g} m forward and {s.target.inward:g} m inward, must be at "
-                    f"most {room[0]:g} and {room[1]:g} m from the centre of a sole of {length:g} × {width:g} m"
+                    f"most {room.real:g} and {room.imag:g} m from the centre of a sole of {length:g} × {width:g} m"
                 )
-        free = KNOTS - 1
-        self._problem = p = Problem(0, 0, 2 * free + 2, 2, 2 * KNOTS, EDGES * free)
-        p.equality[0, -2] = p.equality[1, -1] = 1.0
-        p.soft[: 2 * free, : 2 * free] += np.eye(2 * free)
-        p.soft[2:, : 2 * free] -= np.eye(2 * free)
-        p.diagonal[-2:] = SLACK_WEIGHT
-        self._areas: list[Array | None] = [
-            None
-        ] * free  # normals of the support area of each knot, as written
-        self._solver = QpSolver(p)
-        self.status = Status.SOLVED
 
     def plan(self, supports: Sequence[SupportPhase], start: Pendulum) -> Pattern:
-        """Plan from the pendulum through a schedule to rest; if the QP fails, along the reference of the ZMP."""
+        """Plan from the pendulum through a schedule to rest."""
         if not supports:
             raise InputError("a schedule must have at least one support")
-        s = self.settings
-        ref_times, ref_points = zmp_reference(supports, s.target, start.zmp[:2])
-        times, areas = self._grid(supports)
-        reference = np.zeros((times.size, 2))
-        for axis in (0, 1):
-            reference[:, axis] = np.interp(times, ref_times, ref_points[:, axis])
-        tail = ref_times > times[-1] + ROUNDING
-        tail_times, tail_points = ref_times[tail], ref_points[tail]
-        after = np.concatenate((times[-1:], tail_times)), np.concatenate((reference[-1:], tail_points))
-        end_dcm = dcm_backwards(*after, self.omega)[0]
+        times, points, areas = self._knots(supports, complex(*start.zmp[:2].tolist()))
         dcm = start.com[:2] + start.com_velocity[:2] / self.omega
+        error = complex(*dcm.tolist()) - dcm_backwards(times, points, self.omega)[0]
+        self.missed = 0.0
+        if abs(error) > ROUNDING:
+            self._shift(times, points, areas, error)
+        profile = HeightProfile(supports, self.height, start)
+        return Pattern(times, points, start, self.height, profile)
 
-        self._fill(times, reference, areas, end_dcm, dcm)
-        self.status = self._solver.solve()
-        knots = reference.copy()
-        if self.status.ok:
-            knots[1:-1] += self._solver.x[:-2].reshape(-1, 2)
-        return Pattern(
-            np.concatenate([times, tail_times]),
-            np.concatenate([knots, tail_points]),
-            start.com[:2],
-            start.com_velocity[:2],
-            self.height,
-            HeightProfile(supports, self.height, start),
+    def _knots(
+        self, supports: Sequence[SupportPhase], now: complex
+    ) -> tuple[list[float], list[complex], list[Area]]:
+        """Return times and reference of all knots, and the areas of those that are free, from the second one on."""
+        times, points, areas = [0.0], [now], list[Area]()
+        supports = [support for support in supports if support.duration > ROUNDING] or supports[-1:]
+        for i, (support, end) in enumerate(
+            zip(supports, zmp_reference(supports, self.settings.target), strict=True)
+        ):
+            span = max(support.duration, ROUNDING)
+            parts = min(PARTS, max(1, math.ceil(span / INTERVAL - 1e-6))) if i == 0 else 1
+            begin, point = times[-1], points[-1]
+            times += [begin + span * k / parts for k in range(1, parts + 1)]
+            points += [point + (end - point) * k / parts for k in range(1, parts + 1)]
+            if i <= SUPPORTS:
+                following = supports[min(i + 1, len(supports) - 1)]
+                areas += [self._area(support.feet)] * (parts - 1)
+                areas.append(self._area(support.feet if support.single else following.feet))
+        if len(areas) == len(times) - 1:  # the walk ends within the horizon
+            times.append(times[-1] + REST)
+            points.append(points[-1])
+        return times, points, areas
+
+    def _area(self, feet: Sequence[Footstep]) -> Area:
+        """Return the area of the ZMP on one foot, or the strip between two."""
+        places = [complex(foot.x, foot.y) for foot in feet]
+        if len(feet) == 1:
+            return cmath.rect(1.0, feet[0].yaw), places[0], self._room[feet[0].side]
+        way = places[1] - places[0]
+        axis = way / abs(way)
+        across = [1j * axis * cmath.rect(1.0, -foot.yaw) for foot in feet]  # in the axes of each foot
+        rooms = [self._room[foot.side] for foot in feet]
+        half = min(
+            min(room.real / max(abs(n.real), ROUNDING), room.imag / max(abs(n.imag), ROUNDING))
+            for n, room in zip(across, rooms, strict=True)
         )
+        return axis, 0.5 * sum(places), complex(0.5 * abs(way), half)
 
-    def _grid(self, supports: Sequence[SupportPhase]) -> tuple[Array, list[tuple[Array, Array]]]:
-        """Times of knots 0 … N and the support area of the free knots 1 … N−1."""
-        s = self.settings
-        times: list[float] = [0.0]
-        areas: list[tuple[Array, Array]] = []
-        last = supports[-1]
-        for support in supports:
-            if len(times) > KNOTS + 1:
-                break  # beyond the horizon the plan is the analytic one
-            if support.duration <= ROUNDING:
-                continue
-            parts = max(1, math.ceil(support.duration / INTERVAL - 1e-6))
-            area = support_area(support.feet, self._sizes, s.margin)
-            if support.single and areas:
-                areas[-1] = area  # the knot between both supports belongs to the smaller one
-            for _ in range(parts):
-                times.append(times[-1] + support.duration / parts)
-                areas.append(area)
-        while len(times) <= KNOTS:  # at the end of the walk: stand on
-            times.append(times[-1] + INTERVAL)
-            areas.append(support_area(last.feet, self._sizes, s.margin))
-        return np.array(times[: KNOTS + 1]), areas[: KNOTS - 1]
-
-    def _fill(
-        self, times: Array, reference: Array, areas: list[tuple[Array, Array]], end_dcm: Array, dcm: Array
-    ) -> None:
-        """Write the QP."""
-        p, omega = self._problem, self.omega
-        span = times[1:] - times[:-1]
-        # ξ_0 = Σ_k weights_k z_k + decay ξ_N: each piece gives to its two ends (linear shape functions).
-        x = omega * span
-        fall = np.exp(-x)
-        before = np.concatenate([[1.0], np.cumprod(fall)])
-        weights = np.zeros(span.size + 1)
-        weights[:-1] = before[:-1] * (1.0 - (1.0 - fall) / x)
-        weights[1:] += before[:-1] * ((1.0 - fall) / x - fall)
-        p.equality[0, 0:-2:2] = p.equality[1, 1:-2:2] = weights[1:-1]
-        p.target[:2] = dcm - (weights @ reference + before[-1] * end_dcm)
-        p.diagonal[:-2] = np.repeat(0.5 * (span[:-1] + span[1:]), 2)
-        p.soft_weight[:] = np.repeat(RATE_WEIGHT / span, 2)
-        for k, (area, (normals, offsets)) in enumerate(zip(self._areas, areas, strict=True)):
-            rows = slice(EDGES * k, EDGES * (k + 1))
-            if normals is not area:
-                p.inequality[rows, 2 * k : 2 * k + 2] = self._areas[k] = normals
-            np.subtract(offsets, normals.dot(reference[k + 1]), out=p.upper[rows])
+    def _shift(self, times: list[float], points: list[complex], areas: list[Area], error: complex) -> None:
+        """Move the free knots so that the plan begins with a DCM that is off its reference by an error, m."""
+        free, spans = len(areas), np.diff(times[: len(areas) + 2])
+        axes, centres, halves = (np.array(part) for part in zip(*areas, strict=True))
+        x = self.omega * spans
+        fall, before = np.exp(-x), np.exp(-self.omega * np.array(times[: free + 1]))
+        mean = (1.0 - fall) / x
+        # Each piece gives to its two ends: linear shape functions.
+        weights = before[:-1] * (mean - fall)[:-1] + before[1:] * (1.0 - mean)[1:]
+        gain = weights * axes
+        rows = np.zeros((2, 2 * free))
+        rows[0, ::2] = rows[1, 1::2] = gain.real
+        rows[0, 1::2], rows[1, ::2] = -gain.imag, gain.imag
+        hessian = DCM_WEIGHT * rows.T @ rows
+        hessian[np.diag_indices(2 * free)] += np.repeat(0.5 * (spans[:-1] + spans[1:]), 2)
+        gradient = -DCM_WEIGHT * (np.array((error.real, error.imag)) @ rows)
+        off = (centres - np.array(points[1 : free + 1])) * axes.conj()
+        low, high = (off - halves).view(float), (off + halves).view(float)
+        solved, _, flag, _ = daqp.solve(
+            hessian, gradient, np.zeros((0, 2 * free)), high, low, np.zeros(2 * free, np.int32)
+        )
+        shifts = solved.view(complex) if flag > 0 else np.zeros(free, complex)
+        self.missed = abs(error - complex((gain * shifts).sum()))
+        for k, shift in enumerate((shifts * axes).tolist(), start=1):
+            points[k] += shift

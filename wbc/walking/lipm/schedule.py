@@ -1,23 +1,14 @@
-"""Schedule of the supports of a plan, with the area and the reference of the ZMP on each of them."""
+"""Schedule of the supports of a plan, with the reference of the ZMP on each of them; points are x + iy, m."""
 
 from __future__ import annotations
 
-import math
+import cmath
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Annotated
 
-import numpy as np
-
-from wbc.base.errors import InputError
-from wbc.base.hull import convex_hull
-from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Number, settings
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes
-
-EDGES = 8
-"""Number of half-planes of a support area; the hull of two rectangles never has more."""
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 
 
 @dataclass(frozen=True)
@@ -67,51 +58,16 @@ class ZmpTarget:
         """Return the point in the frame of a left or right sole, x and y, m."""
         return self.forward, -self.inward if side == "left" else self.inward
 
-    def under(self, foot: Footstep) -> tuple[float, float]:
-        """Return the point under a foot, x and y in the world, m."""
-        forward, side = self.in_sole(foot.side)
-        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
-        return foot.x + c * forward - s * side, foot.y + s * forward + c * side
+    def under(self, foot: Footstep) -> complex:
+        """Return the point under a foot in the world."""
+        return complex(foot.x, foot.y) + cmath.rect(1.0, foot.yaw) * complex(*self.in_sole(foot.side))
 
 
-def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
-    """Return times (s) and points (m) of a ZMP that rests under stance feet and crosses over on both, from that now."""
-    times, points = [0.0], [tuple(np.asarray(start, dtype=float).tolist())]
+def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget) -> list[complex]:
+    """Return the points at the ends of supports of a ZMP that rests under stance feet and crosses over on both."""
+    points = []
     for i, support in enumerate(supports):
-        if support.single:
-            goal = target.under(support.feet[0])
-        elif i + 1 < len(supports):
-            goal = target.under(supports[i + 1].feet[0])
-        else:
-            (x, y), (u, v) = target.under(support.feet[0]), target.under(support.feet[1])
-            goal = 0.5 * (x + u), 0.5 * (y + v)
-        times.append(times[-1] + support.duration)
-        points.append(goal)
-    return np.array(times), np.array(points)
-
-
-@lru_cache(maxsize=256)
-def support_area(feet: tuple[Footstep, ...], sizes: SoleSizes, margin: float = 0.0) -> tuple[Array, Array]:
-    """Return half-planes N z ≤ d of the area of one or two feet less a margin, m: shapes (8, 2), (8,).
-
-    Rows that are not needed are zero with d = 1. Cached: do not write into them.
-    """
-    corners = []
-    for foot in feet:
-        length, width = sizes[0] if foot.side == "left" else sizes[1]
-        if 2.0 * margin >= min(length, width):
-            raise InputError(f"a margin of {margin:g} m leaves nothing of a sole of {length:g} × {width:g} m")
-        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
-        for fx, fy in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
-            x, y = fx * (0.5 * length - margin), fy * (0.5 * width - margin)
-            corners.append((foot.x + c * x - s * y, foot.y + s * x + c * y))
-    # 1e-9 m² drops corners on an edge, such as those of parallel feet side by side.
-    hull = convex_hull(corners, tolerance=ROUNDING)
-    normals, offsets = np.zeros((EDGES, 2)), np.ones(EDGES)
-    for row, (a, b) in enumerate(zip(hull, np.roll(hull, -1, axis=0), strict=True)):
-        edge = np.array([b[0] - a[0], b[1] - a[1]])
-        normals[row] = np.array([edge[1], -edge[0]]) / np.hypot(*edge)
-        offsets[row] = normals[row] @ a
-    normals.setflags(write=False)
-    offsets.setflags(write=False)
-    return normals, offsets
+        stance = support if support.single or i + 1 == len(supports) else supports[i + 1]
+        under = [target.under(foot) for foot in stance.feet]
+        points.append(sum(under) / len(under))
+    return points

@@ -49,10 +49,6 @@ TURNED, MOST_TURN = 0.02, 0.04
 """Angle by which soles have turned on the ground from which on the landings to come are turned back, and greatest angle
 of that in a step, rad."""
 
-REPLAN = 0.1
-"""Time between plans of the pattern, s; each event plans it anew as well."""
-
-
 DEBOUNCE, HOLD = 0.01, 0.05
 """Time that the load of a touch-down must last; remaining time that the pattern plans with while a phase waits for a
 foot, s."""
@@ -188,7 +184,6 @@ class Walk(GaitMachine):
             self._start()
         self._time = 0.0  # since the pattern was planned, s
         self._pattern = self._preview.plan(self.supports(), Pendulum.at_rest(com, float(middle[2])))
-        self._pattern_status = self._preview.status
         self.drift_correction = pin.SE3.Identity()
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
 
@@ -364,8 +359,7 @@ class Walk(GaitMachine):
             elif event in TOUCH_DOWNS and flown is not None:
                 self._land(places, flown.landing)
         overdue, swing = self.overdue, self.swing
-        interval = 0.5 * HOLD if overdue else REPLAN
-        if events or self._time >= interval - ROUNDING:
+        if events or (overdue and self._time >= 0.5 * HOLD - ROUNDING):
             if self._time > 0.0:  # a swing that begins has planned already
                 self._replan()
         elif dcm is not None and self._adjuster and swing is not None and not overdue:
@@ -449,10 +443,6 @@ class Walk(GaitMachine):
         """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
         self._pattern = self._preview.plan(self.supports(), self._pattern.at(self._time))
         self._time = 0.0
-        status = self._preview.status
-        if not status.ok and self._pattern_status.ok:
-            logger.warning("no ZMP could be planned (%s); it follows the reference", status.name)
-        self._pattern_status = status
 
     def _plan_swing(self, landing: Footstep) -> None:
         """Keep the swing as it is planned now: adjustments are made against it."""
