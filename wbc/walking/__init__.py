@@ -4,7 +4,8 @@ control     the control: what is asked of a robot, and the tick
 source      what the control follows in every tick; another one derives from `ReferenceSource`
 steering    velocities and goals, for steps of both kinds
 plans       footsteps: plans, gait, reach of the legs, and who is asked for them while the robot walks
-lipm        planned steps: phases, preview control, step adjustment
+gait        phases, contacts, swing and touch-down, for steps of both kinds
+lipm        planned steps: preview control, step adjustment
 stepping    free steps, which are decided as the robot goes
 ground, swing, contact, tasks    the same for both: what is known of the ground … the targets of the tasks
 table       costs and gains of the tasks, for steps of both kinds

@@ -1,5 +1,5 @@
-"""Law of planned footsteps: phases by contact and time, preview control of the ZMP, step adjustment.
+"""Planned steps: phases by contact and time, preview control of the ZMP, step adjustment.
 
-`source` is what a control follows, `walk` puts the parts together. A rule for when feet lift or land: `phases`;
+`source` is what a control follows, `walk` puts the parts together. A rule for when feet lift or land goes into `walk`;
 a pattern generator: beside `preview`.
 """
