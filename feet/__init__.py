@@ -1,7 +1,7 @@
-"""Feet: soles and their actuator, the range sensor under the toe, and stiffness from the roughness of the ground.
+"""Feet: soles and their actuators, the range sensor under the toe, and the stiffness for a roughness of the ground.
 
-A new foot goes to `soles/`, a new sensor to `sensing/`, a new model of stiffness to `stiffness/`. Modules that need
-MuJoCo end in `_mjcf` and are imported from there.
+A new foot goes into `soles/`, a new sensor into `sensing/`, a new model of stiffness into `stiffness/`. The names of
+modules that need MuJoCo end in `_mjcf`; they are not exported here.
 """
 
 from __future__ import annotations

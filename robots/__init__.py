@@ -1,13 +1,12 @@
-"""Robots as data: `load` one by name or file, or describe any with `RobotDescription.from_mjcf` and `from_urdf`.
+"""Robots as data: `load` returns one by name or file; `RobotDescription.from_urdf` and `from_mjcf` describe others.
 
 Where to start, in the order of the data:
 
-- `description`: a robot as data, and the models made from it; `frames` are its soles and other frames.
-- `registry` and `files`: robots by name; a file of one's own and its TOML.
-- `urdf`: the one URDF string that Pinocchio and MuJoCo read. `readers/`: an MJCF, compiled by MuJoCo, becomes one:
-  tree, drives, feet, forces that the controller does not know.
-- `derivation/`: what a file does not say; `complete` has the order, `defaults` the rules.
-- `report`: facts and doubts.
+- `description`: a robot as data, and the models that are made from it; `frames`: its soles and other frames. -
+`registry` and `files`: robots by name, and robots from a file of your own and its TOML. - `urdf`: the URDF that both
+Pinocchio and MuJoCo read. `readers/`: converts an MJCF, compiled by MuJoCo, to such a URDF, with its tree, drives,
+feet, and the forces that the controller does not know. - `derivation/`: values that a file does not have; `complete`
+has the order, `defaults` the rules. - `report`: facts and doubtful values of a description.
 
 A new built-in robot is a function in `models/` and a line in `registry`; a new default goes to `derivation/`.
 """

@@ -28,7 +28,7 @@ _FEETLESS: dict[str, Callable[[], RobotDescription]] = {
 
 
 def names() -> tuple[str, ...]:
-    """Return the robots that are always there, built-in ones first, and those that were registered."""
+    """Return the names of the built-in robots, and then of the registered ones."""
     return tuple(_FACTORIES)
 
 
@@ -42,7 +42,7 @@ def others() -> tuple[str, ...]:
 
 @checked
 def register(name: str, factory: Callable[[], RobotDescription]) -> None:
-    """Register a robot under a name for `load`, which calls the factory of its description once."""
+    """Register a robot under a name; `load` calls the factory of its description once."""
     _FACTORIES.add(name, factory)
 
 

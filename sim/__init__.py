@@ -1,7 +1,7 @@
-"""Simulation: the MuJoCo plant, stands and walks on it, terrains, the rig for feet, and studies.
+"""Simulation: the MuJoCo plant, trials (stands, walks) on it, terrains, scenes, the test rig of feet, and studies.
 
-Many trials, their journals and tables are in `wbc.sim.studies`. A new experiment goes to a room of its own beside
-`balance` and `walks`: a `TrialSpec`, a `Trial`, a `TrialResult`.
+`wbc.sim.studies` runs many trials, and has their journals and tables. A new kind of experiment goes into a folder of
+its own beside `balance` and `walks`, with a `TrialSpec`, a `Trial` and a `TrialResult`.
 """
 
 from typing import TYPE_CHECKING

@@ -14,19 +14,19 @@ from wbc.base.settings import NonNegative, Positive, Share, settings
 
 @settings
 class RangeSensor:
-    """Errors and limits of a range sensor; the defaults are those of a perfect one read at every tick.
+    """Errors and limits of a range sensor; the defaults are those of a perfect sensor that is read at every tick.
 
     Attributes:
         least: Shortest distance in range, m.
         greatest: Longest distance in range, m.
         noise: Standard deviation of a reading, m.
-        relative_noise: Second part of the standard deviation, per metre of distance.
+        relative_noise: Part of the standard deviation that grows with the distance, m/m.
         resolution: Quantum of a reading, m; 0 for none.
         dropout: Probability that a reading is lost.
         rate: Readings per second, Hz; 0 for a reading at every call.
 
-    Source: 200 Hz and a perfect sensor in the authors' public simulation; their later hardware used ranges of
-    0.1 m to 4 m (VL6180, VL53L1X).
+    Source: the authors' public simulation has 200 Hz and a perfect sensor. Their later hardware had ranges of 0.1 m to
+        4 m (VL6180, VL53L1X).
     """
 
     least: Annotated[NonNegative, "m"] = 0.0

@@ -88,7 +88,7 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
     """Return the roughness of profiles on a uniform grid.
 
     Args:
-        x: Places along the walking direction, 8 or more, ascending and evenly spaced, shape (n,), m.
+        x: Positions along the walking direction, at least 8, ascending and evenly spaced, shape (n,), m.
         z: Heights, shape (…, n), m.
         settings: Filter.
     """

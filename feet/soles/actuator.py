@@ -32,21 +32,21 @@ class StiffnessState:
 class StiffnessActuator:
     """Rate limit followed by a first-order lag in the logarithm of the stiffness, integrated exactly.
 
-    What a sole does depends on the order of magnitude of its stiffness. The reference r moves towards the command at no
-    more than `rate_limit`; the actual stiffness a follows it with T d(log a)/dt = log r − log a. Both have closed forms
-    over an interval of constant command, so the result does not depend on the time step.
+    The logarithm is used because the effect of a sole depends on the order of magnitude of its stiffness. The reference
+    r moves towards the command with `rate_limit` at most. The actual stiffness a follows it by T d(log a)/dt = log r −
+    log a. Both have closed forms while the command is constant, so the result does not depend on the time step.
 
     Attributes:
-        rate_limit: Largest |d(log10 r)/dt|, decades/s; infinite for none.
-        time_constant: T, s; 0 for none.
-        low: Smallest stiffness, Nm/rad; above 0 unless the actuator acts at once.
+        rate_limit: Largest |d(log10 r)/dt|, decades/s; infinite for no limit.
+        time_constant: Time constant T of the lag, s; 0 for no lag.
+        low: Smallest stiffness, Nm/rad; above 0, except for an actuator that acts at once.
         high: Largest stiffness, Nm/rad; infinite for no limit.
 
-    The defaults cross the whole range in the last 0.2 s of a swing of 0.8 s: 0.1 s of ramp, and 0.1 s, five time
-    constants, until the error is 1 %.
+    With the defaults the stiffness crosses the whole range in the last 0.2 s of a swing of 0.8 s: 0.1 s for the ramp,
+    and 0.1 s (five time constants) until the error is 1 %.
 
-    Source: range: on 1–80 Nm/rad walks hardly differ (docs/feet.md); below 1 the sole hangs slack, at 2,000 it is
-    nearly rigid. Rate and lag are chosen here and stand for no existing actuator.
+    Source of the range: between 1 and 80 Nm/rad walks hardly differ (docs/feet.md), below 1 the sole hangs slack, and
+        at 2,000 it is nearly rigid. Rate and lag are chosen here; they are not those of an existing actuator.
     """
 
     rate_limit: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "decades/s"] = 33.0
@@ -64,7 +64,7 @@ class StiffnessActuator:
 
     @classmethod
     def instantaneous(cls, high: float = PAPER_STIFFEST) -> StiffnessActuator:
-        """Return an actuator whose actual stiffness is always the commanded one, by default with the paper's range.
+        """Return an actuator whose stiffness is always the commanded one, by default with the paper's range.
 
         Source: range from Table I of the paper, whose simulation changes the stiffness in one step.
         """
@@ -76,7 +76,7 @@ class StiffnessActuator:
         return math.isinf(self.rate_limit) and self.time_constant == 0.0
 
     def check(self, stiffness: float) -> float:
-        """Return a commanded stiffness, Nm/rad, if it is within the range."""
+        """Return a commanded stiffness, Nm/rad; raise an error if it is out of range."""
         return finite_scalar("commanded sole stiffness (Nm/rad)", stiffness, low=self.low, high=self.high)
 
     def at_rest(self, stiffness: float) -> StiffnessState:
@@ -90,7 +90,7 @@ class StiffnessActuator:
         Args:
             state: State at the start.
             command: Commanded stiffness, Nm/rad.
-            duration: Seconds.
+            duration: Duration, s.
         """
         target = self.check(command)
         left = non_negative("duration (s)", duration)

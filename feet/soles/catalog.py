@@ -54,7 +54,7 @@ def foot_name(design: Foot) -> str:
 
 
 def register_foot(name: str, kind: type[Foot]) -> None:
-    """Register a foot of your own under a name, in place of any other foot of that name.
+    """Register a foot of your own under a name; it replaces any other foot with this name.
 
     Args:
         name: Name for `foot` and the command line.

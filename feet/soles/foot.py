@@ -20,19 +20,20 @@ class FootParts:
     Attributes:
         side: "left" or "right".
         fit: Rectangle, inertia and height of the foot under its ankle.
-        body: Body welded under the ankle link, root of all others of the foot; its frame is the sole frame.
+        body: Body welded to the ankle link, root of all other bodies of the foot; its frame is the sole frame.
         wrench_site: Site of the force sensor, at the sole centre in sole axes.
-        force_sensor: Force of the foot on the ankle link reversed, in sole axes, N: the ground's force has
-            its opposite sign.
-        torque_sensor: Torque of the foot on the ankle link reversed, about the sole centre in sole axes, Nm.
+        force_sensor: Reversed force of the foot on the ankle link, along the axes of the sole, N; the force of the
+            ground has the opposite sign.
+        torque_sensor: Reversed moment of the foot on the ankle link about the sole centre, along the axes of the sole,
+            Nm.
         range_site: Site under the toe whose z axis is the ray of the range sensor.
-        range_height: Height of that site over the sole in the rest shape, m.
+        range_height: Height of `range_site` over the sole in the rest shape, m.
         contact_geoms: Spheres that touch the ground, row by row from the toe, each row from right to left.
         sole_joints: Hinges of the sole about the transverse axis, from the toe to the heel; empty for a rigid
             sole.
         variable_joints: Hinges whose stiffness follows the commanded one.
-        arch_joint: Hinge of the frontal arch, None without one.
-        loop_sites: Sites on the arch and on the sole that the loop closure holds together, None without one.
+        arch_joint: Hinge of the front arch; None without an arch.
+        loop_sites: Sites on the arch and on the sole that the loop closure holds together; None without an arch.
     """
 
     side: str
@@ -54,8 +55,8 @@ class FootParts:
 class Foot(ABC):
     """A foot design.
 
-    `fit` returns everything that a controller needs, without a simulator; `build` adds the foot to a MuJoCo model. A
-    foot of your own is a frozen dataclass that derives from this class and implements both.
+    `fit` returns the data that a controller needs, without a simulator. `build` adds the foot to a MuJoCo model. A foot
+    of your own is a frozen dataclass that derives from this class and implements both methods.
 
     Attributes:
         contact: Contact spheres of the sole.
@@ -65,7 +66,7 @@ class Foot(ABC):
 
     @abstractmethod
     def fit(self, sole: SoleGeometry) -> FootFit:
-        """Return the foot in place of the robot's own sole.
+        """Return the data of the foot under an ankle, in place of the robot's own sole.
 
         Args:
             sole: The robot's own sole.
@@ -102,14 +103,15 @@ def fitted_sole(
     ankle_height: Annotated[Positive, "m"] | None = None,
     min_height: Annotated[NonNegative, "m"],
 ) -> SoleGeometry:
-    """Return the rectangle of a foot under an ankle, oriented and laterally placed as the robot's own sole.
+    """Return the rectangle of a foot under an ankle, with the orientation and lateral place of the robot's own sole.
 
     Args:
         sole: The robot's own sole.
         length: Extent of the foot along x, m.
         width: Extent along y, m.
-        ankle_behind: Distance from the ankle forward to the sole centre, m.
-        ankle_height: Height of the ankle over the sole, m; None takes the robot's own or, if larger, `min_height`.
+        ankle_behind: Distance by which the ankle is behind the sole centre, m.
+        ankle_height: Height of the ankle over the sole, m. When None, it is that over the robot's own sole, or
+            `min_height` if this is larger.
         min_height: Smallest height of the ankle that leaves room for the foot, m.
     """
     own_height = float(sole.ankle[2])

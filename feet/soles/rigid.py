@@ -41,7 +41,7 @@ class RigidFoot(Foot):
         length: Extent along x, m.
         width: Extent along y, m.
         thickness: Height of the plate, m.
-        ankle_behind: Distance from the ankle forward to the sole centre, m.
+        ankle_behind: Distance by which the ankle is behind the sole centre, m.
         ankle_height: Height of the ankle over the sole, m; None keeps the robot's own.
         mass: Mass of the plate, kg; by default the soft foot's, so that they differ in compliance alone.
     """

@@ -69,7 +69,7 @@ class SoftDesign(Foot):
         width: Extent along y, m.
         thickness: Height of the phalanges, m; twice the radius of the sole spheres.
         hinge_height: Height of the sole hinges over the sole, m.
-        ankle_behind: Distance from the ankle forward to the sole centre, m.
+        ankle_behind: Distance by which the ankle is behind the sole centre, m.
         ankle_height: Height of the ankle over the sole, m; None keeps the robot's own if it is high enough.
         arch_clearance: Smallest height of the ankle over the top of the phalanges, m.
         arch_stiffness: k of the frontal arch, Nm/rad.

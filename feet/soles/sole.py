@@ -104,16 +104,17 @@ TOE_HEIGHT = 0.02
 
 @dataclass(frozen=True)
 class FootFit:
-    """A foot in its place under an ankle.
+    """Data of a foot under an ankle, for the models of controller and plant.
 
     Attributes:
-        sole: The rectangle that replaces the robot's own, for the contacts of a controller.
-        added_inertia: Inertia that the foot in its rest shape adds to the ankle link, in the axes and at the origin of
-            that link. A controller model may append it, or leave it out as the paper does.
+        sole: Rectangle that replaces the robot's own sole, for the contacts of a controller.
+        added_inertia: Inertia that the foot in its rest shape adds to the ankle link, along the axes and at the origin
+            of this link. The controller's model may include it, or leave it out as in the paper.
         mass: Mass added to the robot by this foot, kg.
-        height_change: Rise of the ankle against the robot's own sole, m.
-        toe_sensors: Places in the sole frame of the range sensors that look down at the toe, m; when None three over
-            the front edge, at both corners and in the middle. (The paper's single one is `FootParts.range_site`.)
+        height_change: Height of the ankle over the ground minus its height with the robot's own sole, m.
+        toe_sensors: Positions of the downward range sensors at the toe in the sole frame, m. When None, there are three
+            over the front edge: at both corners and in the middle. (The single sensor of the paper is
+            `FootParts.range_site`.)
     """
 
     sole: SoleGeometry

@@ -152,11 +152,11 @@ class Prediction:
 @checked
 @dataclass(frozen=True, eq=False)
 class StiffnessModel:
-    """A fitted model: scaled features, and the nearest profiles of known best stiffness.
+    """Model of the best stiffness for a profile of the ground: scaled features, and the nearest training profiles.
 
-    `predict` is that of scikit-learn's scaler and nearest neighbours in plain NumPy, which takes microseconds. All rows
-    at the distance of the last neighbour are neighbours, as level ground among level ground; scikit-learn takes the
-    first.
+    `predict` computes the same as scikit-learn's scaler and nearest neighbours, but in plain NumPy, which takes
+    microseconds. There is one difference: several rows can be at the distance of the last neighbour, for example all
+    level profiles. Here all of them are neighbours; scikit-learn takes only the first ones.
 
     Attributes:
         settings: Settings of the model.
@@ -164,9 +164,9 @@ class StiffnessModel:
         features: Features of the training profiles, not scaled, shape (n, f).
         stiffness: Best stiffness of each, Nm/rad, shape (n,).
         mean: Mean of each feature, shape (f,).
-        scale: Standard deviation of each feature, 1 where it does not vary, shape (f,).
-        reach: Largest distance of a familiar profile from its nearest neighbour.
-        made: Provenance, as plain values.
+        scale: Standard deviation of each feature, shape (f,); 1 for a feature that does not vary.
+        reach: Largest distance to the nearest neighbour at which a profile counts as familiar.
+        made: Provenance of the training profiles, as plain values.
     """
 
     settings: ModelSettings
@@ -192,9 +192,9 @@ class StiffnessModel:
         """Return a model fitted to profiles and their best stiffness.
 
         Args:
-            values: Roughness parameters of the profiles, computed as `recipe` says, shape (n, 10).
+            values: Roughness parameters of the profiles, computed by `recipe`, shape (n, 10).
             stiffness: Best stiffness of each, Nm/rad, shape (n,).
-            groups: Ground of each, shape (n,): profiles of one ground say nothing of what is familiar.
+            groups: Ground of each profile, shape (n,); profiles of the same ground are not used to determine `reach`.
             settings: Settings of the model; the paper's when None.
             recipe: Settings of the roughness.
             made: Provenance of the profiles.
@@ -252,7 +252,7 @@ class StiffnessModel:
         return Prediction(stiffness, cluster, closest, closest <= self.reach, features)
 
     def save(self, path: str | Path) -> None:
-        """Write the model as JSON, one training profile per line; numbers are exact."""
+        """Write the model as JSON, with one training profile in each line and exact numbers."""
         head = {
             "format": FORMAT,
             "version": VERSION,
@@ -270,7 +270,7 @@ class StiffnessModel:
 
     @classmethod
     def load(cls, path: str | Path) -> StiffnessModel:
-        """Return the model that `save` wrote; `InputError` for another file, or contents that do not fit together."""
+        """Return the model that `save` wrote; raise an `InputError` for any other or inconsistent file."""
         target = Path(path)
         if not target.is_file():
             raise InputError(f"no stiffness model '{target}'")

@@ -43,21 +43,21 @@ class ServoGains(NamedTuple):
 class ServoRule:
     """Proportional-derivative gains from effective inertia.
 
-    The effective inertia of a joint, at half-sitting, is its armature plus the inertia below it or, if that is larger
-    for a leg joint, a share of the inertia above it.
+    The effective inertia of a joint in half-sitting is its armature plus the inertia of the links below it. For a leg
+    joint a share of the inertia above it is taken instead if this is larger.
 
-    Legs are softer than that: foot admittance θ̇ = A (τ − τ*) through an ankle of stiffness K is a loop of rate A K,
-    which must stay well below one over the control period, and a leg as stiff as the floor transmits every bump. The
-    bounds are multiples of m g h, the stiffness against which the robot would tip: the published servo gains
-    of JVRC-1 (62 kg; hips and knees 5000 to 6000, ankles 3000 Nm/rad, jvrc_mj_description, BSD-2) are 9.4 to 11.3 and
-    5.7 of them.
+    The stiffness of legs has bounds, for two reasons. The foot admittance θ̇ = A (τ − τ*) through an ankle of stiffness
+    K is a loop of rate A K, which must stay well below 1 / control period. And a leg as stiff as the floor transmits
+    every bump. The bounds are multiples of m g h, the stiffness below which the robot would tip over. For comparison,
+    the published servo gains of JVRC-1 (62 kg; hips and knees 5000 to 6000, ankles 3000 Nm/rad, jvrc_mj_description,
+    BSD-2) are 9.4 to 11.3 and 5.7 of them.
 
     Attributes:
         frequency: Natural frequency of the held joint, Hz. 3 to 25 Hz stood quietly in simulation at 1 ms.
         damping_ratio: Damping ratio of the held joint; 1 is critical.
-        stance_share: Share of the inertia above that one leg holds; 0.5 with the weight on both.
-        leg_stiffness: Bound of hips and knees, m g h/rad.
-        ankle_stiffness: Bound of the last two joints of a leg, m g h/rad.
+        stance_share: Share of the inertia above a leg joint that this leg holds; 0.5 with the weight on both legs.
+        leg_stiffness: Bound of the stiffness of hips and knees, m g h/rad.
+        ankle_stiffness: Bound of the stiffness of the last two joints of a leg, m g h/rad.
     """
 
     frequency: Annotated[Positive, "Hz"] = 8.0

@@ -29,10 +29,10 @@ LOADED = 0.05
 
 @settings(kw_only=True, eq=False)
 class TrackSpec(TrialSpec):
-    """The simulation in which a clip is tracked: the fields of `TrialSpec`, and the time after the clip.
+    """Specification of a trial that tracks a clip: the fields of `TrialSpec`, and the time after the clip.
 
     Attributes:
-        after: Time of standing after the clip, s.
+        after: Time for which the robot stands after the clip, s.
     """
 
     robot: str = "g1"
@@ -210,8 +210,8 @@ def track_motion(
 
     Args:
         clip: Feasible clip.
-        spec: The simulation; the defaults when None.
-        hooks: Observers of every tick; they do not change the result.
+        spec: Specification of the trial; the defaults when None.
+        hooks: Hooks that observe every tick; they do not change the result.
     """
     result: TrackResult = TrackTrial(clip, spec).run(hooks)
     return result

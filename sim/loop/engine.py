@@ -48,11 +48,11 @@ _OVER = 1e-12
 
 
 class EnginePush(NamedTuple):
-    """Force on a link during the coming physics step.
+    """Force on a link during the next physics step.
 
     Attributes:
-        link: A moving link of the robot.
-        force: In the world, shape (3,), N.
+        link: Moving link of the robot.
+        force: Force in the world, shape (3,), N.
         point: Point of attack in the frame of the link, shape (3,), m.
     """
 
@@ -65,9 +65,9 @@ class EngineContacts(NamedTuple):
     """Contacts of the robot in the physics step that has just ended.
 
     Attributes:
-        position: Points in the world, shape (n, 3), m.
-        force: Force on the robot at each of them, in the world, shape (n, 3), N.
-        sole: Sole that each contact belongs to, 0 left, 1 right, −1 for other parts, shape (n,).
+        position: Positions of the contacts in the world, shape (n, 3), m.
+        force: Force on the robot at each contact, in the world, shape (n, 3), N.
+        sole: Sole of each contact, shape (n,): 0 left, 1 right, −1 for other parts of the robot.
     """
 
     position: Any
@@ -84,22 +84,22 @@ class _Push:
 
 
 class EngineLoop(ABC):
-    """Base of loops of other physics engines; a derived class builds the robot in `__init__` and calls `reset`.
+    """Base of loops for other physics engines; a derived class builds the robot in `__init__` and calls `reset`.
 
-    It has the floor at z = 0 alone. Encoders, joint velocities and gyroscope are those of the present instant;
-    wrenches and accelerometer are the mean over the control period that ended now: hard contacts chatter within a
-    period, and an accelerometer that reads the instant differs from what the robot does in a period. Sensor errors and
-    delays are those of a `wbc.Plant`. Drives apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ, within the torque limits,
-    computed anew in each physics step.
+    Its only ground is the floor at z = 0. Encoders, joint velocities and gyroscope are read at the end of the control
+    period. Wrenches and accelerometer are means over the last control period, because hard contacts chatter within a
+    period, and a single reading of the accelerometer would differ from the mean acceleration. Sensor errors and delays
+    are those of a `wbc.Plant`. In each physics step the drives apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ, within the
+    torque limits.
 
     Attributes:
         description: The robot as data; `robot` is its model.
         control_period: Time that `step` advances, s; `steps` physics steps of `timestep`.
         soles: Moving link that carries each sole, left first, and the sole frame in it.
-        diverged: Reason of a divergence of the simulation; None as a rule.
-        joint_torque: Torques of the drives in the physics step that ended now, shape (na,), Nm.
-        noise: Sensor errors; `seed` fixes their draws.
-        machine: Delays and which sensors there are.
+        diverged: Reason why the simulation has diverged; None while it has not.
+        joint_torque: Torques of the drives in the last physics step, shape (na,), Nm.
+        noise: Sensor errors; `seed` is the seed of their draws.
+        machine: Delays, and which sensors exist.
         ticks: Control periods since the start.
     """
 
@@ -114,16 +114,16 @@ class EngineLoop(ABC):
         seed: Seed = 0,
         machine: Machine | None = None,
     ) -> None:
-        """Prepare everything but the engine.
+        """Prepare all parts except the engine.
 
         Args:
-            description: The robot, or the name of one. Without coupled joints and closed chains: lock or leave them
-                out.
+            description: The robot, or the name of one. It must not have coupled joints or closed chains: lock these
+                joints, or leave them out.
             control_period: Time between two commands, s; a whole multiple of the physics step.
             timestep: Physics step, s.
             noise: Sensor errors, or the name of a preset: "none", "realistic".
             seed: Seed of every random draw.
-            machine: Delays and which sensors there are; torques are measured when None.
+            machine: Delays, and which sensors exist; when None, torques are measured.
         """
         machine = machine or Machine(torque_sensors=True)
         if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
@@ -171,7 +171,7 @@ class EngineLoop(ABC):
 
     @abstractmethod
     def place(self, q: Array) -> None:
-        """Put the robot at rest into a configuration, shape (nq,), in Pinocchio's convention."""
+        """Put the robot into a configuration, shape (nq,), in Pinocchio's convention, at rest."""
 
     @abstractmethod
     def state(self) -> tuple[Array, Array]:
@@ -185,7 +185,7 @@ class EngineLoop(ABC):
     def advance(self, torque: Array, pushes: Sequence[EnginePush]) -> None:
         """Advance by one physics step under joint torques, shape (na,), Nm, and forces.
 
-        An engine with servos of its own may act on `command` instead.
+        An engine with servos of its own may use `command` instead.
         """
 
     @abstractmethod
@@ -199,7 +199,7 @@ class EngineLoop(ABC):
 
     @property
     def command(self) -> Command:
-        """The command at work."""
+        """Present command."""
         return self._command
 
     @property
@@ -209,7 +209,7 @@ class EngineLoop(ABC):
 
     @property
     def base_pose(self) -> tuple[float, ...]:
-        """True place of the base, x, y, z (m), and its quaternion x, y, z, w."""
+        """True pose of the base: position x, y, z (m) and quaternion x, y, z, w."""
         return tuple(self._q[:7].tolist())
 
     @property
@@ -298,11 +298,11 @@ class EngineLoop(ABC):
         return Command(zero, np.array(self._start[7:]), zero)
 
     def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
-        """Begin to push a body of the robot; pushes add up.
+        """Start to push a body of the robot with a constant force; several pushes add up.
 
         Args:
             body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
-            force: In the world, shape (3,), N; constant.
+            force: Force in the world, shape (3,), N.
             duration: s.
             at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its moving link when
                 None.
@@ -347,7 +347,7 @@ class EngineLoop(ABC):
         return self._measurement
 
     def clouds(self) -> list[PointCloud]:
-        """Return the clouds of the ground that have come since the last call: none, there are no eyes."""
+        """Return no clouds of the ground, since this loop has no eyes."""
         return []
 
     def truth(self) -> GroundTruth:
@@ -372,10 +372,11 @@ class EngineLoop(ABC):
         """Advance by one control period under a command.
 
         Args:
-            command: References of the servos and feed-forward torque, or torque alone.
+            command: References of the servos and feed-forward torque, or, in torque control, only the torque.
 
         Raises:
-            InputError: A command of the wrong shape or not finite, or negative gains; the simulation has not moved.
+            InputError: The command has a wrong shape, is not finite, or has negative gains. The simulation has not
+                advanced.
             DivergedError: The simulation has diverged before; `diverged` says why.
         """
         if self.diverged is not None:

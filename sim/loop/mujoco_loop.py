@@ -59,19 +59,19 @@ Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
 
 
 class MujocoLoop(SimulatedRobot):
-    """A robot among other things in a MuJoCo model of one's own.
+    """Loop of a robot in a MuJoCo model of your own, which may contain other things.
 
-    The model is not changed: actuators act as the file has them (`wbc.sim.loop.actuators` says how they are
-    commanded), objects, further robots and their controls are left alone, and whatever parts of the robot collide in
-    the file collide here. Names join the model to the description of the robot; a joint that is elsewhere or turns
-    the other way is refused.
+    The model is not changed. Actuators act as in the file; `wbc.sim.loop.actuators` describes how they are commanded.
+    Objects, further robots and their controls are left as they are. The parts of the robot that collide in the file
+    collide here as well. Joints of the model and of the description are matched by their names. A joint with another
+    position or axis than in the description is refused.
 
-    Wrenches are the sums of all contacts of a foot. Sensors are perfect and of the instant unless `noise` and `machine`
-    say otherwise, as for `wbc.Plant`.
+    The wrench of a sole is the sum of all contacts of the foot. Sensors have no errors and no delay, unless `noise` or
+    `machine` give them some, as for a `wbc.Plant`.
 
     Attributes:
-        actuators: Drives of the joints, as the file has them.
-        notes: What is doubtful about model and description, one line each.
+        actuators: Actuators of the joints, from the file.
+        notes: Doubtful points of model and description, one line each.
     """
 
     @checked
@@ -96,18 +96,19 @@ class MujocoLoop(SimulatedRobot):
         Args:
             description: The robot, or the name of one.
             model: The model.
-            data: Its state, taken as it is, with a warning if the robot is inside a thing; a new one with the robot at
-                half-sitting on the floor below its feet when None.
+            data: State of the model, used as it is, with a warning if the robot is inside another object. When None, a
+                new state is made, with the robot at half-sitting on the floor below its feet.
             control_period: Time between two commands, s; a whole multiple of the physics step.
-            joints: Joint of the robot → joint of the model, where the names differ.
-            prefix: What the model puts before all names of the robot, such as "robot/".
-            gyroscope: Sensor of the model; the one on the IMU's body when None, and computed if there is none.
-            accelerometer: Likewise.
+            joints: Joint of the robot → joint of the model, for joints with different names.
+            prefix: Prefix of all names of the robot in the model, such as "robot/".
+            gyroscope: Name of the gyroscope in the model. When None, it is the one on the body of the IMU; if there is
+                none, its readings are computed.
+            accelerometer: Name of the accelerometer in the model, chosen in the same way when None.
             stepper: Function that advances model and data by one physics step; `mujoco.mj_step` when None.
             noise: Sensor errors, or the name of a preset: "none", "realistic".
             seed: Seed of every random draw.
-            machine: Delays and which sensors there are; torques are measured when None. Friction and payload are
-                those of the model.
+            machine: Delays, and which sensors exist; when None, torques are measured. Friction and payload are those of
+                the model.
         """
         machine = machine or Machine(torque_sensors=True)
         if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
@@ -180,7 +181,7 @@ class MujocoLoop(SimulatedRobot):
 
     @checked
     def reset(self, configuration: ArrayLike | None = None, seed: Seed | None = None) -> None:
-        """Put the robot, at rest and held by its drives, into a configuration; everything else stays where it is.
+        """Put the robot into a configuration, at rest and held by its drives; all other objects stay as they are.
 
         Args:
             configuration: Shape (nq,); half-sitting on the floor below its feet when None.
@@ -211,7 +212,7 @@ class MujocoLoop(SimulatedRobot):
 
     @property
     def joint_torque(self) -> Array:
-        """Torques of the drives in the physics step that ended now, a new array of shape (na,), Nm."""
+        """Torques of the drives in the last physics step, a new array of shape (na,), Nm."""
         return self._drive_torque(self.data)
 
     def on_ground(self, configuration: ArrayLike) -> Array:
@@ -229,10 +230,11 @@ class MujocoLoop(SimulatedRobot):
         """Advance by one control period under a command.
 
         Args:
-            command: References of the servos and feed-forward torque, or torque alone.
+            command: References of the servos and feed-forward torque, or, in torque control, only the torque.
 
         Raises:
-            InputError: A command of the wrong shape or not finite, or negative gains; the simulation has not moved.
+            InputError: The command has a wrong shape, is not finite, or has negative gains. The simulation has not
+                advanced.
         """
         step_together((self,), (command,))
 

@@ -34,13 +34,15 @@ class RobotWire(Protocol):
 
 
 class RobotServer:
-    """A loop that runs by itself. Until the first command its servos hold the posture, as if it stood in a rack.
+    """Server that runs a simulated robot in real time.
+
+    Until the first command its servos hold the posture, as if the robot was in a rack.
 
     Attributes:
         loop: The simulated robot.
         damped: True while the joints are damped.
         silent: Time since the last command, s.
-        late: Periods that began late by more than one.
+        late: Number of periods that began late by more than one period.
     """
 
     @checked
@@ -52,13 +54,14 @@ class RobotServer:
         watchdog: Annotated[Positive, "s"] = 0.015,
         band: Annotated[NonNegative, "s"] = 0.0,
     ) -> None:
-        """Connect a simulated robot with a wire.
+        """Connect a simulated robot to a wire.
 
         Args:
             loop: The robot.
-            wire: Its end of the wire.
-            watchdog: Longest time for which a command acts, s; a period in which it would end begins damped.
-            band: Time for which the robot hangs at an elastic band before it is let down, s.
+            wire: Robot's end of the wire.
+            watchdog: Longest time for which a command acts, s; after it the joints are damped, from the beginning of
+                the control period in which the time ends.
+            band: Time for which the robot hangs on an elastic band before it is lowered, s.
         """
         check_parts("a wire", wire, "receive", "send")
         self.loop, self._wire = loop, wire
@@ -83,7 +86,7 @@ class RobotServer:
         """Run in real time.
 
         Args:
-            until: Called every period; True ends.
+            until: Function that is called in every period; the server ends when it returns True.
         """
         period = self.loop.control_period
         deadline = time.monotonic()

@@ -41,19 +41,20 @@ def _seed_of(seed: int, index: int) -> int:
 
 
 class SharedPlant:
-    """Several robots on one ground.
+    """Plant with several robots on one ground.
 
         plant = SharedPlant({"one": hrp4, "two": talos}, places={"two": (1.5, 0.0, np.pi)})
         while plant.time < 5.0:
             plant.step({name: controls[name].command(m) for name, m in plant.measure().items()})
 
-    Each robot has the loop, the controller and the world of its own: a controller knows nothing of where its robot
-    stands, so that the world of each begins between its feet, x forward. `in_world` turns one into the other. With a
-    scene robots touch things and each other; without one only the ground.
+    Each robot has its own loop, controller and world frame. The world frame of a robot is between its feet at the
+    start, with x forward, because a controller does not know where its robot stands. `in_world` converts to the world
+    frame of the plant. With a scene the robots touch objects and each other; without a scene they touch only the
+    ground.
 
     Attributes:
-        loops: Name → loop of the robot, with its truth, pushes, grips and sensors.
-        model: MuJoCo's model; names of a robot begin with its own and a slash.
+        loops: Name → loop of the robot, with its true state, pushes, grips and sensors.
+        model: MuJoCo's model; all names of a robot begin with the name of the robot and a slash.
         data: MuJoCo's state.
         control_period: Time that `step` advances, s.
     """
@@ -77,13 +78,13 @@ class SharedPlant:
         Args:
             robots: Name → description, or the name of one.
             places: Name → x, y (m) and heading (rad) in the world; the origin when not given.
-            foot: Foot under all ankles; this and what follows is as of `wbc.Plant`, and raises as it does.
-            terrain: The ground; level where the robots begin.
-            scene: What stands or lies about.
+            foot: Foot under all ankles. This argument and the next ones, and their errors, are those of `wbc.Plant`.
+            terrain: The ground; it must be level where the robots start.
+            scene: Furniture around the robots.
             timestep: Physics step, s.
             control_period: Time between two commands, s.
             noise: Sensor errors of every robot.
-            seed: Seed of the sensor errors; each robot has errors of its own, which no other seed gives another robot.
+            seed: Seed of the sensor errors; each robot has its own errors.
         """
         if not 0 < len(robots) <= MOST_ROBOTS or any(not name or "/" in name for name in robots):
             raise InputError(
@@ -139,7 +140,7 @@ class SharedPlant:
         return float(self.data.time)
 
     def reset(self) -> None:
-        """Put all robots into half-sitting at their places, and everything else where it was at first."""
+        """Put all robots into half-sitting at their places, and all objects to their initial places."""
         mujoco.mj_resetData(self.model, self.data)
         for _ in range(2):  # a loop begins with all robots in place only once the last one has been reset
             for name, loop in self.loops.items():
@@ -153,14 +154,15 @@ class SharedPlant:
             )
 
     def measure(self) -> dict[str, Measurement]:
-        """Return name → readings of the sensors now; `MeasurementError` of a simulation that has diverged."""
+        """Return name → present readings of the sensors; raise a `MeasurementError` if the simulation has diverged."""
         return {name: loop.measure() for name, loop in self.loops.items()}
 
     def step(self, commands: Mapping[str, Command]) -> None:
-        """Advance by one control period, under a command for every robot by its name.
+        """Advance by one control period, with a command for every robot: name → command.
 
         Raises:
-            InputError: No such robot, one without a command or with one that cannot be followed; nothing has moved.
+            InputError: A robot is unknown, has no command, or cannot follow its command. The simulation has not
+                advanced.
         """
         for name in commands:
             choose("robot", name, self.loops)
@@ -169,7 +171,7 @@ class SharedPlant:
         step_together(tuple(self.loops.values()), [commands[name] for name in self.loops])
 
     def in_world(self, robot: str, point: Sequence[float] | Array) -> Array:
-        """Return a point of a robot's own world, shape (3,), m, in that of the plant."""
+        """Return a point in the world frame of a robot, shape (3,), m, in the world frame of the plant."""
         place: Array = self._places[choose("robot", robot, self._places)].act(
             finite_array("point (m)", point, (3,))
         )

@@ -62,15 +62,15 @@ def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
 
 @checked
 def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = False) -> RobotDescription:
-    """Return the description of a robot on other feet, for its controller.
+    """Return the description of a robot with other feet, for its controller.
 
-    Contacts, the observer and the force sensors then agree on where each sole is and how large.
+    Contacts, observer and force sensors then use the same place and size of each sole.
 
     Args:
-        description: The robot on its own soles, or its name.
+        description: The robot with its own soles, or its name.
         foot: Foot under both ankles.
-        mass: Add mass and inertia of the feet in their rest shape; otherwise they stay unknown to the controller, as in
-            the paper. The plant builds the feet itself and takes a description without them.
+        mass: Add mass and inertia of the feet in their rest shape. Otherwise the controller does not know them, as in
+            the paper. The plant needs a description without them, since it builds the feet itself.
     """
     description = as_description(description)
     robot = description.robot()

@@ -37,7 +37,7 @@ WARNINGS = tuple(range(int(mujoco.mjtWarning.mjNWARNING)))
 
 
 class DivergedError(WbcError):
-    """A step of a simulation that has diverged: its state has no meaning."""
+    """Step of a simulation that has diverged, whose state has no meaning any more."""
 
 
 class SimulatedRobot(ABC):
@@ -53,7 +53,7 @@ class SimulatedRobot(ABC):
         places: Places of joints, base, feet and IMU in the model.
         timestep: Physics step, s.
         control_period: Time that `step` advances, s; `steps` physics steps.
-        diverged: Reason of a divergence of the simulation; None as a rule.
+        diverged: Reason why the simulation has diverged; None while it has not.
     """
 
     diverged: str | None
@@ -167,11 +167,11 @@ class SimulatedRobot(ABC):
         return []
 
     def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
-        """Begin to push a body of the robot; pushes add up.
+        """Start to push a body of the robot with a constant force; several pushes add up.
 
         Args:
             body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
-            force: In the world, shape (3,), N; constant.
+            force: Force in the world, shape (3,), N.
             duration: s.
             at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
         """

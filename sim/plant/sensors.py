@@ -25,9 +25,9 @@ class SignalNoise:
     """Errors of one signal, drawn independently for each of its channels.
 
     Attributes:
-        std: Standard deviation of white noise, in the unit of the signal, a new draw at every reading.
-        bias_std: Standard deviation of a constant bias, drawn once at reset.
-        quantum: Resolution: readings are multiples of it; 0 for none.
+        std: Standard deviation of white noise, in the unit of the signal; it is drawn at every reading.
+        bias_std: Standard deviation of a constant bias, in the unit of the signal; it is drawn once at each reset.
+        quantum: Resolution, in the unit of the signal: readings are multiples of it; 0 for no quantisation.
         latency: Age of a reading, s, rounded up to whole physics steps; at most 0.1 s.
     """
 
@@ -48,9 +48,9 @@ class SensorNoise:
         specific_force: Accelerometer, m/s².
         sole_force: Forces under the ankles, N.
         sole_moment: Moments about the sole centres, Nm.
-        joint_torque: Torques of the drives, of a plant whose drives report them, Nm (or N).
-        hand_force: Forces at the wrists, of a plant with sensors there, N.
-        hand_moment: Moments at the wrists, Nm.
+        joint_torque: Torques of the drives, for a plant whose drives report them, Nm (or N).
+        hand_force: Forces at the wrists, for a plant with force sensors there, N.
+        hand_moment: Moments at the wrists, for a plant with force sensors there, Nm.
     """
 
     joint_position: SignalNoise = field(default_factory=SignalNoise)

@@ -24,19 +24,20 @@ LONGEST_DELAY = 0.1
 class PhysicsSettings:
     """Settings of MuJoCo's integrator and contact solver.
 
-    The integrator is `discrete`: it solves the contacts in the metric in which it integrates servo and sole stiffness,
-    so that soft feet are quiet at 1 ms where the other integrators chatter by hundreds of newtons. Solver Newton,
-    elliptic cones and a sparse Jacobian go with it: the dense one gives the same motion to 1e-12 in 2.2 times the time
-    on soft feet (MuJoCo 4.0.0, whose sparse factorisation is wrong, is excluded by this package).
+    The integrator is `discrete`. It solves the contacts in the same metric in which it integrates the stiffness of
+    servos and soles. Soft feet are therefore quiet at a step of 1 ms, while with the other integrators their forces
+    chatter by hundreds of newtons. The solver is Newton, with elliptic cones and a sparse Jacobian. A dense Jacobian
+    gives the same motion to 1e-12, but takes 2.2 times as long on soft feet. (MuJoCo 4.0.0 has a wrong sparse
+    factorisation, so this package excludes it.)
 
     Attributes:
-        timestep: Physics step, s. 1 ms is the reference, 2 ms the fast mode.
+        timestep: Physics step, s; 1 ms is the reference, 2 ms the fast mode.
         iterations: Largest number of solver iterations in a step; 1 is enough at rest, 2 to 3 are used while walking.
-        impratio: Friction impedance over normal impedance; 10 stops the creep of a loaded sole (4 µm/s against
-            104 µm/s under 60 N of shear).
-        gravity: Along −z, m/s²; 0 floats.
-        few_contacts: Whether a flat rigid sole on a level floor touches it with eight of its spheres instead of all:
-            support and friction are the same, and a step is nearly twice as quick.
+        impratio: Friction impedance divided by normal impedance. With 10 a loaded sole hardly creeps: at 4 µm/s instead
+            of 104 µm/s under 60 N of shear.
+        gravity: Gravity along −z, m/s²; with 0 the robot floats.
+        few_contacts: True if a flat rigid sole touches a level floor with only eight of its spheres. Support and
+            friction are the same, and a physics step takes nearly half the time.
 
     Source: measured on soft feet over 60 grounds and stiffnesses with mujoco 4.0 and again 3.17.
     """
@@ -66,18 +67,18 @@ class PhysicsSettings:
 
 @settings
 class Machine:
-    """Properties of a simulated machine that its description does not have; all off by default.
+    """Properties of a simulated machine that the description of the robot omits; all are off by default.
 
     Attributes:
-        measurement_delay: Age of every measurement, on top of the latency of each sensor, s; rounded up to whole
+        measurement_delay: Age of every measurement, in addition to the latency of each sensor, s; rounded up to whole
             physics steps.
         command_delay: Time from a command to its effect, s; rounded up to whole physics steps.
         force_sensors: False for feet without force sensors: `Measurement.sole_wrench` is None.
-        torque_sensors: True for drives that report their torque: `Measurement.joint_torque`.
-        hand_sensors: True for force sensors at the wrists: `Measurement.hand_wrenches`; a plant with a scene always has
-            them.
-        friction: Dry friction of every joint on top of the description's, Nm (or N).
-        payload: Mass at the centre of mass of the torso's link which the description does not have, kg.
+        torque_sensors: True for drives that report their torque in `Measurement.joint_torque`.
+        hand_sensors: True for force sensors at the wrists, in `Measurement.hand_wrenches`. A plant with a scene always
+            has them.
+        friction: Dry friction of every joint, in addition to that of the description, Nm (or N).
+        payload: Unmodelled mass at the centre of mass of the torso link, kg.
     """
 
     measurement_delay: Annotated[float, Field(ge=0.0, le=LONGEST_DELAY), "s"] = 0.0

@@ -24,7 +24,7 @@ class GroundTruth:
         com_velocity: Its velocity in the world, shape (3,), m/s.
         joint_torque: Torque of the drives in the physics step that ended now, after the torque limit, shape (na,), Nm.
         contact_position: Points of contact with ground and things in that step, in the world, shape (n, 3), m.
-        contact_force: Force on the robot at each of them, in the world, shape (n, 3), N.
+        contact_force: Force on the robot at each contact, in the world, shape (n, 3), N.
         contact_sole: Index of the sole that each contact belongs to, −1 for other parts, shape (n,).
         sole_wrench: Sum of the contacts of each sole, [force; moment] in the sole frame at the sole centre,
             shape (number of soles, 6), N and Nm; without the weight of the foot, which the sensor includes.

@@ -120,7 +120,7 @@ def press(test: FootTest, *, support: bool = True) -> PressResult:
 
     Args:
         test: Foot, ground and load.
-        support: True to measure the equivalent support polygon as well (needs an ankle servo).
+        support: Also measure the equivalent support polygon, which needs an ankle servo.
     """
     rig = Rig(test)
     try:

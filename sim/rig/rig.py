@@ -46,26 +46,26 @@ BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS",
 
 @settings
 class FootTest:
-    """One foot under a loaded ankle, over the middle of a ground.
+    """Test of one foot under a loaded ankle, over the middle of a ground.
 
-    The ankle slides up and down freely, carries a mass and is held level by a servo about roll and pitch.
+    The ankle slides freely up and down and carries a mass. A servo about roll and pitch holds it level.
 
     Attributes:
         foot: The foot.
         ground: The ground under it.
-        load: Weight of the mass on the ankle, without the foot's own, N.
-        x: Position of the sole centre ahead of the middle of the rough part, m.
-        y: Position of the sole centre left of the track's middle, m.
+        load: Weight of the mass on the ankle, without the weight of the foot, N.
+        x: Position of the sole centre relative to the middle of the rough part, m; positive forward.
+        y: Position of the sole centre relative to the middle of the track, m; positive to the left.
         yaw: Heading of the foot, rad.
         ankle_stiffness: Stiffness of the servo that holds the ankle level, Nm/rad; 0 leaves roll and pitch free.
         robot_sole: Ankle and sole of the robot that the foot is fitted to.
-        drop: Height of the sole over the highest point under it at the start, m.
+        drop: Height of the sole over the highest point of the ground below it at the start, m.
         settle: Time from the start until the hold is measured, s.
         hold: Time over which the hold is measured, s.
         physics: Integrator settings.
 
-    Source: 200 N and the drop of 10 mm from the foot's own stability measurements; 2000 Nm/rad is the ankle
-    servo of the walking sketch.
+    Source: the load of 200 N and the drop of 10 mm are those of the stability measurements of the soft foot; 2000
+        Nm/rad is the stiffness of the ankle servo in the public walking example of its authors.
     """
 
     foot: Foot = field(default_factory=lambda: foot("soft"))
@@ -95,7 +95,7 @@ class FootTest:
             object.__setattr__(self, "ground", replace(self.ground, sole_radius=self.foot.contact.radius))
 
     def describe(self) -> dict[str, Any]:
-        """Return foot with its fit, ground, load and place as JSON values; names carry the units."""
+        """Return foot (with its fit), ground, load and place as JSON values; the names contain the units."""
         return {
             "foot": foot_name(self.foot),
             "foot_parameters": to_json(self.foot),

@@ -51,7 +51,10 @@ GEOMS = {
 
 @settings
 class Scene(ABC):
-    """Parameters of a scene. The robot stands at the origin and looks along x; z = 0 is the ground."""
+    """Base of scenes: furniture around the robot, with parameters.
+
+    The robot stands at the origin and looks along x. The ground is at z = 0.
+    """
 
     name: ClassVar[str] = ""
 
@@ -64,10 +67,10 @@ class Scene(ABC):
 
     @abstractmethod
     def build(self, spec: mujoco.MjSpec) -> None:
-        """Add the bodies of the scene to an empty model; the name of a handle's site ends with "handle"."""
+        """Add the bodies of the scene to an empty model; names of sites at handles must end with "handle"."""
 
     def spec(self) -> mujoco.MjSpec:
-        """Return the scene as a model of its own."""
+        """Return the scene as a separate model."""
         spec = mujoco.MjSpec()
         spec.compiler.degree = False
         self.build(spec)
@@ -89,9 +92,9 @@ class Scene(ABC):
         Args:
             body: The body.
             kind: "box", "sphere", "cylinder" or "capsule".
-            size: Half sizes, m, as MuJoCo has them.
-            pos: Its middle in the body, m.
-            quat: Its orientation, w first.
+            size: Half sizes, m, in MuJoCo's order.
+            pos: Centre in the frame of the body, m.
+            quat: Orientation in the frame of the body, a quaternion w, x, y, z.
             mass: kg.
             colour: Red, green, blue, opacity.
         """

@@ -343,11 +343,11 @@ def terrain(
     """Return a terrain by the name of its family.
 
     Args:
-        name: One of `terrain_families()`, or a family's parameters.
-        amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
+        name: One of `terrain_families()`, or an instance of a family with its parameters.
+        amplitude: Highest minus lowest point of the rough part, m; the default of the family when None.
         seed: Fixes every random draw.
         **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius; all in m) and parameters of the
-            family; what is left out is the family's own.
+            family; by default those of the family.
     """
     given = {field: values.pop(field) for field in TRACK if field in values}
     parameters = make_family(name, values) if isinstance(name, str) else replace(name, **values)

@@ -52,7 +52,7 @@ class BodyLimits:
 
 
 class TrueFallDetector:
-    """Fall test on the true state.
+    """Fall test by the true state of a simulation.
 
     Attributes:
         limits: Limits of the body.
@@ -60,7 +60,7 @@ class TrueFallDetector:
 
     @checked
     def __init__(self, robot: Robot, limits: BodyLimits | None = None) -> None:
-        """Take half-sitting as upright; limits of a robot that stands or squats, whose feet may slide, when None."""
+        """Take half-sitting as upright; the limits are those of a robot that stands or squats when None."""
         self._model, self._data = robot.model, robot.model.createData()
         if limits is None:
             limits = BodyLimits(LOWEST_SHARE * self._com_height(robot.half_sitting))
@@ -75,13 +75,13 @@ class TrueFallDetector:
         height: float,
         up: Array | Sequence[float] | None = None,
     ) -> FallReason | None:
-        """Return why a robot has fallen, None if it has not; a state with NaN counts as tilted.
+        """Return why a robot has fallen, or None if it has not fallen; a state with NaN counts as tilted.
 
         Args:
             base: True orientation of the base, quaternion xyzw, shape (4,).
             height: True height of the CoM over the ground, m.
-            up: Axis of the base, in its own frame, that is vertical when the robot is upright, for a robot that is
-                to bend; that of half-sitting when None.
+            up: Axis in the base frame that is vertical when the robot is upright, for a robot that should bend. When
+                None, it is the one that is vertical in half-sitting.
         """
         x, y, z, w = (float(value) for value in base)
         a, b, c = self._up if up is None else up

@@ -67,48 +67,51 @@ class TrialTick:
 
 
 class TrialHook:
-    """Hook of a trial, called in every tick: an observer, a recorder, a scenario. Override the methods it needs.
+    """Hook of a trial, called in every tick: an observer, a recorder or a scenario.
+
+    A hook of your own overrides the methods that it needs.
 
     The result is the same with any hooks that only observe.
 
     Attributes:
-        draws: True for a hook that draws the robot: `walk` then keeps the shapes by which it is drawn.
+        draws: True for a hook that draws the robot; `walk` then keeps the visual shapes.
     """
 
     draws = False
 
     def start(self, trial: Any) -> None:
-        """Called once, before the first tick."""
+        """Act once, before the first tick."""
 
     def before(self, trial: Any) -> None:
-        """Called in every tick, before the measurement: the time for orders to the controller."""
+        """Act in every tick before the measurement; orders to the controller belong here."""
 
     def tick(self, tick: TrialTick) -> None:
-        """Called in every tick, after the command and before the plant moves on: the time for pushes."""
+        """Act in every tick between the command and the step of the plant; pushes belong here."""
 
     def after(self, trial: Any) -> None:
-        """Called in every tick, after the plant has moved on and the fall test was made."""
+        """Act in every tick after the step of the plant and the fall test."""
 
     def end(self, result: Any) -> None:
-        """Called once, after the last tick, with the result; with None if the trial has raised an exception."""
+        """Act once after the last tick, with the result, or with None if the trial has raised an exception."""
 
 
 class Trial:
-    """A robot in the simulator and its controller, connected; each trial runs once.
+    """Trial: a robot in the simulator and its controller, connected. Each trial runs once.
 
     Attributes:
         plant: The plant.
         walking: The controller.
         meters: Hooks that measure the figures of the result; they come first in every tick.
-        hooks: Hooks that observe, whose time is not counted; those of `scenario` act: steer, push, give orders.
-        stage: Name of the present stage, which whoever advances the trial sets.
-        fall: Reason of the fall; None before.
-        diverged: Reason of a divergence of the simulation; None as a rule.
-        last: Time of the last tick of a trial that `stop` has ended, s; None for others.
+        hooks: Hooks that observe; their time is not part of the timings. Hooks in `scenario` act: they steer, push or
+            give orders.
+        stage: Name of the present stage, set by the code that advances the trial.
+        fall: Reason of the fall; None while the robot has not fallen.
+        diverged: Reason why the simulation has diverged; None while it has not.
+        last: Time of the last tick of a trial that was ended by `stop`, s; None for other trials.
         tick_times: Wall time of each tick, from measurement to command, s.
         physics_time: Wall time in the simulator, s.
         hook_time: Wall time in `hooks`, s.
-        loop_time: Wall time of `run` but that in `hooks`, s.
+        loop_time: Wall time of `run` without the time in `hooks`, s.
     """
 
     _started = False
@@ -155,7 +158,7 @@ class Trial:
 
     @property
     def stopped(self) -> bool:
-        """True in the last tick of a trial that `stop` has ended, and after it."""
+        """True in the last tick of a trial that was ended by `stop`, and after this tick."""
         return self.last is not None
 
     @property
@@ -164,23 +167,23 @@ class Trial:
         return 0.0
 
     def true_fall(self) -> FallReason | None:
-        """Return why the robot has fallen in the simulation, whatever the controller's estimate; None if it has not."""
+        """Return why the robot has fallen, by the true state of the simulation; None if it has not fallen."""
         return self._falls.reason(self.plant.base_pose[3:], self.plant.com_height - self.ground)
 
     def find_fall(self) -> FallReason | None:
-        """Return why the robot has fallen, by its controller or in truth; None if it has not."""
+        """Return why the robot has fallen, by its controller or by the true state; None if it has not fallen."""
         return self.walking.fallen or (None if self.plant.diverged else self.true_fall())
 
     def run(self, hooks: Sequence[TrialHook] = ()) -> Any:
-        """Run a trial that has an end, once only, and return its result.
+        """Run a trial that has an end, and return its result; a trial can run only once.
 
         Args:
-            hooks: Look on.
+            hooks: Hooks that observe.
 
         Raises:
             InputError: The trial has been run.
-            DivergedError: The simulation has diverged, and the trial has no result for that.
-            StageError: A stage was not over in its time.
+            DivergedError: The simulation has diverged, and this kind of trial has no result for this case.
+            StageError: A stage took too long.
         """
         with self.running(hooks):
             begin = time.perf_counter()
@@ -195,18 +198,18 @@ class Trial:
         return result
 
     def simulate(self) -> None:
-        """Advance to the end; each kind of trial has its own."""
+        """Advance to the end; each kind of trial overrides it."""
         raise InputError("a trial of one's own has no end: `advance` or `until`, within `running`")
 
     def result(self) -> Any:
-        """Return the result at the end; each kind of trial has its own."""
+        """Return the result after the end; each kind of trial overrides it."""
 
     def stop(self) -> None:
-        """End the trial with the tick that begins next; may be called from a signal handler."""
+        """End the trial after its next tick; it can be called from a signal handler."""
         self._stopping = True
 
     def step(self) -> bool:
-        """Advance by one control period; False after a fall, a divergence of the simulation, or in the last tick."""
+        """Advance by one control period; return False after a fall or a divergence, and in the last tick."""
         plant, walking = self.plant, self.walking
         for part in self.scenario:
             part.before(self)
@@ -250,11 +253,11 @@ class Trial:
         return self.fall is None and self.diverged is None and not self.stopped
 
     def advance(self, seconds: float, look: Look | None = None) -> None:
-        """Simulate for a time, s; `look` is called after each control period.
+        """Simulate for a duration, s; `look` is called after each control period.
 
         Raises:
             StageError: The robot falls, or has fallen, or the trial is stopped.
-            DivergedError: The simulation has diverged: no fall, and no result.
+            DivergedError: The simulation has diverged, so there is no result.
         """
         plant = self.plant
         end = plant.time + seconds - 0.5 * plant.control_period
@@ -269,10 +272,10 @@ class Trial:
             raise StageError(f"stage '{self.stage}' was stopped")
 
     def until(self, what: Callable[[], bool], most: float, look: Look | None = None) -> None:
-        """Simulate until something is true, asked every 0.1 s; raises as `advance`.
+        """Simulate until a condition is True, which is checked every 0.1 s; raises the errors of `advance`, too.
 
         Raises:
-            StageError: The longest time, s, is over.
+            StageError: The condition is still False after the longest time, s.
         """
         begin = self.plant.time
         while not what():
@@ -281,10 +284,10 @@ class Trial:
             self.advance(0.1, look)
 
     def follow(self, plan: FootstepPlan, rest: float = 0.0, look: Look | None = None) -> None:
-        """Walk along a plan from where the robot stands to its end, and rest for a time, s; raises as `advance`.
+        """Walk from the present place along a plan to its end, and rest for a time, s; errors are as of `advance`.
 
         Raises:
-            StageError: The robot does not come to the end of the plan: a step is refused, or takes too long.
+            StageError: The robot does not reach the end of the plan, because a step is refused or takes too long.
         """
         walking = self.walking
         walking.follow(plan)
@@ -296,9 +299,9 @@ class Trial:
 
     @contextmanager
     def running(self, hooks: Sequence[TrialHook] = ()) -> Iterator[None]:
-        """Add hooks and start all of them; a fall or `stop` in the middle of a stage ends the block.
+        """Return a context that adds hooks and starts all of them; a fall or `stop` during a stage ends its block.
 
-        Sums are made by one thread, as those of several depend on their number.
+        BLAS uses one thread in this context, because sums depend on the number of threads.
 
         Raises:
             InputError: The trial has been run.
@@ -314,7 +317,7 @@ class Trial:
                     raise
 
     def start(self, hooks: Sequence[TrialHook] = ()) -> None:
-        """Add hooks and start all of them: for what is stepped by others, instead of `running`."""
+        """Add hooks and start all of them, for a trial that other code steps; otherwise use `running`."""
         self._check_new()
         self._started = True
         self.hooks += hooks
@@ -327,11 +330,11 @@ class Trial:
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated time over wall time of `run`."""
+        """Simulated time divided by the wall time of `run`."""
         return self.plant.time / self.loop_time if self.loop_time > 0.0 else math.inf
 
     def tick_us(self) -> dict[str, float]:
-        """Return the wall time of a tick, from measurement to command: median and 99th percentile, µs."""
+        """Return median and 99th percentile of the wall time of a tick, from measurement to command, µs."""
         times = 1e6 * np.array(self.tick_times) if self.tick_times else np.array([math.nan])
         return {"median": float(np.median(times)), "p99": float(np.percentile(times, 99))}
 

@@ -47,12 +47,12 @@ HASH_LENGTH = 12
 
 
 class TrialLoop(Protocol):
-    """A loop in which trials run: `wbc.Plant`, a `wbc.sim.MujocoLoop`, an `EngineLoop`, or one with these members.
+    """Protocol of loops in which trials run: `wbc.Plant`, `wbc.sim.MujocoLoop`, `EngineLoop`, or one of your own.
 
     Attributes:
         description: The robot as data; `robot` is its model.
         control_period: Time that `step` advances, s.
-        diverged: Reason of a divergence of the simulation; None as a rule.
+        diverged: Reason why the simulation has diverged; None while it has not.
     """
 
     description: RobotDescription
@@ -70,11 +70,11 @@ class TrialLoop(Protocol):
 
     @property
     def base_pose(self) -> tuple[float, ...]:
-        """True place of the base, x, y, z (m), and its quaternion x, y, z, w."""
+        """True pose of the base: position x, y, z (m) and quaternion x, y, z, w."""
 
     @property
     def joint_torque(self) -> Array:
-        """Torques of the drives in the physics step that ended now, shape (na,), Nm."""
+        """Torques of the drives in the last physics step, shape (na,), Nm."""
 
     @property
     def joint_position(self) -> Array:
@@ -88,19 +88,19 @@ class TrialLoop(Protocol):
         """Return the true centre, shape (3,), m, and the rotation, shape (3, 3), of a sole, 0 left, 1 right."""
 
     def measure(self) -> Measurement:
-        """Return the readings of the sensors now."""
+        """Return the present readings of the sensors."""
 
     def step(self, command: Command) -> None:
         """Advance by one control period under a command."""
 
     def clouds(self) -> list[PointCloud]:
-        """Return the clouds of the ground that have come since the last call."""
+        """Return the clouds of the ground that have arrived since the last call."""
 
     def truth(self) -> GroundTruth:
-        """Return the true state now."""
+        """Return the present true state."""
 
     def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
-        """Begin to push a body with a force in the world, N, for a time, s, at a point of it, m."""
+        """Start to push a body with a force in the world, N, for a duration, s, at a point in its frame, m."""
 
     def on_ground(self, configuration: ArrayLike) -> Array:
         """Return a configuration moved up or down until its lowest sole touches the ground."""
@@ -153,9 +153,9 @@ def register_loop(name: str, factory: LoopFactory) -> None:
 
     Args:
         name: The name.
-        factory: Class or function that makes a loop (see `TrialLoop`) of a description and options by name:
-            control_period, timestep, noise, seed and machine. What it does not take besides, such as terrain, a trial
-            cannot ask for.
+        factory: Class or function that makes a loop (see `TrialLoop`) from a description and the keyword arguments
+            control_period, timestep, noise, seed and machine. Trials in this loop can use a further property, such as
+            the terrain, only if the factory has a keyword argument for it.
     """
     LOOPS.add(name, factory)
 
@@ -220,11 +220,12 @@ def trial_loop(name: str) -> LoopKind:
     """Return a loop by its name.
 
     Args:
-        name: A registered name, one that a package offers, or a file and the name of what makes a loop in it, as
-            "other_engine.py:DartLoop"; behind it may stand "#" and the hash of the file.
+        name: A registered name, a name that an installed package offers, or a file and the name of a factory in it,
+            such as "other_engine.py:DartLoop". "#" and the hash of the file may follow.
 
     Raises:
-        InputError: No such loop; a file that cannot be run, has changed since a spec was made, or has no such name.
+        InputError: The loop is unknown, or the file cannot be run, has changed since the spec was made, or does not
+            have the name.
     """
     if name in LOOPS or ".py:" not in name:
         return LoopKind(name, LOOPS[name], _options(LOOPS[name]))

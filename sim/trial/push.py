@@ -23,16 +23,17 @@ LIFT_OFFS = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)
 
 @settings(kw_only=True)
 class WalkPush:
-    """A constant horizontal force on a body, from a time or a phase of a step on.
+    """Push of a walk: a constant horizontal force on a body, from a time or from a phase of a step on.
 
     Attributes:
-        impulse: Force times duration over the robot's mass, Ns/kg.
+        impulse: Force times duration divided by the robot's mass, Ns/kg.
         direction: Direction of the force in the world, rad: 0 along x, π/2 along y.
         duration: s.
-        body: Link or frame that is pushed, at the centre of mass of its link.
+        body: Link or frame that is pushed; the force acts at the centre of mass of the link.
         time: Time at which the push begins, s; None for a phase of a step.
         step: Number of the step, from 1; None for a time.
-        phase: Time over the step time at which the push begins: 0 when its foot lifts off, 1 when the next one would.
+        phase: Phase of the step at which the push begins: 0 at the lift-off of its foot, 1 at the planned lift-off of
+            the next foot.
     """
 
     impulse: Annotated[NonNegative, "Ns/kg"]

@@ -48,18 +48,19 @@ KINDS = ("distance", "velocity", "turn", "stairs", "footsteps", "drive")
 
 @settings(kw_only=True)
 class WalkPlan:
-    """One of distance, velocity, turn, stairs, footsteps and drive; 3 m straight on when none is given.
+    """Plan of a walk: one of distance, velocity, turn, stairs, footsteps and drive; 3 m straight on by default.
 
     Attributes:
-        distance: Straight on, m; backwards when negative.
-        velocity: Forward (m/s), left (m/s) and turn (rad/s); steps are quicker at higher speed.
+        distance: Distance straight on, m; negative for backwards.
+        velocity: Velocity forward (m/s), to the left (m/s) and turn (rad/s); steps take less time at a higher velocity.
         steps: Number of steps of a walk with a velocity.
-        turn: On the spot to the left, rad.
-        stairs: Climb or descend the stairs of the terrain, with both feet on each or one.
-        footsteps: Landings in the world.
-        drive: Commanded velocities over time, from a stand to a stand: rows of time (s), forward (m/s), left (m/s) and
-            turn (rad/s), each of which holds until the next; the last one is a stand, with which the walk ends.
-        first: Side that steps first; that of the motion, else the left one, when None.
+        turn: Angle of a turn on the spot, rad; positive to the left.
+        stairs: Way to climb or descend the stairs of the terrain: with both feet or with one foot on each stair.
+        footsteps: Landings of the feet in the world.
+        drive: Commanded velocities over time: rows of time (s), forward (m/s), left (m/s) and turn (rad/s). Each row
+            holds until the next one. The robot stands at the start. The velocity of the last row must be zero, and the
+            walk ends with this stand.
+        first: Side that steps first. When None, it is the side of the direction of motion, or else the left side.
     """
 
     distance: Annotated[Number, "m"] | None = None
@@ -134,7 +135,7 @@ class WalkPlan:
         return replace(start, steps=self.footsteps)
 
     def way(self, start: Place, gait: Gait, *, planned: bool) -> list[tuple[float, float]]:
-        """Return places that the middle of the robot passes, m; of a walk with free steps, the furthest likely.
+        """Return places that the middle of the robot passes, m; for free steps, those that it may reach at most.
 
         Args:
             start: Place (m) and heading (rad) at the start.

@@ -112,7 +112,7 @@ class WalkResult(TrialResult):
         fell: True if it fell.
         fall_reason: height, tilt, dcm or solver; None if it did not fall.
         fall: The fall; None if it did not fall.
-        diverged: Reason of a divergence of the simulation; None as a rule.
+        diverged: Reason why the simulation has diverged; None while it has not.
         distance: Displacement of the feet along their first heading, m.
         drift: Displacement of the feet to the left, m.
         yaw_error: Heading of the pelvis minus that of the reference, rad.

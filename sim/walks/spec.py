@@ -64,32 +64,36 @@ RAMP_NAME = "ramp"
 
 @settings(kw_only=True, eq=False)
 class WalkSpec(TrialSpec):
-    """One simulated walk: the fields of `TrialSpec`, and these.
+    """Specification of one simulated walk: the fields of `TrialSpec`, and the ones below.
 
-    Equal specs give equal records, bit for bit. A spec is small, hashable and readable as JSON. With a file
-    (of a robot, "path" of a policy, "source" of a ground) the hash of its content is added ("sha256").
+    Equal specs give equal records, bit for bit. A spec is small, hashable and readable as JSON. If it names a file (of
+    a robot, "path" of a policy, "source" of a ground), it also contains the hash of the file's content ("sha256").
 
     Attributes:
-        stiffness: Stiffness of soft or variable soles, Nm/rad; their own if not given.
+        stiffness: Stiffness of soft or variable soles, Nm/rad; the default of the foot if not given.
         foot_changes: Further parameters of the foot, such as contact.row_spacing.
-        policy: Policy of variable soles: model, fixed or oracle, or one's own. `stiffness` is then that of the start.
-        policy_params: Parameters of the policy: stiffness=5, path=model.json, of an oracle stones=5.
+        policy: Stiffness policy of variable soles: model, fixed, oracle, or a registered one. `stiffness` is then the
+            stiffness at the start.
+        policy_params: Parameters of the policy, such as stiffness=5 (fixed), path=model.json (model) or stones=5
+            (oracle).
         terrain: Family of grounds that `wbc terrain` lists.
         amplitude: Highest minus lowest point of the ground, m.
-        terrain_params: Parameters of the ground, and length, width, start, strip, ramp.
-        scene: Things on the ground: a scene that `wbc terrain` lists.
+        terrain_params: Parameters of the family of grounds, and of every ground: length, width, start, strip, ramp.
+        scene: Furniture on the ground: a scene that `wbc terrain` lists.
         scene_params: Parameters of the scene.
-        seed: Fixes the ground and the errors of the sensors.
-        noise_seed: Another seed for the errors of the sensors.
-        mode: Command of the drives; position if not given, hybrid on soft servos. Under torques steps are free.
-        machine: Delays, friction, payload and which sensors there are. The delays are stated to the observer
-            unless settings state others ("observer.command_delay").
+        seed: Seed of the ground and of the sensor errors.
+        noise_seed: Separate seed for the sensor errors; `seed` if not given.
+        mode: Kind of drive commands. If not given: position, or hybrid for soft servos. Steps are free in torque and
+            hybrid control, unless the plan gives footsteps.
+        machine: Delays, friction, payload, and which sensors exist. The observer knows the delays, unless the settings
+            have other ones ("observer.command_delay").
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
-        gait: Sizes and timings of steps, which are planned then.
-        eyes: What the robot sees of the ground: none, depth (a camera) or toes (range sensors).
-        gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
+        gait: Sizes and timings of the steps; steps are then planned.
+        eyes: Sensors by which the robot sees the ground: none, depth (a camera) or toes (range sensors).
+        gains: Preset of settings: default; frizza, the law of the paper; or no_bias, the law of the paper without the
+            estimate of the bias.
         changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
-        start: Place of the robot at the start: x (m), y (m) and heading (rad).
+        start: Pose of the robot at the start: x (m), y (m) and heading (rad).
         pushes: Pushes during the walk.
     """
 
@@ -151,7 +155,7 @@ class WalkSpec(TrialSpec):
 
     @property
     def scheduling(self) -> tuple[str | None, Changes]:
-        """Policy of variable soles and its parameters, the default ones when none are given; None for other soles."""
+        """Stiffness policy of variable soles with its parameters, by default the library's; None for other soles."""
         found: tuple[str | None, Changes] = self._scheduling  # type: ignore[attr-defined]
         return found
 
@@ -181,7 +185,7 @@ class WalkSpec(TrialSpec):
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote, also of a version in which a walk had a law."""
+        """Return the spec that `to_json` wrote; specs of earlier versions are accepted."""
         return super().from_json(without_law(data) if "law" in data else data)
 
     def foot_design(self) -> Foot:
@@ -207,12 +211,12 @@ class WalkSpec(TrialSpec):
         return fitted(ground, self.plan.way(self.start, self.gait, planned=not self.free), params)
 
     def things(self) -> Scene | None:
-        """Return what stands on the ground."""
+        """Return the scene on the ground."""
         return None if self.scene is None else make_scene(self.scene, **dict(self.scene_params))
 
     @property
     def extent(self) -> tuple[float, float, float, float] | None:
-        """Least and greatest x, least and greatest y of the ground, m; None for the floor, which has no end."""
+        """Smallest and largest x, smallest and largest y of the ground, m; None for an endless floor."""
         return None if self.terrain == "flat" else self.ground().extent
 
     def settings(self) -> TrialSettings:
@@ -231,7 +235,7 @@ class WalkSpec(TrialSpec):
         return replace(trial, step_kind="planned")
 
     def prepare(self) -> PreparedWalk:
-        """Return everything that does not depend on seeds; built once for all specs that differ in seeds alone."""
+        """Return the parts that do not depend on seeds; they are built once for all specs that differ only in seeds."""
         ground = self.ground()
         stairs = ground if self.plan.stairs is not None else None
         return prepare(
@@ -248,7 +252,7 @@ class WalkSpec(TrialSpec):
         )
 
     def with_seed(self, seed: int) -> WalkSpec:
-        """Return the spec with another seed: quicker than `replace`, which checks what does not depend on the seed."""
+        """Return the spec with another seed; quicker than `replace`, which checks all fields again."""
         twin = copy.copy(self)
         number = whole_number("seed", seed, low=0)
         if number >= SEED_LIMIT:

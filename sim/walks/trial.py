@@ -64,9 +64,10 @@ def walk(
 
     Args:
         spec: The walk; the default one when None: 3 m on a flat ground.
-        policy: Stiffness policy of variable soles: a name, or a policy of one's own.
-        hooks: Observers of every tick; they do not change the result.
-        **values: Fields of `WalkSpec` and `WalkPlan` that differ from the spec: robot, foot, terrain, distance, ….
+        policy: Stiffness policy of variable soles: a name, or a policy of your own.
+        hooks: Hooks that observe every tick; they do not change the result.
+        **values: Fields of `WalkSpec` and `WalkPlan` that differ from the spec, such as robot, foot, terrain or
+            distance.
 
     Returns:
         The result. The same spec gives the same record, bit for bit, with any hooks and in any process.
@@ -91,11 +92,12 @@ def walk(
 
 
 class WalkTrial(Trial):
-    """One walk that is about to begin: plant and controller, connected.
+    """Trial of one walk: plant and controller, connected.
 
     Attributes:
         spec: The walk.
-        meter: Measures the figures of the result; `sole_meter` those of soles of variable stiffness, None without.
+        meter: Hook that measures the figures of the result. `sole_meter` measures those of variable soles; None without
+            such soles.
     """
 
     @checked
@@ -105,7 +107,7 @@ class WalkTrial(Trial):
         Args:
             spec: The walk.
             policy: Stiffness policy of variable soles in place of the spec's.
-            visuals: Keep the shapes by which the robot is drawn; the walk is the same.
+            visuals: Keep the visual shapes of the robot; they do not change the walk.
         """
         self._begin = time.perf_counter()
         self.spec = spec
@@ -153,7 +155,7 @@ class WalkTrial(Trial):
             pass
 
     def result(self) -> WalkResult:
-        """Return what became of the walk."""
+        """Return the result of the walk."""
         walking, diverged = self.walking, self.diverged
         fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
         # A robot that a hook has steered has another goal than its plan's.

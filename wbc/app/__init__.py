@@ -1,6 +1,7 @@
-"""The `wbc` command, and its parts for programs: logs, replays, figures and the live view.
+"""Application: the `wbc` command, and logs, replays, figures and live views for programs.
 
-A new command is a module in `commands`; a new name for programs is a line in `__init__.pyi`, loaded when it is used.
+A new command goes into a module in `commands`. A new name for programs needs a line in `__init__.pyi`; it is imported
+at its first use.
 """
 
 import lazy_loader

@@ -1,6 +1,6 @@
 """Knowledge of the ground: heights from clouds of points and maps, and the contact of a sole on them.
 
-A new kind of input becomes a `PointCloud` or an `ElevationMap`; a new question about a landing is a method of
+Convert a new kind of input to a `PointCloud` or an `ElevationMap`. A new question about a landing is a method of
 `Footprint`.
 """
 

@@ -104,13 +104,13 @@ class PointCloud:
     """Points of the ground seen at one instant, by a depth camera, a lidar or range sensors.
 
     Attributes:
-        points: Shape (n, 3), m, in `frame`; rows with NaN or infinity, lost returns, are left out. An array with named
-            fields, as ROS gives clouds, is read by its fields x, y and z. Of more than 8192 points as many are taken,
-            spread evenly over all, and others at another time; the rest is not looked at.
-        time: Instant at which the points were seen, on the clock of `Measurement.time`, s.
-        frame: Frame of the robot's model in which the points are, usually that of the sensor; "world" for the frame of
-            the robot's estimate.
-        std: Standard deviation of a point along its ray, m, a number or shape (n,).
+        points: Points in `frame`, shape (n, 3), m. Rows with NaN or infinity (lost returns) are left out. An array with
+            named fields, as in ROS, is read by its fields x, y and z. At most 8192 points are used: of a larger cloud
+            this number is taken, spread evenly over all points, and other ones at another `time`.
+        time: Time at which the points were seen, by the clock of `Measurement.time`, s.
+        frame: Frame of the robot's model in which the points are given, usually that of the sensor; "world" for the
+            world frame of the robot's state estimate.
+        std: Standard deviation of the points along their rays, m, a number or an array of shape (n,).
     """
 
     points: Array

@@ -70,12 +70,12 @@ class HeightMapSettings:
 
 
 class HeightMap:
-    """Heights on cells about the robot.
+    """Heights of the ground on a grid around the robot.
 
     Attributes:
         settings: Settings.
-        origin: Place (m) and heading (rad) of the grid in the world: that of the robot at the start, so that a walk in
-            a turned world has the same map.
+        origin: Position (m) and heading (rad) of the grid in the world. They are those of the robot at the start, so
+            that a walk in a rotated world has the same map.
         heights: Height of each cell in the world, shape (n,), m; NaN where unknown.
         std: Standard deviation of each height, shape (n,), m.
     """
@@ -100,7 +100,7 @@ class HeightMap:
     def add(self, points: Array, std: Array, time: float) -> float | None:
         """Fuse the points of one frame, shape (n, 3), m, in the world, with their standard deviations, shape (n,), m.
 
-        Returned is the shift of the map to the frame, m; None where they share too little.
+        Return the height by which the map is shifted to agree with the frame, m; None if they overlap too little.
         """
         if not len(points):
             return None
@@ -129,12 +129,12 @@ class HeightMap:
         self.heights += height
 
     def rewind(self, time: float) -> None:
-        """Let all heights have been seen by a time, s, at which the clock begins anew."""
+        """Set the time at which all heights were seen to a time, s, when the clock starts again."""
         np.minimum(self._seen, time, out=self._seen)
         self._refreshed = -math.inf
 
     def at(self, places: Places) -> tuple[Array, Array]:
-        """Return heights, NaN where unknown, and their standard deviations, m, at places x + iy, complex, flat, m."""
+        """Return heights (NaN where unknown) and standard deviations, m, at places x + iy, complex, shape (n,), m."""
         slot, code = self._cells(places)
         mine = self._code[slot] == code
         return np.where(mine, self.heights[slot], np.nan), self.std[slot]
@@ -148,9 +148,9 @@ class HeightMap:
         return np.stack([place.real, place.imag, self.heights[slot]], axis=1), self.std[slot]
 
     def holds(self, places: Places, middle: complex) -> NDArray[np.bool_]:
-        """Return which places x + iy, m, the grid holds at once about a middle, m: no two of them share a cell's slot.
+        """Return True for each place x + iy, m, that is inside the grid around a middle, m.
 
-        The square is that of the grid, turned as it is.
+        The square is that of the grid, with its heading. No two places in it are stored in the same slot of the grid.
         """
         grid = (places - middle) * self._turn
         return (np.abs(grid.real) < HELD * SIDE) & (np.abs(grid.imag) < HELD * SIDE)

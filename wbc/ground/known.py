@@ -78,15 +78,16 @@ class GroundSettings:
 
 
 class KnownGround:
-    """Ground as one robot knows it.
+    """Knowledge of one robot about the ground.
 
     Attributes:
         settings: Settings.
-        map: Heights about the robot, from clouds of points.
-        elevation: Map of the user's own, for what the robot has not seen itself; None without one.
-        doubts: Reasons for which something is not used: "cloud", "map" or "stance" → reason.
-        version: Number of changes of what is known.
-        difference: Ground known under the sole that stands over that sole, at the last lift-off, m; NaN if unknown.
+        map: Heights around the robot, from clouds of points.
+        elevation: Map given by the user, for places that the robot has not seen; None without a map.
+        doubts: Kind of knowledge that is not used ("cloud", "map" or "stance") → reason.
+        version: Number of changes so far of the knowledge.
+        difference: Known height of the ground under the stance foot minus the height of its sole, at the last lift-off,
+            m; NaN if unknown.
     """
 
     @checked
@@ -96,13 +97,13 @@ class KnownGround:
         settings: GroundSettings | None = None,
         shapes: Mapping[str, Sequence[RoundShape]] | None = None,
     ) -> None:
-        """Know nothing; the robot stands where the walk begins, and its names and soles are used.
+        """Start without knowledge; the robot stands where the walk begins, and gives the names and soles.
 
         Args:
             robot: The robot.
             settings: Settings; the defaults when None.
-            shapes: Link → spheres and capsules of the robot's own body, those of `RobotDescription.collision_shapes`:
-                points on them, and on its feet, are left out. None for clouds that hold nothing of the robot.
+            shapes: Link → spheres and capsules of the robot's body, as returned by `RobotDescription.collision_shapes`.
+                Points on them and on the feet are left out. None if the clouds contain no points on the robot.
         """
         if not robot.soles:
             raise InputError(f"what is known of the ground is asked for soles; '{robot.name}' has none")
@@ -133,14 +134,14 @@ class KnownGround:
 
     @property
     def status(self) -> str:
-        """Reasons for which knowledge is not used; empty if all is well."""
+        """Reasons why knowledge is not used; empty if all of it is used."""
         return "; ".join(self.doubts.values())
 
     def add(self, seen: PointCloud | ElevationMap) -> None:
-        """Take a cloud, which is fused in the next tick, or a map of the user's own in place of the last one.
+        """Take a cloud, which is fused in the next tick, or a map, which replaces the last map.
 
         Args:
-            seen: Cloud or map. What comes late, or is in an unknown frame, is not used, and `status` says so.
+            seen: Cloud or map. It is not used if it is too old or in an unknown frame; `status` then has the reason.
         """
         if isinstance(seen, PointCloud):
             self._clouds += 1
@@ -158,7 +159,7 @@ class KnownGround:
             raise InputError(f"the ground is known by a PointCloud or an ElevationMap, got {shown(seen)}")
 
     def update(self, robot: Robot, time: float) -> None:
-        """Remember the pose of the estimated robot at a time of its measurements, s, and fuse what has come."""
+        """Store the pose of the estimated robot at a time of its measurements, s, and fuse the new clouds."""
         self._remember(robot.q, time)
         if self._waiting and time >= self._fused + FUSED - ROUNDING:
             self._fused = time
@@ -169,10 +170,10 @@ class KnownGround:
             self._doubt("map", self._why_not(self.elevation))
 
     def stand(self, side: int, placement: pin.SE3) -> None:
-        """Compare what is known with the sole that stands, 0 left and 1 right, at its placement in the world.
+        """Compare the known ground with the stance sole (0 left, 1 right) at its placement in the world.
 
-        It is not used until the next comparison if they contradict each other, and moved by a share of the difference
-        if no frame of points has moved it since the last one.
+        If they contradict each other, the knowledge is not used until the next comparison. Otherwise it is shifted by a
+        share of the difference, unless a frame of points has shifted it since the last comparison.
         """
         s = self.settings
         over, most, inside = self._footprints[side].over(self._at, placement.translation, placement.rotation)
@@ -191,7 +192,7 @@ class KnownGround:
         self._moved = False
 
     def support(self, side: int, x: float, y: float, yaw: float) -> Support | None:
-        """Return the ground under a sole, 0 left and 1 right, at a place in the world, m and rad; None if unknown."""
+        """Return the ground under a sole (0 left, 1 right) at a place in the world, m and rad; None if unknown."""
         if "stance" in self.doubts:
             return None
         return self._footprints[side].support(self._at, x, y, yaw)
@@ -205,16 +206,16 @@ class KnownGround:
         allowed: Callable[[float, float], bool],
         cost: Cost | None = None,
     ) -> Support | None:
-        """Return the ground at the best of the places near one that are `allowed` (x, y); None if unknown.
+        """Return the ground at the best place near a given one; None if it is unknown.
 
-        `cost` of a move adds to that of the distance.
+        Only places (x, y) that are `allowed` are tried. The `cost` of a move is added to that of its distance.
         """
         if "stance" in self.doubts:
             return None
         return self._footprints[side].best(self._at, x, y, yaw, allowed, cost)
 
     def highest(self, side: int, start: Array, end: Array, yaw: float) -> float:
-        """Return the highest ground under a sole on its way between two places, m; −inf where nothing is known."""
+        """Return the largest height of the ground under a sole between two places, m; −inf if nothing is known."""
         if "stance" in self.doubts:
             return -math.inf
         a, b = complex(start[0], start[1]), complex(end[0], end[1])

@@ -1,6 +1,6 @@
-"""Machines: what drives a robot that runs by itself, and the check of any loop.
+"""Machines: drivers and the control loop for robots that run in real time, and the conformance check of any loop.
 
-A new wire is a class derived from `Driver`, with its three methods, in a module of its own.
+A driver for a new wire is a class derived from `Driver` with its three methods, in a module of its own.
 """
 
 from typing import TYPE_CHECKING

@@ -47,16 +47,18 @@ class Loop(Protocol):
 
 
 class Driver(ABC):
-    """Wire to a machine that runs by itself, simulated in another process or real.
+    """Wire to a machine that runs in real time: a real robot, or one simulated in another process.
 
-    A driver opens its wire at the first call, so that it can be made here and used in another process.
+    A driver opens its wire at the first call of a method, so that it can be made in one process and used in another.
 
     Attributes:
         description: The robot.
-        gains: kp and kd of the machine, each of shape (na,); None for the description's.
-        fault: Reason for which the joints must be damped; empty while there is none.
-        leaves_released: True for a wire that sends nothing to joints that somebody else moves (`Command.released`), or
-            what that one wants; False, where every motor gets its command: they are held where they were released.
+        gains: Stiffness kp (Nm/rad) and damping kd (Nms/rad) of the machine, each of shape (na,); None for those of the
+            description.
+        fault: Reason why the joints must be damped; empty while there is none.
+        leaves_released: True if the wire sends no command to released joints (`Command.released`), or sends the
+            commands of whoever moves them. False if every motor gets a command: released joints are then held where
+            they were released.
     """
 
     description: RobotDescription
@@ -66,22 +68,22 @@ class Driver(ABC):
 
     @abstractmethod
     def read(self, timeout: float) -> Measurement | None:
-        """Return the newest measurement that has not been returned before; None if there is none in time.
+        """Return the newest measurement that was not returned before; None if none arrives in time.
 
         Args:
-            timeout: Longest time to wait, s; 0 looks and returns.
+            timeout: Longest time to wait, s; with 0 it returns at once.
         """
 
     @abstractmethod
     def write(self, command: Command) -> None:
-        """Send a command; it does not wait."""
+        """Send a command, without waiting."""
 
     @abstractmethod
     def damp(self) -> None:
-        """Send what lets the joints sink slowly: no stiffness, no torque, damping alone."""
+        """Send a command that lets the joints sink slowly: damping without stiffness and torque."""
 
     def clouds(self) -> Sequence[PointCloud]:
-        """Return the clouds of points that have come since the last call, for a controller that sees."""
+        """Return the clouds of points that have arrived since the last call, for a controller that sees the ground."""
         return ()
 
 
@@ -161,7 +163,7 @@ class Parking:
 
 
 class DriverLoop:
-    """A driver as a loop: a step sends a command and waits for the measurement after it.
+    """Loop around a driver: each step sends a command and waits for the next measurement.
 
     Attributes:
         description: The robot.
@@ -186,7 +188,7 @@ class DriverLoop:
         """Return the newest measurement.
 
         Raises:
-            TimeoutError: The machine sends nothing.
+            TimeoutError: The machine sends no measurement.
         """
         if self._newest is None:
             self._newest = self._driver.read(LONGEST_WAIT)

@@ -27,20 +27,20 @@ class Phase(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class RunReport:
-    """Account of a run.
+    """Report of a run.
 
     Attributes:
-        reason: Why it ended.
-        phases: Phases with the time at which each began, s.
-        ticks: Ticks made.
-        missed: Ticks that ended after the next one should have begun.
-        skipped: Periods without a tick because of that.
-        late: Lateness of the wake-up of each tick, s.
-        busy: Time from the wake-up to the end of the command, s.
-        ages: Largest time between two measurements, s.
-        quiet: What was got from the operating system.
+        reason: Reason of the end.
+        phases: Phases, each with the time at which it began, s.
+        ticks: Number of ticks.
+        missed: Number of ticks that ended after the next one should have begun.
+        skipped: Number of periods without a tick, because of late ticks.
+        late: Delay of the wake-up of each tick, shape (ticks,), s.
+        busy: Time of each tick from the wake-up until the command is sent, shape (ticks,), s.
+        ages: Longest time between two measurements, s.
+        quiet: Real-time settings that the operating system granted, and its interruptions of the run.
         period: Control period, s.
-        blind: Reason for which no clouds of points came, at some time of the run; empty if none failed to come.
+        blind: Reason why clouds of points were missing at some time of the run; empty if none were missing.
     """
 
     reason: str
@@ -56,7 +56,7 @@ class RunReport:
     blind: str = ""
 
     def histogram(self) -> dict[str, list[int]]:
-        """Return the number of ticks in each class of lateness and of busy time; the last class has no upper end."""
+        """Return the number of ticks in each class of delay and of busy time; the last class has no upper bound."""
         edges = np.array([0.0, *BUCKETS, np.inf]) * 1e-3
         return {
             name: np.histogram(values, edges)[0].tolist()

@@ -75,20 +75,21 @@ class RunSettings:
     """Times and limits of a run.
 
     Attributes:
-        fade: Time in which stiffness and torques rise at the start, s.
-        speed: Largest mean speed of a joint on the way to half-sitting, rad/s.
-        touch: Share of the described weight on the soles from which a robot that hangs is balanced; below a third of it
-            the robot hangs again.
-        load: Share of the described weight on the soles from which the controller takes over; 0 does not wait. The
-            real weight may be a tenth less.
-        blend: Time in which the controller takes over, s.
-        robot_timeout: Age of the last measurement from which the joints are damped and the run ends, s.
-        control_timeout: Time without a tick after which the guard damps, s.
-        stop: Time in which stiffness and torques fall at a stop, s.
-        priority: Priority of loop and guard under SCHED_FIFO, if they may; None does not ask.
-        first: Longest time until the first measurement, s.
-        on_fall: Reaction to a fall under a control of one's own: "damp" damps the joints and ends, "go on" leaves it to
-            the control. The library's controls have `SafetySettings.on_fall`.
+        fade: Duration of the rise of stiffness and torques at the start, s.
+        speed: Largest mean velocity of a joint on the way to half-sitting, rad/s.
+        touch: Share of the weight (by the description) on the soles at which balancing of a hanging robot begins. Below
+            a third of this share the robot counts as hanging again.
+        load: Share of the weight (by the description) on the soles at which the controller takes over; 0 does not wait.
+            The real weight may be 10 % smaller.
+        blend: Duration of the transition to the controller, s.
+        robot_timeout: Age of the last measurement at which the joints are damped and the run ends, s.
+        control_timeout: Time without a tick after which the guard damps the joints, s.
+        stop: Duration of the decrease of stiffness and torques at a stop, s.
+        priority: Priority of loop and guard under SCHED_FIFO, if the system allows it; None leaves the scheduler as it
+            is.
+        first: Longest time to wait for the first measurement, s.
+        on_fall: Reaction to a fall with a control of your own: "damp" damps the joints and ends the run, "go on" leaves
+            the reaction to the control. The controls of this library have `SafetySettings.on_fall`.
     """
 
     fade: Annotated[Positive, "s"] = 1.0
@@ -105,7 +106,7 @@ class RunSettings:
 
 
 class Runner:
-    """The loop of one run, for programs that stop it from elsewhere; `run` is this in one call."""
+    """Loop of one run, for programs that stop it from another thread; `run` makes one and runs it in one call."""
 
     @checked
     def __init__(
@@ -118,7 +119,10 @@ class Runner:
         guard: bool = True,
         clock: Clock | None = None,
     ) -> None:
-        """Store what runs; nothing is sent. Arguments and errors are those of `run`, `clock` is one for tests."""
+        """Store the parts; nothing is sent.
+
+        Arguments and errors are those of `run`; `clock` replaces the clock in tests.
+        """
         check_driver(driver)
         check_parts("a controller", control, "command")
         self.period = 1.0 / rate
@@ -155,7 +159,7 @@ class Runner:
         self._falls = None if self._fallen is None else FallDetector(self._fallen, self.period)
 
     def stop(self) -> None:
-        """Let the robot sink: stiffness and torques fall, then the joints are damped."""
+        """Let the robot sink: stiffness and torques decrease, then the joints are damped."""
         self._stop.set()
 
     def emergency_stop(self) -> None:
@@ -164,13 +168,15 @@ class Runner:
 
     @checked
     def run(self, until: Annotated[NonNegative, "s"] | Callable[[], bool] | None = None) -> RunReport:
-        """Run until told to stop; SIGINT and SIGTERM stop, a second one is an emergency stop.
+        """Run until the end or a stop; SIGINT or SIGTERM stops, a second signal is an emergency stop.
 
         Args:
-            until: Time from the beginning (s), or a function that returns True at the end, called every tick.
+            until: Time of the end from the beginning, s, or a function that is called in every tick and returns True at
+                the end.
 
         Raises:
-            MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
+            MachineError: No measurement arrives, a measurement is that of another robot, or the guard cannot use the
+                driver.
         """
         if self._ran:
             raise InputError("a Runner runs once: make another one")
@@ -543,22 +549,25 @@ def run(
 ) -> RunReport:
     """Drive a machine with a controller.
 
-    The joints go from wherever they are to half-sitting, gains and torques faded in; when the soles carry the robot the
-    controller takes over. A measurement that is late, a controller that fails, and the guard, if this process dies, end
-    in damping. Ctrl-C stops, twice at once.
+    First the joints move from their present positions to half-sitting, while gains and torques are faded in. When the
+    soles carry the robot, the controller takes over. The run ends with damped joints if a measurement is late or the
+    controller fails; if this process dies, the guard damps them. Ctrl-C stops the robot slowly, and a second Ctrl-C at
+    once.
 
     Args:
-        driver: Wire to the machine: an object with `description`, `read`, `write` and `damp` (`wbc.machine.Driver`).
-        control: The controller, made with a control period of 1 / rate and a robot at half-sitting.
+        driver: Wire to the machine: a `wbc.machine.Driver`, or any object with `description`, `read`, `write` and
+            `damp`.
+        control: Control with a control period of 1 / rate, whose robot is at half-sitting.
         rate: Ticks a second, 1/s.
-        until: Time (s) or a function that returns True at the end; None runs until a signal.
+        until: Time of the end, s, or a function that returns True at the end; None runs until SIGINT or SIGTERM.
         settings: Times and limits.
-        guard: Watch this process from another one, which damps when this one dies.
+        guard: Watch this process from another process, which damps the joints if this one dies.
 
     Returns:
         Reason of the end, phases, missed deadlines and the times of all ticks.
 
     Raises:
-        MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
+        MachineError: No measurement arrives, a measurement is that of another robot, or the guard cannot use the
+            driver.
     """
     return Runner(driver, control, rate, settings=settings, guard=guard).run(until)

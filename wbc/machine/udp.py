@@ -206,7 +206,7 @@ class End:
 
 
 class UdpDriver(Driver):
-    """Driver of a robot that speaks the packets of this module.
+    """Driver of a robot that sends and receives the UDP packets of this module.
 
     Attributes:
         description: The robot.
@@ -228,10 +228,10 @@ class UdpDriver(Driver):
             description: The robot, or the name of one.
             host: Host of the robot.
             port: Its port.
-            secret: Secret that the robot shares, with which packets are signed; a robot on another computer needs one.
+            secret: Secret that is shared with the robot and signs the packets; needed for a robot on another computer.
 
         Raises:
-            InputError: A port out of range; a secret that is missing or short.
+            InputError: The port is out of range, or the secret is missing or too short.
         """
         description = as_description(description)
         self.description, self.address = description, (host, port)
@@ -245,7 +245,7 @@ class UdpDriver(Driver):
         return self.__dict__ | {"_socket": None, "description": None}  # the guard only damps
 
     def read(self, timeout: float) -> Measurement | None:
-        """See `Driver`; a robot that is silent is greeted again every 0.1 s."""
+        """See `Driver`; while the robot is silent, a greeting is sent every 0.1 s."""
         end = time.monotonic() + timeout
         if not self._greeted:
             self._greeted = True
@@ -259,7 +259,7 @@ class UdpDriver(Driver):
                 self._send(HELLO, 0)
 
     def write(self, command: Command) -> None:
-        """See `Driver`; the robot obeys commands that come after a measurement of its own has been read."""
+        """See `Driver`; the robot ignores commands before one of its measurements has been read."""
         if (command.kp is None) is not (command.kd is None):
             command = with_gains(command, self._gains)
         self._send(COMMAND, self._robot, command)
@@ -313,12 +313,13 @@ class UdpDriver(Driver):
 
 
 class UdpRobot:
-    """The robot's end of the wire: for a simulator, or a program on the machine.
+    """Robot's end of the UDP wire, for a simulator or for a program on the machine.
 
     Attributes:
-        port: Port at which it listens.
-        refused: Packets so far that were not the owner's, not signed rightly, or no packets of this wire.
-        sender: Address of the owner, who gets the measurements; None before there was one.
+        port: Port at which the robot listens.
+        refused: Number of packets so far that were not from the owner, had a wrong signature, or were not packets of
+            this wire.
+        sender: Address of the owner, which gets the measurements; None before there is an owner.
     """
 
     @checked
@@ -334,13 +335,13 @@ class UdpRobot:
 
         Args:
             description: The robot, or the name of one.
-            port: Port to listen at; any free one when 0.
+            port: Port to listen at; any free port when 0.
             host: Address to listen at.
-            secret: Secret that drivers share, with which packets are signed; needed where other computers are heard.
+            secret: Secret that is shared with the drivers and signs the packets; needed if other computers can connect.
 
         Raises:
-            InputError: A port that is taken or out of range, an address that is not of this machine; a secret that is
-                missing or short.
+            InputError: The port is in use or out of range, the address is not one of this machine, or the secret is
+                missing or too short.
         """
         description = as_description(description)
         self._names = tuple(description.joint_names)
@@ -359,9 +360,9 @@ class UdpRobot:
         self.refused = 0
 
     def receive(self) -> tuple[bool, Command | None]:
-        """Return whether anything asked for damping, and the newest command, since the last call.
+        """Return whether damping was asked for since the last call, and the newest command since then.
 
-        A command that no drive must get asks for damping.
+        A command that no drive may get counts as a request for damping.
         """
         damped, newest = False, None
         for data, peer in _taken(self._socket):
@@ -413,7 +414,7 @@ class UdpRobot:
         self.refused += 1
 
     def send(self, measurement: Measurement) -> None:
-        """Send a measurement to the owner, and while there is none to who has said hello."""
+        """Send a measurement to the owner or, before there is one, to all that have sent a greeting."""
         guests, now = self._guests, time.monotonic()
         for key in [key for key, (_, since) in guests.items() if now - since >= WELCOME]:
             del guests[key]

@@ -33,10 +33,10 @@ BASE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 @checked
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionClip:
-    """Joints and base over time, at a constant rate.
+    """Clip of a robot: joints and base over time, at a constant rate.
 
     Attributes:
-        joint_names: Joints of the columns of `joints`, length n.
+        joint_names: Names of the joints in the columns of `joints`, length n.
         rate: Frames per second, Hz.
         base: Placement of the base in the world: position (3), m, and quaternion (x, y, z, w), shape (T, 7); the
             quaternions are of length one and do not change sign from frame to frame.
@@ -104,7 +104,7 @@ class MotionClip:
 
     @checked
     def configurations(self, robot: Robot) -> Array:
-        """Return configurations of a robot; joints that the clip does not have stay half-sitting.
+        """Return configurations of a robot; joints that the clip does not have stay at half-sitting.
 
         Args:
             robot: The robot.
@@ -121,11 +121,11 @@ class MotionClip:
     def of(
         cls, robot: Robot, q: Array, rate: float, name: str = "motion", standing: Array | None = None
     ) -> MotionClip:
-        """Return the clip of all joints of a robot from configurations, shape (T, nq); the rest as above."""
+        """Make a clip of all joints of a robot from configurations, shape (T, nq), at a rate, Hz."""
         return cls(robot.joint_names, rate, q[:, :7], q[:, 7:], name, standing)
 
     def sampled(self, times: Array, rate: float) -> MotionClip:
-        """Return the clip at other times of its own, as frames of a new rate: resampling, slowing down, easing in.
+        """Return the clip sampled at other times, with a new frame rate, to resample, slow down or ease in.
 
         Args:
             times: Times in the clip, shape (T,), s, from 0 to `duration`, not decreasing.

@@ -89,20 +89,20 @@ class FeasibleMotion:
 def make_feasible(
     robot: Robot, clip: MotionClip, *, share: Annotated[Share, Positive] = 0.8, friction: Positive = 0.5
 ) -> FeasibleMotion:
-    """Make a clip feasible; one that is feasible already changes hardly at all.
+    """Make a clip feasible; a clip that is already feasible hardly changes.
 
     Args:
         robot: The robot; its state is not changed.
-        clip: Clip of its joints; joints that the clip lacks stay half-sitting.
+        clip: Clip of its joints; joints that the clip does not have stay at half-sitting.
         share: Greatest share of the limits of joint speeds, and of the torques of joints outside the legs.
-        friction: Greatest coefficient of friction that forces and yaw moments of the soles may need; what the ground
-            has beyond is for feedback.
+        friction: Largest coefficient of friction that forces and yaw moments of the soles may need. The friction that
+            the ground has in addition is left for feedback.
 
     Returns:
-        The feasible motion; `after` measures it, whether or not it is feasible everywhere.
+        The motion; its field `after` measures the motion, and tells whether it is feasible everywhere.
 
     Raises:
-        InputError: The robot leaves the ground; the time at which it does is named. A clip that is too long.
+        InputError: The robot leaves the ground (the message has the time), or the clip is too long.
     """
     if clip.duration * RATE > LONGEST:
         raise InputError(

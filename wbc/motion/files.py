@@ -31,11 +31,11 @@ LARGEST = 500_000_000
 
 @checked
 def write_motion(clip: MotionClip, path: str | Path) -> None:
-    """Write a clip as .npz of the library's own format, or as .csv with a header.
+    """Write a clip as .npz in the library's own format, or as .csv with a header.
 
     Args:
         clip: The clip.
-        path: File to write, by its ending; one that is there is replaced when the new one is whole.
+        path: File to write, with the ending of its format. An existing file is replaced once the new one is complete.
 
     Raises:
         FileError: The file cannot be written.
@@ -59,14 +59,15 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
 def read_motion(
     path: str | Path, *, rate: Annotated[Positive, "Hz"] | None = None, joints: Sequence[str] | None = None
 ) -> MotionClip:
-    """Read a clip from a file, whose format is known by its ending, its header and the names of its arrays.
+    """Read a clip from a file; its ending, its header and the names of its arrays tell the format.
 
-    Formats are .npz and .csv of `write_motion`, .csv of Unitree without a header, and .npz of BeyondMimic and GMR.
+    The formats are .npz and .csv of `write_motion`, .csv of Unitree (without a header), and .npz of BeyondMimic and
+    GMR.
 
     Args:
         path: The file.
-        rate: Frames per second, Hz, of a file that does not say it.
-        joints: Joint names of the columns, of a file that does not say them.
+        rate: Frames per second, Hz, for a file that does not contain it.
+        joints: Joint names of the columns, for a file that does not contain them.
     """
     path = _known(Path(path))
     with parsing(path, "motion"):
@@ -97,7 +98,7 @@ def read_skeleton(
     Args:
         path: A .bvh file, as LAFAN1 and CMU publish them; or an .npz file with `joint_names` (n), `positions`
             (T, n, 3), and `rate` or `fps`, Hz.
-        rate: Frames per second, Hz, of a file that does not say it.
+        rate: Frames per second, Hz, for a file that does not contain it.
         up: Axis of the file that points up; y of a .bvh file and z of an .npz file when None.
     """
     path = Path(path)

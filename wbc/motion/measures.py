@@ -119,7 +119,7 @@ def check_motion(
     share: Annotated[Share, Positive] = 1.0,
     friction: Positive = 0.7,
 ) -> MotionMeasures:
-    """Measure a clip as it is.
+    """Measure the feasibility of a clip without a change of the clip.
 
     Args:
         robot: The robot; its state is not changed.
@@ -128,6 +128,6 @@ def check_motion(
         friction: Allowed coefficient of friction.
 
     Raises:
-        InputError: The robot leaves the ground; the time at which it does is named.
+        InputError: The robot leaves the ground; the message has the time.
     """
     return measure(robot, *on_ground(robot, clip), share, friction)

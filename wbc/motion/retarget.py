@@ -92,15 +92,15 @@ class RetargetedMotion:
 def retarget(
     clip: SkeletonClip, robot: Robot, *, joints: Mapping[str, str] | None = None
 ) -> RetargetedMotion:
-    """Make a clip of a robot of the motion of a person.
+    """Retarget the motion of a person to a robot.
 
         person = read_skeleton("walk1_subject1.bvh").part(10.0, 20.0)
         result = make_feasible(robot, retarget(person, robot).clip)
 
     Args:
-        clip: Clip of the person, with legs, shoulders and arms.
-        robot: The robot, with two soles; its state is not changed. A robot without hands moves legs and trunk alone.
-        joints: Joint of a limb, such as "left_knee" → its name in the clip, where the usual names do not find it.
+        clip: Clip of the person; it must have legs, shoulders and arms.
+        robot: The robot, with two soles; its state is not changed. For a robot without hands only legs and trunk move.
+        joints: Joint of a limb, such as "left_knee" → its name in the clip, for joints with unusual names.
 
     Raises:
         InputError: A joint of a limb is missing, a limb has no length, or the person does not stand upright in the

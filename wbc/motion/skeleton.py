@@ -39,7 +39,7 @@ UPRIGHT = 0.5
 @checked
 @dataclass(frozen=True, slots=True, eq=False)
 class SkeletonClip:
-    """Positions of the joints of a person over time, at a constant rate.
+    """Clip of a person: positions of the joints over time, at a constant rate.
 
     Attributes:
         joint_names: Joints, length n.
@@ -103,10 +103,10 @@ class SkeletonClip:
         """Return the positions of the joints of the limbs, such as "left_knee", each of shape (T, 3).
 
         Args:
-            joints: Joint of a limb → its name in this clip, where the usual names do not find it, or another one.
+            joints: Joint of a limb → its name in this clip, for joints with unusual names.
 
         Raises:
-            InputError: A joint that is missing; a limb without a length; a person who does not stand upright.
+            InputError: A joint is missing, a limb has no length, or the person does not stand upright.
         """
         places = limb_places(self.joint_names, joints or {})
         found = {part: self.positions[:, place] for part, place in places.items()}

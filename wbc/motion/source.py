@@ -60,8 +60,8 @@ ZMP_SMOOTHING = 0.02
 def tracking_settings() -> WalkingControlSettings:
     """Return the settings of a walk's controller that tracks a clip.
 
-    Feet cost by their load and soles press evenly; joints are held, but those of the legs hardly: soles, centre of mass
-    and pelvis decide on them.
+    The cost of a foot depends on its load, and the soles press evenly. The posture task holds the joints, but those of
+    the legs only weakly, since soles, centre of mass and pelvis determine the legs.
     """
     return WalkingControlSettings(
         distribution=DistributionSettings(by_load=True),
@@ -70,7 +70,9 @@ def tracking_settings() -> WalkingControlSettings:
 
 
 class MotionSource(ReferenceSource):
-    """References of a clip, then a stand in its last frame. It cannot be steered: that is an `InputError`.
+    """Source of references that follow a clip, and then stand in its last frame.
+
+    Steering raises an `InputError`.
 
         clip = make_feasible(robot, given).clip
         robot.update(clip.configurations(robot)[0], np.zeros(robot.nv))
@@ -78,9 +80,9 @@ class MotionSource(ReferenceSource):
         control = WalkingControl(robot, source, plant.control_period, tracking_settings())
 
     Attributes:
-        clip: The clip, where the robot is.
+        clip: The clip, moved to the place of the robot.
         configurations: Configurations of the clip at the ticks, shape (T, nq).
-        motion: References of the ticks, as the clip has them.
+        motion: References of all ticks, from the clip.
         tick: Index of the present tick in `motion`.
         landings: Number of landings so far.
         com_height: Height of the CoM over the soles at the start, m.
@@ -92,7 +94,7 @@ class MotionSource(ReferenceSource):
 
     @checked
     def __init__(self, robot: Robot, clip: MotionClip, dt: Period) -> None:
-        """Put the clip where the robot stands; the motion begins with the first tick.
+        """Move the clip to the place where the robot stands; the motion begins with the first tick.
 
         Args:
             robot: The robot, in the first frame of the clip, anywhere on level ground.
@@ -100,8 +102,8 @@ class MotionSource(ReferenceSource):
             dt: Control period, s.
 
         Raises:
-            InputError: The robot leaves the ground in the clip; the time at which it does is named. A robot that does
-                not stand as the clip begins.
+            InputError: The robot leaves the ground in the clip (the message has the time), or it does not stand as in
+                the first frame.
         """
         self._dt = dt
         q = clip.configurations(robot)

@@ -38,26 +38,26 @@ LEAST_STD = 5e-4
 class DepthCamera:
     """Depth camera that looks at the ground ahead of the feet.
 
-    Directions are x ahead, y left, z up of the robot in half-sitting, whatever the axes of its links.
+    Directions are those of the robot in half-sitting, not those of its links: x forward, y to the left, z up.
 
     Attributes:
-        link: Link or frame that carries it; the base when None.
-        at: Place of the camera from the origin of that link, m; from above the origin of a base that lies on the ground
-            (`base_footprint`), at the height of the CoM.
-        turn: Roll, pitch and yaw of the camera, whose axis is x, rad; a positive pitch looks down.
-        rays: Number of rays across and down.
-        view: Field of view across and down, rad.
+        link: Link or frame that carries the camera; the base when None.
+        at: Position of the camera relative to the origin of that link, m. If the base is on the ground
+            (`base_footprint`), it is relative to the point above the base at the height of the CoM.
+        turn: Roll, pitch and yaw of the camera, which looks along its x axis, rad; with a positive pitch it looks down.
+        rays: Number of rays, horizontally and vertically.
+        view: Field of view, horizontally and vertically, rad.
         nearest: Shortest distance seen, m.
         furthest: Longest distance seen, m.
-        rate: Frames a second, Hz.
+        rate: Frames per second, Hz.
         latency: Time from a frame until its cloud is delivered, s.
         noise: Standard deviation of a distance, m.
-        relative_noise: Second part of it, per metre of distance.
+        relative_noise: Part of the standard deviation that grows with the distance, m/m.
         dropout: Share of the rays that return nothing.
-        misplaced: Error of `at`, by which the camera truly is elsewhere, m.
-        end: Time at which the camera dies, s.
-        ghost: Block that it sees and that is not there: x and y of its middle in the world, half of its side and its
-            height over the ground, m.
+        misplaced: Difference of the true position of the camera from `at`, m.
+        end: Time at which the camera fails, s.
+        ghost: Block that the camera sees but that does not exist: x and y of its centre in the world, half its side
+            length, and its height over the ground, m.
     """
 
     link: str | None = None
@@ -83,11 +83,11 @@ class DepthCamera:
             raise InputError(f"furthest (m) must exceed nearest, {self.nearest:g}, got {self.furthest:g}")
 
     def start(self, plant: Carrier) -> DepthView:
-        """Return the camera on the robot of a plant.
+        """Return the camera mounted on the robot of a plant.
 
         Raises:
             UnknownNameError: No such link.
-            InputError: A camera that sees nothing of the ground from where the robot stands.
+            InputError: The camera sees no ground from the place where the robot stands.
         """
         model = visible_model(plant)
         places = RobotPlaces(model, plant.robot, feet=[foot.body for foot in plant.feet])
@@ -124,13 +124,13 @@ def visible_model(plant: Carrier) -> mujoco.MjModel:
 
 
 class DepthView:
-    """Depth camera on a robot in a MuJoCo model, which is what it sees."""
+    """Depth camera on a robot; it sees the geometry of a MuJoCo model."""
 
     @checked
     def __init__(self, camera: DepthCamera, robot: Robot, places: RobotPlaces, data: mujoco.MjData) -> None:
-        """Mount the camera on the robot in the model of `places`; positions are those of `data`, in the same order.
+        """Mount the camera on the robot in the model of `places`; positions are those of `data`.
 
-        Raises `UnknownNameError` for a link that the robot has not.
+        A link that the robot does not have is an `UnknownNameError`.
         """
         self.camera, self.frame = camera, body_frame(camera.link or robot.base_frame, robot)
         body, place = places.carrier(self.frame)
@@ -156,9 +156,9 @@ class DepthView:
         self.reset(0)
 
     def look_out(self) -> None:
-        """Make the shapes of the camera's own link, and others that hold it, transparent.
+        """Make the shapes of the camera's link, and others that contain the camera, transparent.
 
-        The box around the mesh of a link is larger than the link, before which the camera is mounted.
+        This is needed because the bounding box of a mesh is larger than the link, and may contain the camera.
         """
         model, data, (place, _) = self._model, self._data, self._pose()
         turns = data.geom_xmat.reshape(-1, 3, 3)
@@ -167,7 +167,7 @@ class DepthView:
         model.geom_rgba[self._own & holds, 3] = 0.0
 
     def check(self) -> None:
-        """Raise an `InputError` if the camera sees nothing of the ground as the robot is now."""
+        """Raise an `InputError` if the camera sees no ground in the present posture of the robot."""
         c = self.camera
         if not self._cast().any():
             raise InputError(
@@ -176,11 +176,11 @@ class DepthView:
             )
 
     def reset(self, seed: int) -> None:
-        """Restart the errors with a seed."""
+        """Restart the sensor errors with a seed."""
         self._random = np.random.default_rng(seed)
 
     def clouds(self, time: float) -> list[PointCloud]:
-        """Return the points of one frame at a time, s; none once the camera is dead."""
+        """Return the points of one frame at a time, s; empty once the camera has failed."""
         c = self.camera
         if c.end is not None and time >= c.end:
             return []

@@ -55,7 +55,7 @@ class ToeView:
         self.reset(0)
 
     def reset(self, seed: int) -> None:
-        """Restart the errors with a seed."""
+        """Restart the sensor errors with a seed."""
         self._random = np.random.default_rng(seed)
 
     def clouds(self, time: float) -> list[PointCloud]:

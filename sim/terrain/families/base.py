@@ -57,8 +57,8 @@ def param(default: Any, about: str, *, at_least: str | None = None) -> Any:
 
     Args:
         default: Its value by default.
-        about: Its meaning, for `wbc terrain`.
-        at_least: Name of another parameter that it must not be below.
+        about: Meaning of the parameter, for `wbc terrain`.
+        at_least: Name of another parameter that this one must not be below.
     """
     return field(default=default, metadata={"about": about, "at_least": at_least})
 
@@ -127,14 +127,15 @@ class Family(ABC):
 
 
 class ShapeFamily(Family):
-    """A family made of solids on a floor.
+    """Base of families that consist of solids on a floor.
 
-    `shapes` must place its highest point exactly `site.amplitude` above `floor(site)`, with floor left to see.
+    The highest point of `shapes` must be exactly `site.amplitude` above `floor(site)`, and some floor must stay
+    uncovered.
     """
 
     @abstractmethod
     def shapes(self, site: Site) -> Iterable[Shape]:
-        """Return the solids of the rough part, all of them inside it."""
+        """Return the solids of the rough part; all are inside it."""
 
     def floor(self, site: Site) -> float:
         """Return the level of the endless floor, m; the start strip is at 0."""
@@ -148,11 +149,11 @@ class ShapeFamily(Family):
 
 
 class FieldFamily(Family):
-    """A family given by heights on a grid, which are then scaled to the amplitude."""
+    """Base of families that are given by heights on a grid, which are then scaled to the amplitude."""
 
     @abstractmethod
     def heights(self, site: Site, x: Array, y: Array) -> Array:
-        """Return raw heights in any scale.
+        """Return heights in any scale.
 
         Args:
             site: The rough part.
@@ -170,18 +171,18 @@ class FieldFamily(Family):
 
     @property
     def grid(self) -> float:
-        """Default cell, m: eight cells a feature keep a sine to 2 % of its height."""
+        """Default size of a cell, m; with eight cells for each feature a sine is exact to 2 % of its height."""
         return min(DEFAULT_CELL, self.smallest_feature / 8.0)
 
     def cell(self, widest: float) -> float:
-        """Return the cell of a height field, m, at most `widest`: a whole number of them is a cell of the family."""
+        """Return the size of the cells of a height field, m, at most `widest`; it divides `grid`."""
         return self.grid / max(1, math.ceil(self.grid / widest - ROUNDING))
 
     def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
         """Shift raw heights to the flat strips.
 
-        A ground that varies along the track only starts at 0 and its stop strip continues its end. One that
-        varies both ways is taken about its mean and blended into strips at 0.
+        A ground that varies only along the track starts at 0, and its stop strip continues its end. A ground that
+        varies in both directions is shifted to a mean of 0 and blended into strips at 0.
 
         Args:
             site: Place of the rough part.

@@ -23,7 +23,7 @@ def dome(
     radius: Annotated[Positive, "m"],
     top: Annotated[Positive, "m"],
 ) -> Shape:
-    """Make a round stone by its place, radius on the floor and height (m): a cap of a ball, or half an ellipsoid."""
+    """Make a round stone from its place, radius on the floor and height, m: a spherical cap or half an ellipsoid."""
     if top > radius:
         return stone(x, y, (radius, radius), top, 0.0)
     ball = (top**2 + radius**2) / (2.0 * top)

@@ -28,7 +28,7 @@ class ViewOptions:
         out: File to write instead of serving a page: a film, .mp4, or .rrd for Rerun with all signals.
         port: Port of the page; the first free one from 7000 on when not given.
         rate: Pictures a second of a file.
-        speed: Seconds of the run in a second of the film.
+        speed: Speed of the film: seconds of the run in one second of the film.
         size: Width and height of the film, pixels.
     """
 

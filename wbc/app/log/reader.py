@@ -29,13 +29,15 @@ STREAM = 8
 
 
 class Log:
-    """A log: signals by their names. One that unpacks to more than 1 GiB stays in its file, and is read as it is asked.
+    """Log of a run: signals by their names.
+
+    Signals of a log of more than 1 GiB (unpacked) stay in the file, and are read when they are used.
 
     Attributes:
         path: The file.
         header: Facts about the run, see `wbc.app.log.header`.
         signals: All signals by name, in the order of the file.
-        broken: Reason why the log ends early; None if it is complete.
+        broken: Reason why the log is cut off; None if it is complete.
     """
 
     header: Mapping[str, Any]
@@ -53,7 +55,9 @@ class Log:
 
     @staticmethod
     def open(path: str | Path) -> Log:
-        """Read a log. One that ends early is read up to the break, and `broken` says why.
+        """Read a log.
+
+        A log that is cut off is read up to that place, and `broken` has the reason.
 
         Args:
             path: The file.
@@ -122,13 +126,13 @@ class Log:
         return self._arrays[name]
 
     def column(self, name: str) -> Any:
-        """Return a signal as the file holds it: a pyarrow column."""
+        """Return a signal as it is in the file: a pyarrow column."""
         if name not in self.signals:
             unknown_name("signal", name, self.signals)
         return self._rows.column(name)
 
     def parts(self, group: str) -> list[str]:
-        """Return the names of the signals of a group that hold numbers; `UnknownNameError` for no such group."""
+        """Return the names of all numeric signals of a group; raise an `UnknownNameError` for an unknown group."""
         names = [
             name
             for name, signal in self.signals.items()
@@ -140,11 +144,11 @@ class Log:
         return names
 
     def texts(self, name: str) -> NDArray[np.object_]:
-        """Return the texts of a signal, shape (ticks,); None in ticks without one."""
+        """Return the texts of a signal, shape (ticks,), with None in ticks without a text."""
         return self._objects(name, "text")
 
     def lists(self, name: str) -> list[Array | None]:
-        """Return the lists of a signal, one a tick; None in ticks without one."""
+        """Return the lists of a signal, one for each tick, with None in ticks without a list."""
         values = self._objects(name, "list")
         return [None if value is None else np.asarray(value, dtype=np.float64) for value in values]
 
@@ -158,7 +162,7 @@ class Log:
 
     @property
     def events(self) -> list[tuple[float, str]]:
-        """Time (s) and text of each event of a program or a walk; empty without either."""
+        """Time (s) and text of each event of a program or a walk; empty for other runs."""
         columns = [self.texts(name) for name in ("program/event", "walk/event") if name in self]
         ticks = zip(self.time.tolist(), *columns, strict=True)
         return [

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 class Recorder(TrialHook):
-    """A log that is written tick by tick, in a `with` block or as a hook: `walk(spec, hooks=[record])`.
+    """Recorder of a log, tick by tick, in a `with` block or as a hook: `walk(spec, hooks=[recorder])`.
 
     Attributes:
         path: The file.
@@ -47,8 +47,8 @@ class Recorder(TrialHook):
         """Open the file.
 
         Args:
-            path: The file, by custom with the ending .arrow; an existing log is replaced when the first 256
-                ticks are there, or at the end.
+            path: The file, usually with the ending .arrow. An existing log is replaced after the first 256 ticks, or at
+                the end of a shorter run.
             spec: Specification of the run, stored in the header: a dataclass, or plain values.
             title: Title of the log; the robot's name when empty.
         """
@@ -73,9 +73,10 @@ class Recorder(TrialHook):
 
         Args:
             name: Parts separated by "/".
-            value: Called every tick with the `Tick` (plant, control, measurement, command) for a number, a truth value,
-                a text or an array of constant length, whose parts are x y z or their indices.
-            unit: "1" without a unit.
+            value: Function that is called in every tick with the `Tick` (plant, control, measurement, command). It
+                returns a number, a bool, a text, or an array of constant length whose parts are named x, y, z or by
+                their indices.
+            unit: Unit of the signal; "1" for a signal without a unit.
             about: Description.
         """
         if self._signals is not None:
@@ -139,15 +140,15 @@ class Recorder(TrialHook):
     ) -> None:
         """Record one tick of any loop with any controller.
 
-        The first tick decides which of the optional values the log has columns for.
+        The log has columns for those optional values that the first tick has.
 
         Args:
             description: The robot.
             measurement: Input of the controller.
-            command: Its output.
+            command: Output of the controller.
             solution: Solution of the QP.
             truth: True state, from a simulator.
-            estimate: Estimated robot, up to date.
+            estimate: Estimated robot in this tick.
         """
         if self._model is None:
             _check_kind("description", description, RobotDescription)
@@ -164,7 +165,7 @@ class Recorder(TrialHook):
         self._writer.commit(self._signals.read(tick, self._writer.row))
 
     def start(self, trial: WalkTrial) -> None:
-        """Take specification and seed of the walk, see `TrialHook`."""
+        """Take the specification and the seed of the trial; see `TrialHook`."""
         self._spec = self._spec or trial.spec
         self._seed = trial.spec.seed
 
@@ -192,7 +193,7 @@ class Recorder(TrialHook):
 
     @property
     def loss(self) -> FileError | None:
-        """Error that says how much was written, where, and why the rest was not; None if nothing was lost."""
+        """Error that says how much was written, where, and why the rest is missing; None if nothing was lost."""
         return self._writer.loss
 
     def __enter__(self) -> Recorder:

@@ -44,7 +44,7 @@ class Tick:
         description: The robot as data.
         solution: Solution of the QP.
         truth: True state of a loop that is no `Plant`.
-        estimate: Estimated robot, up to date.
+        estimate: Estimated robot in this tick.
         model: Robot of a run without a control, for names and sizes.
         program: Program that drives the control.
         drives: Position or torque control, also that inside a walk.
@@ -103,7 +103,7 @@ class Signal(NamedTuple):
 
     Attributes:
         name: Parts separated by "/".
-        unit: "1" without a unit.
+        unit: Unit of the signal; "1" for a signal without a unit.
         about: Description, with the frame.
         kind: Storage.
     """

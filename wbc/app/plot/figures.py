@@ -52,7 +52,7 @@ def draw(name: str, logs: Sequence[Log]) -> Figure:
 
     Args:
         name: One of `FIGURES`.
-        logs: One or several logs, drawn side by side or in the same axes.
+        logs: One or several logs, which are drawn side by side or in the same axes.
     """
     choose("figure", name, FIGURES)
     if len(logs) == 0:

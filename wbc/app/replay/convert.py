@@ -43,16 +43,16 @@ def convert_log(
     rate: Annotated[Positive, "1/s"] = RATE,
     progress: Callable[[Sequence[Any]], Iterable[Any]] = iter,
 ) -> str | None:
-    """Write a log as RRD.
+    """Write a log as an RRD file for Rerun.
 
     Args:
         log: The log.
         path: File to write, .rrd.
-        rate: Pictures of the scene for each second of the run, 1/s; signals keep their own.
-        progress: Shows how far the work has come, as of `render_video`.
+        rate: Pictures of the scene per second of the run, Hz; signals keep their own rate.
+        progress: Wrapper that shows the progress, as for `render_video`.
 
     Returns:
-        Reason why the file holds the signals alone; None if it holds the scene, too.
+        Reason why the file contains only the signals; None if it also contains the scene.
     """
     target = check_conversion(path, [log.path])
     import rerun as rr  # noqa: PLC0415 - an extra

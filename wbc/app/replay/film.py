@@ -108,16 +108,16 @@ def render_video(
     Args:
         replay: The replay.
         path: File to write, .mp4.
-        rate: Pictures a second.
-        speed: Seconds of the run in a second of the film.
-        size: Width and height, pixels; even numbers.
-        progress: Shows how far the work has come, such as `tqdm.tqdm`: called with all ticks, it yields them.
+        rate: Pictures per second, Hz.
+        speed: Speed of the film: seconds of the run in one second of the film.
+        size: Width and height, pixels; both even.
+        progress: Wrapper that shows the progress, such as `tqdm.tqdm`: it is called with all ticks, and yields them.
 
     Returns:
         Number of pictures.
 
     Raises:
-        RenderError: Not possible on this machine; the message says what to install.
+        RenderError: Films cannot be made on this machine; the message says what to install.
     """
     target = check_film(path, [replay.log.path])
     width, height = size

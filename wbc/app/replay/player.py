@@ -21,7 +21,7 @@ class Player:
     """Page of a replay: a slider of the time, play and pause, and the speed.
 
     Attributes:
-        url: Link to the page.
+        url: Address of the page.
     """
 
     def __init__(self, replay: Replay, port: int | None = None) -> None:
@@ -29,11 +29,11 @@ class Player:
 
         Args:
             replay: The replay.
-            port: Port of the page; the first free one from 7000 on when None.
+            port: Port of the page; when None, the first free port from 7000 on.
 
         Raises:
             PortError: The port is in use.
-            ViewError: No viser.
+            ViewError: The package viser is not installed.
         """
         self._replay, self._times = replay, replay.log.time
         self._page = ViserPage(free_port(port), replay.title)
@@ -48,14 +48,14 @@ class Player:
         self.show(0)
 
     def show(self, tick: int) -> None:
-        """Show a tick of the log, if it is not shown already."""
+        """Show a tick of the log, unless it is shown already."""
         if tick != self._tick:
             self._tick = tick
             self._page.draw(self._replay.picture(tick))
             self._page.speak(now=True)
 
     def run(self) -> None:
-        """Play until the program is interrupted; a page at the end begins anew when it is played."""
+        """Play until the program is interrupted; pressing play at the end starts again."""
         last = clock.perf_counter()
         while True:
             clock.sleep(1.0 / RATE)

@@ -42,27 +42,27 @@ EVENT_TIME = 2.0
 
 
 class Replay:
-    """Pictures of a log: model and state of its run at any tick, with marks; a `Stage` of `wbc.app.view`.
+    """Pictures of a log: model and state of its run at any tick, with marks.
 
     Attributes:
         log: The log.
-        plant: The plant of the log's header, which shows states and is never stepped; None for another loop.
-        title: What was run.
+        plant: Plant of the log's header, which shows states and is never stepped; None for another loop.
+        title: Title of the log.
         model: MuJoCo's model.
-        data: Its state, after `picture`.
-        floor: Height of the endless plane, m.
+        data: MuJoCo's state, which `picture` sets.
+        floor: Height of the floor plane, m.
         scale: Sizes of the robot.
-        base_places: Places of the base as it is shown, shape (ticks, 3), m.
+        base_places: Positions of the base as shown, shape (ticks, 3), m.
     """
 
     def __init__(self, log: Log) -> None:
         """Rebuild the plant.
 
         Args:
-            log: A log that was recorded with a plant or with the description of the robot.
+            log: Log that was recorded with a plant or with the description of the robot.
 
         Raises:
-            InputError: Recorded without either, nothing recorded, or the plant cannot be built here.
+            InputError: The log was recorded without either, it is empty, or the plant cannot be built on this machine.
         """
         self.log = log
         if not len(log):
@@ -99,8 +99,8 @@ class Replay:
         """Return the ticks nearest to equally spaced times.
 
         Args:
-            rate: Pictures for each second of the film, 1/s.
-            speed: Seconds of the run in a second of the film.
+            rate: Pictures per second of the film, Hz.
+            speed: Speed of the film: seconds of the run in one second of the film.
         """
         step = positive("speed of the replay", speed) / positive("pictures a second (1/s)", rate)
         time = self.log.time
@@ -113,10 +113,10 @@ class Replay:
         return [int(i) for i in np.unique(nearest)]
 
     def picture(self, tick: int) -> Picture:
-        """Put all bodies into their positions at a tick, and return its marks and text.
+        """Move all bodies to their positions at a tick, and return the marks and the text of this tick.
 
-        Furniture stays where it was at the start; forces are those of the foot sensors. `InputError` for a tick that
-        the log does not have.
+        Furniture stays where it was at the start. Forces are those of the foot sensors. A tick that the log does not
+        have is an `InputError`.
         """
         if whole_number("tick of a log", tick, low=0) >= len(self):
             raise InputError(f"tick of a log must be below {len(self)}, got {tick}")

@@ -71,7 +71,7 @@ class View(ABC):
         stage: Model, its state, and sizes of what is drawn.
         walking: Controller of a walk; None for any other.
         frames: Number of pictures so far.
-        url: Link to the page.
+        url: Address of the page.
         closed: True after `close`.
         speed: Multiple of real time that the run is held back to; None never waits.
     """
@@ -96,7 +96,7 @@ class View(ABC):
             control: A walk, whose footsteps and references are shown, only with a simulation; a control of drives or a
                 `Controller`, whose tasks a workbench shows; that of the program, or none, when None.
             program: Program whose state is shown.
-            port: Port of the page; the first free one from 7000 on when None.
+            port: Port of the page; when None, the first free port from 7000 on.
             rate: Largest rate of pictures, 1/s.
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
 

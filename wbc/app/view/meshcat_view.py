@@ -38,14 +38,14 @@ _log = logging.getLogger(__name__)
 
 
 class MeshcatView(View):
-    """A page in the browser that shows a robot as it moves; see `View` for what it shows.
+    """Page in the browser that shows a robot as it moves; `View` lists its contents.
 
-    A caption has the texts and the legend of the marks seen so far; it is made anew only while a page is open.
+    The caption has texts, and a legend of all marks that were shown so far. It is updated only while a page is open.
 
-    Every page of this machine may watch; none changes the run, which a `Workbench` does. MeshCat's server is a process
-    of its own, which ends with the program; the page keeps its last picture. The run does not wait for it: while the
-    server is busy with one picture, others are left out. A server that has died or no longer answers is named in the
-    log of the program, and the run goes on without a view.
+    Any browser on this machine may open the page. The page cannot change the run; a `Workbench` can. MeshCat's server
+    is a separate process that ends with the program; the page then keeps its last picture. The run does not wait for
+    the server: while the server is busy with one picture, others are skipped. If the server dies or no longer answers,
+    the program logs a warning, and the run goes on without a view.
     """
 
     def _open(self, port: int) -> None:

@@ -37,7 +37,7 @@ class Stage(Protocol):
         title: Name of the robot.
         model: MuJoCo's model.
         data: Its state: places of the bodies.
-        floor: Height of the endless plane, m.
+        floor: Height of the floor plane, m.
         scale: Sizes of the robot.
     """
 

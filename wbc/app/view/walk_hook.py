@@ -19,10 +19,12 @@ if TYPE_CHECKING:
 
 
 class WatchWalk(TrialHook):
-    """Live view of a trial. The result is that of the same trial without it, unless a workbench has changed it.
+    """Hook that shows a trial in a live view.
+
+    The result is the same as without the view, unless a user of a workbench changes the run.
 
     Attributes:
-        view: The view; None before the walk starts.
+        view: The view; None before the trial starts.
     """
 
     draws = True
@@ -37,10 +39,10 @@ class WatchWalk(TrialHook):
         wait: Annotated[NonNegative, "s"] = 0.0,
         stay: bool = False,
     ) -> None:
-        """Store the options of a `MeshcatView`, or of a `Workbench` instead; both say what they are.
+        """Store the options of a `MeshcatView` or of a `Workbench`.
 
-        `wait` is the longest time that the trial waits for a page to be opened, s; a negative one is an `InputError`.
-        With `stay` the view is left open at the end, for `restarted` and `close`.
+        `wait` is the longest time that the trial waits for a page to be opened, s; a negative time is an `InputError`.
+        With `stay` the view stays open at the end, for `restarted` and `close`.
         """
         self._wait, self._stay = wait, stay
         self._workbench = workbench
@@ -54,11 +56,14 @@ class WatchWalk(TrialHook):
 
     @property
     def controls(self) -> LiveControls | None:
-        """Controls of the page, with the changes made there; None without any."""
+        """Controls of the page, with the changes made there; None for a page without controls."""
         return None if self.bench is None else self.bench.controls
 
     def open(self, trial: Trial) -> None:
-        """Show a trial; `start` does so, too, but a caller may want to know earlier that the port is free."""
+        """Open the view of a trial; otherwise `start` does it.
+
+        A caller learns early in this way whether the port is free.
+        """
         source: SimulatedRobot | RobotDescription
         source, walking = (
             trial.plant.description,
@@ -98,7 +103,7 @@ class WatchWalk(TrialHook):
             self.close()
 
     def restarted(self, how: str) -> bool:
-        """Say on the page how the trial has ended; True if it asks for another one, as a workbench may."""
+        """Show on the page how the trial has ended; return True if the user of a workbench asks for another trial."""
         return self.view is not None and not self.view.closed and self.view.ended(how)
 
     def close(self) -> None:

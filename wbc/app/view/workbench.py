@@ -36,20 +36,20 @@ KEYS = {"i": (0, 1), "k": (0, -1), "j": (2, 1), "l": (2, -1), "u": (1, 1), "o": 
 
 
 class Workbench(View):
-    """A live view with controls of everything that the run has: see `View` for what it shows.
+    """Live view with controls for all parts of the run; `View` lists its contents.
 
-    Each task has a folder: gizmo on its target, weight, gains; a robot that is steered is driven by sliders or keys.
-    Orders are carried out at ticks and kept in `controls.interventions`, each with its simulated time (s). Whoever
-    reaches the page, on this machine, changes the run.
+    Each task has a folder with a gizmo at its target, its weight and its gains. A robot that can be steered is driven
+    by sliders or keys. Orders are carried out at the next tick and stored in `controls.interventions`, each with its
+    simulated time (s). Anyone who can open the page on this machine can change the run.
 
     Attributes:
-        controls: Controls of the page, with the changes so far.
+        controls: Controls of the page, with the changes made so far.
     """
 
     def show(
         self, source: SimulatedRobot | RobotDescription, control: Any = None, program: Program | None = None
     ) -> None:
-        """Show another run in the same page, as after `ended`; its interventions are counted anew."""
+        """Show another run on the same page, for example after `ended`; its list of interventions starts empty."""
         self._set_source(source, control, program)
         self._begin()
 
@@ -87,7 +87,7 @@ class Workbench(View):
         self._paused = False
 
     def ended(self, how: str) -> bool:
-        """Say on the page in a few words how the run has ended; True if it asks for a restart, False if it is left."""
+        """Show on the page how the run has ended; return True if the user asks for a restart, False otherwise."""
         answers: deque[bool] = deque()
         self._show_last()
         with (folder := self._gui.add_folder("the run has ended", order=-2.0)):

@@ -68,19 +68,19 @@ class ConformanceReport:
 def conformance(
     loop: Loop, *, delay: Annotated[Share, Field(le=LONGEST_DELAY), "s"] = 0.0
 ) -> ConformanceReport:
-    """Check a loop by exciting it a little.
+    """Check a loop by small excitations of its robot.
 
     Args:
-        loop: A plant, a `wbc.sim.MujocoLoop`, a driver as `wbc.machine.DriverLoop`, or anything with `description`,
-            `control_period`, `measure()` and `step(command)`. Its robot is at half-sitting, standing or hanging, and
-            its drives follow position references.
-        delay: Delay from a command to its effect in a measurement that the loop is known to have, 0 to 0.2 s.
+        loop: A plant, a `wbc.sim.MujocoLoop`, a `wbc.machine.DriverLoop`, or any object with `description`,
+            `control_period`, `measure()` and `step(command)`. Its robot must be at half-sitting, standing or hanging,
+            and its drives must follow position references.
+        delay: Known delay of the loop from a command to its effect in a measurement, 0 to 0.2 s.
 
     Returns:
-        One result a check.
+        One result for each check.
 
     Raises:
-        MeasurementError: `measure` returns something else than a `Measurement`.
+        MeasurementError: `measure` returns an object that is not a `Measurement`.
     """
     if isinstance(loop, type):
         raise InputError(f"a loop must be an object, got the class {shown(loop)}: make one of it")

@@ -57,21 +57,22 @@ SWITCHED_ON = 0.5
 class UnitreeDriver(Driver):
     """Driver of a G1 in its low-level mode.
 
-    It echoes mode_machine, enables the motors of its joints, signs what it sends and drops what is signed wrongly; what
-    is not signed, too, but from simulators on this computer. It sends nothing before the first state has come, and
-    damping in place of a command that is not finite; torques keep within the limits. The G1 has no force sensors in its
-    feet: controls estimate the wrenches from the torques that it reports.
+    It echoes mode_machine, enables the motors of its joints, and adds checksums to its packets. It drops states with a
+    wrong checksum, and states without one unless they come from a simulator on this computer. It sends nothing before
+    the first state has arrived, it sends damping in place of a command that is not finite, and it keeps torques within
+    the limits. The G1 has no force sensors in its feet, so controls estimate the wrenches from the torques that it
+    reports.
 
-    Motors that the description has no joint for, of joints that are locked in it or left out, are held where the first
-    state has them, with the gains of the machine, and damped with the others.
+    The description may lack some motors, because it locks or omits their joints. These motors are held at their
+    positions in the first state, with the gains of the machine. They are damped together with the others.
 
     Attributes:
         description: The robot.
-        held: Joints of the machine that are held, as the description has none of their names.
-        gains: kp and kd of the machine, used where a command brings none, each of shape (na,).
-        refused: States with a wrong checksum so far.
-        fault: Reason for which the joints must be damped, by the last state: a motor that is off, another mode_machine;
-            empty while there is none. `wbc.run` ends damped.
+        held: Joints of the machine that are held, since the description does not have them.
+        gains: Stiffness kp (Nm/rad) and damping kd (Nms/rad) for commands without gains, each of shape (na,).
+        refused: Number of states with a wrong checksum so far.
+        fault: Reason why the joints must be damped, by the last state: a motor that is off, or another mode_machine.
+            Empty while there is none. `wbc.run` then damps the joints and ends.
         warnings: Errors and temperatures of motors in the last state.
     """
 
@@ -83,12 +84,12 @@ class UnitreeDriver(Driver):
         *,
         domain: Annotated[int, Field(ge=0, le=232)] = 1,
     ) -> None:
-        """Store the settings; DDS begins at the first call.
+        """Store the settings; DDS is started at the first call of a method.
 
         Args:
-            description: A G1, or its name: its joints have the names of `G1_MOTORS`.
+            description: Description of a G1, or its name; the joints must have the names of `G1_MOTORS`.
             interface: Network interface of the robot.
-            domain: DDS domain: 0 on the machine, 1 in simulators.
+            domain: DDS domain; 0 on the machine, 1 in simulators.
         """
         description = as_description(description)
         self.description, self._interface, self._domain = description, interface, domain
@@ -119,7 +120,7 @@ class UnitreeDriver(Driver):
         return self._topics
 
     def read(self, timeout: float) -> Measurement | None:
-        """See `Driver`; a damaged state is passed over."""
+        """See `Driver`; a damaged state is ignored."""
         end = time.monotonic() + timeout
         while True:
             state = self._open().read(LOW_STATE, max(end - time.monotonic(), 0.0))
@@ -204,7 +205,7 @@ class UnitreeDriver(Driver):
             logger.warning("%s", text)
 
     def write(self, command: Command) -> None:
-        """See `Driver`; without references the motors get the torque alone."""
+        """See `Driver`; without position references the motors get only the torque."""
         whole = with_gains(command, self.gains)
         q, v = command.joint_position, command.joint_velocity
         q, v = self._position if q is None else q, self._zero if v is None else v
