@@ -149,6 +149,41 @@ def test_the_reference_of_a_hand_moves_as_its_feed_forwards_say(how: str) -> Non
         assert np.linalg.norm(pushes[:, :3], axis=1).max() == pytest.approx(3.0) and speeds.max() < 0.6
 
 
+@pytest.mark.parametrize("frame", ["pelvis", "box"])
+def test_a_hand_at_rest_in_a_frame_that_moves_has_the_motion_of_that_frame(frame: str) -> None:
+    """Velocity and acceleration are the differences of its pose, with a pelvis that moves as the velocities say."""
+    walking, rng = control(), np.random.default_rng(2)
+    robot, hand = walking.controller.robot, walking.arms["left_hand"]
+    q, v = np.array(robot.q), np.zeros(robot.nv)
+    v[:6] = rng.normal(size=6)
+    robot.update(q, v)
+    start, motion = pin.SE3.Random(), rng.normal(size=6)
+    walking.arms.place("box", start, motion)
+    base = start if frame == "box" else pin.SE3(robot.placement(robot.base_frame))
+    held = base.actInv(robot.placement(hand.frame))
+    hand.reach(held, frame)
+    update(walking)
+    task = walking.controller.task("left_hand")
+    place, rates = task.target, np.array((task.feedforward_velocity, task.feedforward_acceleration))
+
+    def moved(time: float) -> pin.SE3:
+        if frame == "box":
+            turned = pin.exp3(time * motion[3:]) @ start.rotation
+            return pin.SE3(turned, start.translation + time * motion[:3]) * held
+        other = robot.clone()
+        other.update(pin.integrate(robot.model, q, time * v), v)
+        return pin.SE3(other.placement(robot.base_frame)) * held
+
+    h = 1e-4
+    before, after = moved(-h), moved(h)
+    assert place.isApprox(moved(0.0), 1e-9)
+    speed = (after.translation - before.translation) / (2.0 * h)
+    spin = pin.log3(after.rotation @ before.rotation.T) / (2.0 * h)
+    push = (after.translation + before.translation - 2.0 * place.translation) / h**2
+    np.testing.assert_allclose(rates[0], [*speed, *spin], atol=1e-5)
+    np.testing.assert_allclose(rates[1, :3], push, atol=1e-4)
+
+
 def test_arms_swing_with_the_opposite_foot() -> None:
     walking = control(swing=0.5)
     robot, posture = walking.controller.robot, walking.tasks.posture

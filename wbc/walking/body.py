@@ -37,11 +37,11 @@ TURN_SPEED, TURN_ACCELERATION = 0.5, 2.0
 MOST_LEAN = 0.35
 """Greatest lean of the trunk, rad: about half of the tilt that counts as a fall."""
 
-MOST_TURN = 0.3
+HIP_TURN = 0.3
 """Greatest turn of a trunk without a joint of the waist about the vertical, rad: the hips turn then."""
 
-MOST_LOOK = 0.6
-"""Greatest turn of the torso of a robot without a neck that looks while it balances by its steps, rad.
+STEPPING_TURN = 0.6
+"""Greatest turn of the torso of a robot that balances by its steps, rad.
 
 `g1` looked behind itself at up to 0.4 m/s and 0.5 rad/s: to 1.1 rad it fell in 3 of 10 walks, to 0.8 rad in
 none of 9.
@@ -50,12 +50,12 @@ none of 9.
 MARGIN = 0.05
 """Distance of a joint to its limit that is left at an extreme set-point, rad."""
 
-GAZE_WEIGHT, TORSO_GAZE_WEIGHT, GAZE_STIFFNESS, GAZE_BOUND = 1.0, 200.0, 30.0, 0.3
-"""Cost per (rad/s²)², a tenth of that of the trunk; that of a torso without a task of its own; 1/s²; greatest error
-that acts, rad: a gaze turns at 0.8 rad/s."""
+GAZE_WEIGHT, GAZE_STIFFNESS, GAZE_BOUND = 1.0, 30.0, 0.3
+"""Gaze of a neck: cost per (rad/s²)², a tenth of that of the trunk; 1/s²; greatest error that acts, rad: it turns at
+0.8 rad/s."""
 
 NEAREST = 0.3
-"""Horizontal distance of a point from the torso from which on a torso turns to it, m: below, its direction whirls."""
+"""Horizontal distance of a point from the CoM from which on a trunk turns to it, m: below, its direction whirls."""
 
 ARRIVED = 1e-3
 """Distance from a set-point, m and rad, below which it counts as reached."""
@@ -85,9 +85,8 @@ class Body:
     """
 
     __slots__ = (
-        "_acceleration", "_controller", "_dt", "_gaze", "_gaze_weight", "_goal", "_lift", "_look", "_lowest",
-        "_most", "_most_look", "_neck", "_nominal", "_now", "_off", "_point", "_rate", "_reaching", "_robot", "_waist",
-        "active",
+        "_acceleration", "_controller", "_dt", "_gaze", "_goal", "_lift", "_lowest", "_most_turn", "_neck", "_nominal",
+        "_now", "_off", "_point", "_rate", "_reaching", "_robot", "_waist", "active",
     )  # fmt: skip
 
     def __init__(
@@ -96,29 +95,27 @@ class Body:
         com_height: float,
         dt: float,
         *,
-        waist: bool,
+        most_turn: float = math.inf,
         lift: Callable[[], float] = float,
         reaching: float = 1.0,
     ) -> None:
-        """Leave all to the walk: height of its CoM (m), period (s), a waist that turns, `lift` of its feet now (m).
+        """Leave all to the walk: height of its CoM (m), period (s), greatest turn (rad), `lift` of its feet now (m).
 
         Its posture holds the neck 1 / `reaching` times as firmly as that of planned steps.
         """
         self._controller, self._robot, self._dt = controller, controller.robot, dt
         self._nominal, self._reaching = com_height, reaching
-        # Height − nominal, roll, pitch, turn, look of a torso that has no task of its own.
-        self._goal = np.zeros(5)
-        self._now, self._rate, self._acceleration = np.zeros(5), np.zeros(5), np.zeros(5)
-        self._waist = waist and _vertical(self._robot, _waist_joints(self._robot))
+        self._goal = np.zeros(4)  # height − nominal, roll, pitch, turn
+        self._now, self._rate, self._acceleration = np.zeros(4), np.zeros(4), np.zeros(4)
+        turning = _waist_turn(self._robot)
+        self._waist = turning is not None
+        self._most_turn = min(most_turn, HIP_TURN if turning is None else turning)
         self._neck = bool(_neck_joints(self._robot))
-        self._most = self._most_turn()
-        self._look, self._most_look = (3, self._most) if self._waist else (4, MOST_LOOK)
         self._lowest: float | None = None
         self._lift = lift
-        self._gaze: LookAtTask | None = None
-        self._gaze_weight = np.zeros(0)
-        self._point: Array | None = None  # that the torso turns to
-        self._off = np.inf  # of the torso from its direction, rad
+        self._gaze: LookAtTask | None = None  # of a neck
+        self._point: Array | None = None  # that the trunk of a robot without a neck turns to
+        self._off = math.inf  # of the trunk from its direction, rad
         self.active = False
 
     def follow(self, com_height: float, reaching: float) -> None:
@@ -131,7 +128,7 @@ class Body:
         self._nominal, self._reaching = com_height, reaching
         self._now[0] = self._rate[0] = 0.0
         if self._gaze is not None and not self._gaze.idle:
-            self._gaze.weight = self._firm_gaze
+            self._gaze.weight = GAZE_WEIGHT / reaching
 
     # ---- set-points -------------------------------------------------------------------------------------------------
 
@@ -177,56 +174,43 @@ class Body:
 
     @property
     def turn(self) -> float:
-        """Turn of the trunk against the heading of the feet, rad, positive to the left; assign it."""
+        """Turn of the trunk against the heading of the feet, rad, positive to the left; assign it.
+
+        The waist turns the torso, or the hips the whole trunk where no joint of the waist does.
+        """
         return float(self._goal[3])
 
     @turn.setter
     def turn(self, value: float) -> None:
-        most, what = self._most, f"turn of the trunk (rad) of '{self._robot.name}'"
+        most, what = self._most_turn, f"turn of the trunk (rad) of '{self._robot.name}'"
         self._set(3, finite_scalar(what, value, low=-most, high=most))
         self._point = None
-
-    def _most_turn(self) -> float:
-        """Return how far the waist, or without its joint the hips, turn either way, rad."""
-        if not self._waist:
-            return MOST_TURN
-        robot = self._robot
-        joint = next(j for j in _waist_joints(robot) if _vertical(robot, [j]))
-        return min(-float(robot.position_lower[joint]), float(robot.position_upper[joint])) - MARGIN
 
     def look_at(self, point: ArrayLike | None) -> None:
         """Look at a point with the neck, and a little with the waist where the neck does not reach.
 
-        A robot without a neck turns its torso to the point, about the vertical alone: that is its `turn`, as far as the
-        waist goes; assigning `turn` ends it. In a walk that balances by its steps it goes to 0.6 rad, beside `turn`.
+        A robot without a neck turns its trunk to the point: that is its `turn`, as far as it goes; assigning `turn`
+        ends it.
 
         Args:
             point: In the world, shape (3,), m; None to look ahead with the posture again.
 
         Raises:
-            InputError: Not three finite numbers; a robot without a neck and a waist.
+            InputError: Not three finite numbers.
         """
         if point is None:
-            if self._point is not None:
-                self._set(self._look, 0.0)
-                self._point = None
-            elif self._gaze is not None:
+            if self._gaze is not None:
                 self._gaze.weight = 0.0
+            elif self._point is not None:
+                self.turn = 0.0
             return
         place = finite_array("point to look at (m)", point, (3,))
-        if self._gaze is None and (self._neck or not self._waist):
-            self._gaze = self._controller.add(_gaze_task(self._robot, place))
-            self._gaze_weight = self._gaze.weight.copy()
         if not self._neck:
-            self._point, self.active, self._off = place, True, np.inf
-        if self._gaze is None:
+            self._point, self._off, self.active = place, math.inf, True
             return
-        self._gaze.target, self._gaze.weight = place, self._firm_gaze
-
-    @property
-    def _firm_gaze(self) -> Array:
-        """Weight of a gaze that prevails over the posture of the neck."""
-        return self._gaze_weight / self._reaching if self._neck else self._gaze_weight
+        if self._gaze is None:
+            self._gaze = self._controller.add(_gaze_task(self._robot, place))
+        self._gaze.target, self._gaze.weight = place, GAZE_WEIGHT / self._reaching
 
     @property
     def reached(self) -> bool:
@@ -237,7 +221,7 @@ class Body:
     def looking(self) -> bool:
         """True while the gaze is within 0.05 rad of the point that it was given, and turns by less than 0.2 rad/s."""
         if self._point is not None:
-            return self._off < 0.05 and abs(float(self._rate[self._look])) < 0.2
+            return self._off < 0.05 and abs(float(self._rate[3])) < 0.2
         gaze = self._gaze
         return gaze is not None and not gaze.idle and gaze.reached
 
@@ -253,41 +237,28 @@ class Body:
             self._turn_to(self._point, heading)
         before, displacement = self._rate, self._goal - self._now
         if not (displacement.any() or before.any()):
-            self._acceleration = np.zeros(5)
+            self._acceleration = np.zeros(4)
             self.active = bool(self._now.any()) or self._point is not None
-            self._aim(heading)
             return
-        self._rate = rate = np.empty(5)
-        rate[:1] = approach(displacement[:1], before[:1], SPEED, ACCELERATION, self._dt)
-        for turns in (slice(1, 4), slice(4, 5)):
-            rate[turns] = approach(
-                displacement[turns], before[turns], TURN_SPEED, TURN_ACCELERATION, self._dt
-            )
+        self._rate = rate = np.empty(4)
+        for part, speed, acceleration in (
+            (slice(0, 1), SPEED, ACCELERATION),
+            (slice(1, 4), TURN_SPEED, TURN_ACCELERATION),
+        ):
+            rate[part] = approach(displacement[part], before[part], speed, acceleration, self._dt)
         self._acceleration = (rate - before) / self._dt
         self._now = self._now + self._dt * rate
         if np.abs(displacement).max() < 1e-7 and np.abs(rate).max() < 1e-6:
-            self._now, self._rate = self._goal.copy(), np.zeros(5)
-        self._aim(heading)
-
-    def _aim(self, heading: float) -> None:
-        """Point the gaze task of a torso without a neck along its present look; switch it off when that is ahead."""
-        if self._gaze is None or self._neck:
-            return
-        if self._point is None and not self._now[4]:
-            self._gaze.weight = 0.0
-            return
-        angle = heading + float(self._now[4])
-        self._gaze.target = self._robot.com + np.array([3.0 * math.cos(angle), 3.0 * math.sin(angle), 0.0])
+            self._now, self._rate = self._goal.copy(), np.zeros(4)
 
     def _turn_to(self, point: Array, heading: float) -> None:
-        """Turn to a point; where the waist does not reach, stay at that end of its range where it is."""
+        """Turn to a point; where the trunk does not turn that far, stay at that end of its range where it is."""
         x, y, _ = point - self._robot.com
         if math.hypot(x, y) < NEAREST:
             return
-        angle, most = math.remainder(math.atan2(y, x) - heading, math.tau), self._most_look
-        before = self._goal[self._look]
-        self._goal[self._look] = angle if abs(angle) <= most else math.copysign(most, before or angle)
-        self._off = abs(angle - float(self._now[self._look]))
+        angle, most = math.remainder(math.atan2(y, x) - heading, math.tau), self._most_turn
+        self._goal[3] = angle if abs(angle) <= most else math.copysign(most, self._goal[3] or angle)
+        self._off = abs(angle - float(self._now[3]))
 
     def raised(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum at the height that is set, with the ω of that height.
@@ -337,32 +308,26 @@ def lowest_com(robot: Robot) -> float:
     return float(robot.com[2]) - ground
 
 
-def _waist_joints(robot: Robot) -> list[int]:
-    return robot.joints_between(robot.torso_frame, robot.base_frame)
+def _waist_turn(robot: Robot) -> float | None:
+    """Return how far the waist turns the torso either way about the vertical, rad; None if no joint of it does."""
+    data = robot.model.createData()
+    pin.computeJointJacobians(robot.model, data, robot.half_sitting)
+    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+    rows = pin.getFrameJacobian(robot.model, data, robot.frame_id(robot.torso_frame), pin.LOCAL_WORLD_ALIGNED)
+    for joint in robot.joints_between(robot.torso_frame, robot.base_frame):
+        if abs(float(rows[5, BASE_DOF + joint])) > 0.9:
+            return min(-float(robot.position_lower[joint]), float(robot.position_upper[joint])) - MARGIN
+    return None
 
 
 def _neck_joints(robot: Robot) -> list[str]:
     return [joint for joint in robot.joint_names if "neck" in joint.lower() or "head" in joint.lower()]
 
 
-def _vertical(robot: Robot, joints: Sequence[int]) -> bool:
-    """Return true if one of some joints turns about the vertical in half-sitting."""
-    data = robot.model.createData()
-    pin.computeJointJacobians(robot.model, data, robot.half_sitting)
-    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
-    rows = pin.getFrameJacobian(robot.model, data, robot.frame_id(robot.torso_frame), pin.LOCAL_WORLD_ALIGNED)
-    return any(abs(float(rows[5, BASE_DOF + joint])) > 0.9 for joint in joints)
-
-
 def _gaze_task(robot: Robot, place: Array) -> LookAtTask:
-    """Return the task of the last link of the neck, or of the torso, with its axis that points forward in a stand."""
-    neck = _neck_joints(robot)
-    if not neck and not _waist_joints(robot):
-        raise InputError(f"'{robot.name}' has neither a neck nor a waist to look with")
-    frame = robot.torso_frame
-    if neck:
-        last = robot.model.getJointId(max(neck, key=robot.model.getJointId))
-        frame = next(f.name for f in robot.model.frames if f.parentJoint == last and f.type == pin.BODY)
+    """Return the task of the last link of the neck, with its axis that points forward in a stand."""
+    last = max(robot.model.getJointId(joint) for joint in _neck_joints(robot))
+    frame = next(f.name for f in robot.model.frames if f.parentJoint == last and f.type == pin.BODY)
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
     turn = data.oMf[robot.frame_id(frame)].rotation.T @ data.oMf[robot.frame_id(robot.base_frame)].rotation
@@ -371,8 +336,7 @@ def _gaze_task(robot: Robot, place: Array) -> LookAtTask:
         place,
         name="gaze",
         axis=turn[:, 0],
-        axes=("roll", "pitch", "yaw") if neck else ("yaw",),
-        weight=GAZE_WEIGHT if neck else TORSO_GAZE_WEIGHT,
+        weight=GAZE_WEIGHT,
         stiffness=GAZE_STIFFNESS,
         error_bound=GAZE_BOUND,
     )

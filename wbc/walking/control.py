@@ -21,6 +21,7 @@ body; source, tasks and balance are exchanged. docs/measured.md says what was tr
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
@@ -41,7 +42,7 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.lean import UPRIGHT
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.balance import Balance
-from wbc.walking.body import Body
+from wbc.walking.body import STEPPING_TURN, Body
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
@@ -139,7 +140,7 @@ class WalkingControl:
             controller,
             com_height(robot, steps.source),
             dt,
-            waist=self._free is None,
+            most_turn=math.inf if self._free is None else STEPPING_TURN,
             lift=self._lift,
             reaching=steps.tasks.reaching,
         )

@@ -120,6 +120,9 @@ TORSO, TORSO_YAW = 4.0, 0.01
 its waist, and nothing else brings it upright again. As much as the pelvis it may not cost: hips that hold both have no
 torque left for the swing foot."""
 
+TWIST = 450.0, 2.0
+"""Cost and stiffness, ω², of the torso's heading while the waist turns it, by the joints of the waist alone."""
+
 SLACK = 0.03
 """Distance of the ceiling of the CoM above its height, h: steps over stones need no more."""
 
@@ -199,7 +202,8 @@ def free_table(robot: Robot, gait: SteppingGait) -> TaskTable:
     gains[legs], dampings[legs] = 0.0, LEG_JOINTS[1] * omega
     posture = PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
     rise = RiseLimit(SLACK * scale.height)
-    return TaskTable(com, contacts, swing, (pelvis, torso), posture, stance, rise, reaching=REACHING)
+    twist: GainOptions = {"weight": TWIST[0] * turn, "stiffness": TWIST[1] * square}
+    return TaskTable(com, contacts, swing, (pelvis, torso), posture, twist, stance, rise, reaching=REACHING)
 
 
 def _com_gains(place: tuple[float, float], height: tuple[float, float]) -> tuple[Array, Array]:

@@ -30,6 +30,12 @@ from wbc.walking.stepping.rise import RiseLimit
 TURNED = 0.3
 """Greatest difference of heading of pelvis or torso that is turned back at once, rad."""
 
+UP = np.array([0.0, 0.0, 1.0])
+"""Vertical."""
+
+STRAIGHT = Twist(0.0, 0.0, 0.0, by_waist=False)
+"""No turn of the trunk against the heading."""
+
 GAINS = ("weight", "stiffness", "damping")
 """Gains of a task that a user may set at any tick."""
 
@@ -43,6 +49,7 @@ class TaskTable(NamedTuple):
         swing: Gains of the pose of a foot in the air.
         trunk: Gains of the rotation of the pelvis, and of the torso where it is another link.
         posture: Task of all joints.
+        twist: Gains of the torso's heading while the waist turns it; None where those of the trunk hold it.
         stance: How feet carry that no stabilizer loads; None with one.
         rise: Limit on the rise of the centre of mass; None without.
         reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
@@ -54,6 +61,7 @@ class TaskTable(NamedTuple):
     swing: GainOptions
     trunk: tuple[GainOptions, GainOptions]
     posture: PostureTask
+    twist: GainOptions | None = None
     stance: StanceContacts | None = None
     rise: RiseLimit | None = None
     reaching: float = 1.0
@@ -73,7 +81,7 @@ class WalkTasks:
     def __init__(self, controller: Controller, table: TaskTable) -> None:
         """Add all to a controller."""
         robot, self._controller = controller.robot, controller
-        com, contacts, swing, trunk, posture, self._stance, rise, self.reaching, self._torque = table
+        com, contacts, swing, trunk, posture, twist, self._stance, rise, self.reaching, self._torque = table
         self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
         self._swing_weight = np.array(swing["weight"], dtype=float)
         self._swings = [
@@ -87,8 +95,19 @@ class WalkTasks:
             OrientationTask(frame, **_named(name, gains))
             for (name, frame), gains in zip(parts, trunk, strict=False)
         ]
+        waist = [robot.joint_names[j] for j in robot.joints_between(robot.torso_frame, robot.base_frame)]
+        self._twist: OrientationTask | None = None
+        if twist is not None and waist:
+            self._twist = OrientationTask(
+                robot.torso_frame, axes=("yaw",), joints=waist, **_named("torso turn", twist)
+            )
+            self._twist_weight = np.array(self._twist.weight)
+            self._twist.weight = 0.0
         limits = [JointLimits(), TorqueLimits(), *(() if rise is None else (rise,))]
-        self._all: list[Any] = [com, *self._swings, *self._trunk, posture, *limits, *self.contacts]
+        turning = () if self._twist is None else (self._twist,)
+        self._all: list[Any] = [
+            com, *self._swings, *self._trunk, *turning, posture, *limits, *self.contacts
+        ]  # fmt: skip
         first, *others = self._all
         controller.add(first, *others)
         forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
@@ -105,7 +124,7 @@ class WalkTasks:
         )
         for foot in self._swings:
             foot.held_by = "walking.velocity, walking.go_to or a plan of footsteps"
-        for task in self._trunk:
+        for task in (*self._trunk, *turning):
             task.held_by = "walking.body.lean and walking.body.turn"
 
     def leave(self) -> None:
@@ -189,41 +208,35 @@ class WalkTasks:
         self.posture.follow(body.position, body.velocity, body.acceleration)
 
     def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist | None) -> None:
-        """Turn pelvis and torso to a heading (rad) and let them lean."""
-        twisted = 0.0 if twist is None else twist.angle
-        first = 1 if twist is not None and twist.by_waist else 0
-        yaws = [yaw + (twisted if i >= first else 0.0) for i in range(len(self._trunk))]
-        now = [heading(task.rotation) - own for task, own in zip(self._trunk, self._trunk_yaws, strict=True)]
-        off = [math.remainder(a - b, math.tau) for a, b in zip(yaws, now, strict=True)]
-        if max(map(abs, off)) > TURNED:
-            self._turn_back(now, off, lean)
-            return
-        if twist is None and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
-            return
-        self._trunk_target = yaw, lean
-        turn = lean.rotation.dot(_yaw_rotation(yaw))
-        for task, tilt in zip(self._trunk, self._trunk_tilts, strict=True):
-            task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
-        if twist is not None:
-            turn, up = lean.rotation.dot(_yaw_rotation(yaw + twist.angle)), np.array([0.0, 0.0, 1.0])
-            first = 1 if twist.by_waist else 0
-            for task, tilt in list(zip(self._trunk, self._trunk_tilts, strict=True))[first:]:
-                task.follow(
-                    turn.dot(tilt),
-                    lean.velocity + twist.rate * up,
-                    lean.acceleration + twist.acceleration * up,
-                )
+        """Turn pelvis and torso to a heading (rad), twist them and let them lean.
 
-    def _turn_back(self, now: Sequence[float], off: Sequence[float], lean: LeanMotion) -> None:
-        """Bring a trunk upright that is turned far from its heading: headings now, and by how much they are off, rad.
-
-        A rotation that is large about the vertical has parts about the level axes that are no tilt, so the heading of
-        the target stays near that of the trunk.
+        A trunk that is turned far from there is brought upright as it turns back: a rotation that is large about the
+        vertical has parts about the level axes that are no tilt, so the heading of the target stays near the trunk's.
         """
-        self._trunk_target = None, UPRIGHT
-        for task, tilt, yaw, error in zip(self._trunk, self._trunk_tilts, now, off, strict=True):
-            turn = lean.rotation.dot(_yaw_rotation(yaw + min(max(error, -TURNED), TURNED)))
-            task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
+        turns = [STRAIGHT if twist is None or (part == 0 and twist.by_waist) else twist for part in (0, 1)]
+        now = [heading(task.rotation) - own for task, own in zip(self._trunk, self._trunk_yaws, strict=True)]
+        off = [math.remainder(yaw + turn.angle - at, math.tau) for turn, at in zip(turns, now, strict=False)]
+        far = max(map(abs, off)) > TURNED
+        if not far and twist is None and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
+            return
+        self._trunk_target = (yaw, lean) if not far and twist is None else (None, UPRIGHT)
+        for task, tilt, turn, at, error in zip(self._trunk, self._trunk_tilts, turns, now, off, strict=False):
+            towards = at + min(max(error, -TURNED), TURNED) if far else yaw + turn.angle
+            task.follow(
+                lean.rotation.dot(_yaw_rotation(towards)).dot(tilt),
+                lean.velocity + turn.rate * UP,
+                lean.acceleration + turn.acceleration * UP,
+            )
+        if self._twist is not None:
+            self._turn_waist(self._twist, turns[1], by_waist=twist is not None and twist.by_waist)
+
+    def _turn_waist(self, task: OrientationTask, turn: Twist, *, by_waist: bool) -> None:
+        """Let the waist turn the torso where the gains of the trunk leave its heading free."""
+        if by_waist == task.idle:
+            task.weight = self._twist_weight if by_waist else 0.0
+        if by_waist:
+            target: Array = self._trunk[1].target
+            task.follow(target, np.array([turn.rate]), np.array([turn.acceleration]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -138,9 +138,14 @@ class Move:
         """Return target, velocity and acceleration at this time."""
         return self.coordinates.target(*self._trajectory.at(self._elapsed))
 
+    @property
+    def arrived(self) -> bool:
+        """True once the target is at rest at the last one."""
+        return self._elapsed >= self._trajectory.duration - ROUNDING
+
     def advance(self, dt: float) -> bool:
         """Go on by a period, s; False if the target had arrived before."""
-        arrived = self._elapsed >= self._trajectory.duration - ROUNDING
+        arrived = self.arrived
         self._elapsed += dt
         return not arrived
 

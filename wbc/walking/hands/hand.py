@@ -25,13 +25,14 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.move import least_turn
-from wbc.core.trajectories import Quintic, Ramp, minimum_jerk
+from wbc.core.trajectories import Ramp
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import HandArm
@@ -58,12 +59,16 @@ SMOOTHING = 0.04
 """Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
 fed forward, times the mass of the hand, answers a force by more than that force, and a hand on a table chatters."""
 
+FILTER_TIME, SLOW_TIME = 0.05, 1.0
+"""Time constants of two low-passes on measured forces, s: mc_rtc's. The quick one is what feet do not have to give; the
+slow one shifts the CoM for hands that grip, and is the feed-forward of their arms. The rest shifts the ZMP."""
+
+LEAST_WAY = 0.01
+"""Length of the part of a way along a surface, or towards it, below which the hand goes straight, m."""
+
 WRENCH_WEIGHT, BOUNDED = 1.0, 1.0
 """Cost of a force other than the asked one, per N² and (Nm)², beside 10⁻³ per (Nm)² of a sole; lack of force from
 which on an arm counts as too weak, N."""
-
-STAGE = 0.6
-"""Share of its time that each of the two motions of a hand takes on its way to a surface: along, and across."""
 
 NO_MOMENT = np.zeros(3)
 
@@ -124,6 +129,7 @@ class Hand:
         tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
             its last approach; zero before the first.
         extra: Force for the balance on top of the one that is asked for, N.
+        felt: Force on it while it grips, smoothed, in the world, shape (3,), N.
         excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
         bounded: True while the QP gives less force than is asked for: the arm has no more torque.
     """
@@ -159,16 +165,17 @@ class Hand:
         self._axis, self._frame = self.arm.axis(), frame
         self.direction = np.zeros(3)
         self.reading, self.tare = np.zeros(6), np.zeros(6)
-        self._start = self._held = pin.SE3.Identity()  # of a way; in the frame that goes with the robot
-        self._turn, self._rotation = np.zeros(3), np.eye(3)
-        self._grips = False
+        self._start = pin.SE3.Identity()  # of the approach; of a grip, its place
+        self._held = pin.SE3.Identity()  # the same in the frame that goes with the robot
+        self._then = HandState.APPROACH  # state after the way there
         self._enter(HandState.FREE)
 
     def _enter(self, state: HandState) -> None:
         """Begin without a force, at the start of a way."""
         self.state, self.force = state, Ramp()
         self.pressed = self.extra = 0.0
-        self.excess, self.bounded = np.zeros(3), False
+        self.felt, self.excess, self.bounded = np.zeros(3), np.zeros(3), False
+        self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
         self._most = math.inf  # force that the arm has, N
         self.contact.active = self.grasp.active = False
         self._travelled = self._elapsed = 0.0
@@ -200,7 +207,7 @@ class Hand:
     def destination(self) -> Array:
         """Where its frame goes, or is once it is there, in the world, shape (3,), m."""
         if self.state is HandState.REACH:
-            return np.asarray(self._start.translation + self._path)
+            return np.asarray(self._start.translation)
         return np.asarray(self._robot.placement(self._frame).translation)
 
     def press(self, direction: Array, force: float, at: Array | None = None) -> None:
@@ -211,7 +218,15 @@ class Hand:
             self.force.to(force, self._settings.ramp)
             return
         self._add(self.task, self.contact, self._force)
-        self._approach_from_here(direction, force, at)
+        self._begin(direction, force)
+        if at is not None:
+            self._go(at - (CLEARANCE + self._settings.length) * direction, HandState.APPROACH)
+
+    def grip(self, direction: Array, limit: float, at: Array) -> None:
+        """Go to a handle, and keep it before the robot from then on; see `Hands.grip`."""
+        self._add(self.task, self.grasp, self._wrench)
+        self._begin(direction, limit)
+        self._go(at - (GAP + self._settings.length) * direction, HandState.GRIP)
 
     def _add(self, *items: Item) -> None:
         """Add to the controller what it does not have yet of a hand."""
@@ -220,25 +235,27 @@ class Hand:
             if not any(item is other for other in present):
                 self._controller.add(item)
 
-    def _approach_from_here(self, direction: Array, force: float, at: Array | None) -> None:
-        """Begin a way to a surface, or to a handle."""
+    def _begin(self, direction: Array, force: float) -> None:
+        """Begin an approach from where the hand is."""
         self._enter(HandState.APPROACH)
-        self.direction, self._grips = direction, False
+        self.direction, self.force.goal = direction, force
         self._start = self.task.target = pin.SE3(self._robot.placement(self._frame))
         self.task.weight = (*[WEIGHT] * 3, *[TURN_WEIGHT] * 3)
-        self.force.goal = force
-        self._rotation = np.array(self._start.rotation)
-        if at is not None:
-            self.state = HandState.REACH
-            self.tare = np.zeros(6)
-            self._path = at - (CLEARANCE + self._settings.length) * direction - self._start.translation
-            self._turn = least_turn(self._axis, self._rotation.T @ direction)
 
-    def grip(self, direction: Array, limit: float, at: Array) -> None:
-        """Go to a handle, and keep it before the robot from then on; see `Hands.grip`."""
-        self._add(self.task, self.grasp, self._wrench)
-        self._approach_from_here(direction, limit, at + CLEARANCE * direction - GAP * direction)
-        self._grips = True
+    def _go(self, point: Array, then: HandState) -> None:
+        """Go to a point first, away from the surface before anything else, and towards it last: no brushing."""
+        self.state, self._then, self.tare = HandState.REACH, then, np.zeros(6)
+        start, way = self._start, point - self._start.translation
+        turn = least_turn(self._axis, start.rotation.T @ self.direction)
+        towards = float(way @ self.direction) * self.direction
+        first = towards if towards @ self.direction < 0.0 else way - towards
+        lengths = float(np.linalg.norm(first)), float(np.linalg.norm(way - first))
+        share = lengths[0] / max(sum(lengths), ROUNDING)
+        self._start = pin.SE3(start.rotation @ pin.exp3(turn), point)
+        places = [self._start]
+        if min(lengths) > LEAST_WAY:
+            places.insert(0, pin.SE3(start.rotation @ pin.exp3(share * turn), start.translation + first))
+        self.task.move_through(places, duration=self._settings.reach_time)
 
     def release(self) -> None:
         """Take the force back and let go."""
@@ -273,87 +290,72 @@ class Hand:
         The wrench is [force; moment] in its frame, shape (6,), N and Nm. The QP has chosen a force in the last tick, in
         the frame of the contact, shape (3,), N, the one that it was asked for when None; `middle` goes with the robot.
         """
-        if self.state is HandState.FREE:
+        task, state = self.task, self.state
+        if state is HandState.FREE:
             return
-        task = self.task
         self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
-        if self.state in (HandState.REACH, HandState.APPROACH):
-            if self.state is HandState.REACH:
-                first = self._elapsed == 0.0  # an offset may be more than a touch
-                if first or float(np.linalg.norm(wrench[:3])) < self._touch:
-                    self.tare += dt / (self._elapsed + dt) * wrench
-                if self._reach(dt):
-                    self.state = HandState.GRIP if self._grips else HandState.APPROACH
-                    self.grasp.active = self._grips
-                    self._held = middle.placement.actInv(self._start)
-            else:
-                self._approach(dt)
-            task.measured_wrench = task.target_wrench
+        if state is HandState.HOLD:
+            self._press(wrench, rotation, chosen, dt)
             return
-        if self.state is HandState.GRIP:
+        if state is HandState.GRIP:
             self._carry(rotation, middle)
             return
-        if self.state is HandState.HOLD:
-            before = self.force.value
-            asked = float(self._force.target[2])
-            given = self._force.target if chosen is None else chosen
-            self.bounded = float(given[2]) < asked - BOUNDED
-            self._most = float(given[2]) if self.bounded else math.inf
+        if state is HandState.REACH:
+            self._reach(wrench, middle, dt)
+        elif state is HandState.APPROACH:
+            self._approach(dt)
+        else:
             self.force.advance(dt)
-            if self.force.goal == 0.0:  # the force for the balance fades with it
-                self.extra *= self.force.value / max(before, ROUNDING)
-            self._watch(dt)
-            if self.force.goal == 0.0 and self.force.value == 0.0:
-                self._free()
-                return
-            self.extra = min(max(self.extra, min(0.0, self._touch - self.planned)), self._most - self.planned)
-            self._force.follow(np.array((0.0, 0.0, self.force.value + self.extra)))
-            task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, NO_MOMENT))
-            task.measured_wrench = np.concatenate((wrench[:3], NO_MOMENT))
-            return
-        self.force.advance(dt)
-        task.measured_wrench = task.target_wrench
+        task.measured_wrench = task.target_wrench  # the hand yields to nothing
 
-    def bear(self, wrench: Array) -> None:
-        """Ask the QP for a wrench on a hand that grips, [force; moment] in world axes, shape (6,), N and Nm."""
+    def bear(self, wrench: Array, rotation: Array, dt: float) -> None:
+        """Ask the QP for the slow part of the wrench on a hand that grips; see `update`."""
+        force, moment = rotation @ wrench[:3], rotation @ wrench[3:]
+        self.felt += lag_gain(dt, FILTER_TIME) * (force - self.felt)
+        self._borne += lag_gain(dt, SLOW_TIME) * (np.concatenate((force, moment)) - self._borne)
         turn = self._robot.placement(self._frame).rotation
-        self._wrench.follow(np.concatenate((wrench[:3] @ turn, wrench[3:] @ turn)))
+        self._wrench.follow(np.concatenate((self._borne[:3] @ turn, self._borne[3:] @ turn)))
 
-    def _reach(self, dt: float) -> bool:
-        """Go before the surface, first away from it, towards it last: no brushing; True once it is there."""
-        duration = self._settings.reach_time
-        self._elapsed = min(self._elapsed + dt, duration)
-        along = float(self._path @ self.direction)
-        way = Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), STAGE * duration)
-        early = way.at(min(self._elapsed, way.duration))
-        late = way.at(max(self._elapsed - (duration - way.duration), 0.0))
-        first, last = (early, late) if along < 0.0 else (late, early)
-        straight = along * self.direction
-        point, velocity, acceleration = (
-            first[i] * straight + last[i] * (self._path - straight) for i in range(3)
-        )
-        turned, _ = minimum_jerk(self._elapsed / duration)
-        self._rotation = self._start.rotation @ pin.exp3(turned * self._turn)
-        self._move(self._start.translation + point, velocity, acceleration)
-        if self._elapsed < duration:
-            return False
-        self._start = pin.SE3(self._rotation, self._start.translation + self._path)
-        return True
-
-    def _move(self, point: Array, velocity: Array, acceleration: Array) -> None:
-        task, place, motion = self.task, pin.SE3(self._rotation, point), np.zeros((2, 6))
-        task.target = place
-        motion[0, :3], motion[1, :3] = velocity @ place.rotation, acceleration @ place.rotation
-        task.feedforward_velocity, task.feedforward_acceleration = motion
+    def _reach(self, wrench: Array, middle: MovingFrame, dt: float) -> None:
+        """Learn the tare on the way, and begin what comes after it."""
+        first = self._elapsed == 0.0  # an offset may be more than a touch
+        if first or float(np.linalg.norm(wrench[:3])) < self._touch:
+            self.tare += dt / (self._elapsed + dt) * wrench
+        self._elapsed += dt
+        if not self.task.moving:
+            self.state = self._then
+            self.grasp.active = self.state is HandState.GRIP
+            self._held = middle.placement.actInv(self._start)
 
     def _carry(self, rotation: Array, middle: MovingFrame) -> None:
         """Keep the pose relative to the feet; yield to the excess of the force on all hands."""
         task, place = self.task, middle.placement * self._held
-        self._rotation = place.rotation
-        self._move(place.translation, middle.velocity(place.translation), np.zeros(3))
+        self._move(place, middle.velocity(place.translation))
         task.target_wrench = np.zeros(6)
         task.measured_wrench = np.concatenate((self.excess @ rotation, NO_MOMENT))
         self.bounded = bool(np.abs(self.excess[:2]).max() > self._touch)
+
+    def _move(self, place: pin.SE3, velocity: Array) -> None:
+        """Set a target that moves without turning, shape (3,), m/s in the world."""
+        self.task.follow(place, np.concatenate((velocity @ place.rotation, np.zeros(3))), np.zeros(6))
+
+    def _press(self, wrench: Array, rotation: Array, chosen: Array | None, dt: float) -> None:
+        """Ask the QP for the force that is planned, and yield to what is measured beside the one it chose."""
+        before, asked = self.force.value, float(self._force.target[2])
+        given = self._force.target if chosen is None else chosen
+        self.bounded = float(given[2]) < asked - BOUNDED
+        self._most = float(given[2]) if self.bounded else math.inf
+        self.force.advance(dt)
+        if self.force.goal == 0.0:  # the force for the balance fades with it
+            self.extra *= self.force.value / max(before, ROUNDING)
+        self._watch(dt)
+        if self.force.goal == 0.0 and self.force.value == 0.0:
+            self._free()
+            return
+        self.extra = min(max(self.extra, min(0.0, self._touch - self.planned)), self._most - self.planned)
+        self._force.follow(np.array((0.0, 0.0, self.force.value + self.extra)))
+        self.task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, NO_MOMENT))
+        self.task.measured_wrench = np.concatenate((wrench[:3], NO_MOMENT))
 
     def _approach(self, dt: float) -> None:
         settings, task = self._settings, self.task
@@ -374,7 +376,7 @@ class Hand:
             return
         self._travelled += settings.approach * dt
         point = self._start.translation + self._travelled * self.direction
-        self._move(point, settings.approach * self.direction, np.zeros(3))
+        self._move(pin.SE3(self._start.rotation, point), settings.approach * self.direction)
 
     def _watch(self, dt: float) -> None:
         """Detect the loss of the contact from a force that stays too small."""

@@ -24,15 +24,17 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError, choose
+from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.core.trajectories import Follower
+from wbc.tasks.motion.direction import unit_vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.contact import GaitPhase
-from wbc.walking.hands.hand import Hand, HandSettings, HandState
+from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, Hand, HandSettings, HandState
 from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.hands.turn import GyroTurn
@@ -41,10 +43,6 @@ from wbc.walking.source import Reference
 
 SHIFT_TIME = 0.15
 """Time constant with which the CoM follows the planned forces, s, twice: its acceleration is bounded."""
-
-SLOW_TIME = 1.0
-"""Time constant of the low-pass whose output shifts the CoM for forces of hands that grip, s: mc_rtc's. The rest shifts
-the ZMP. The servos of the arms get the same low-passed force as feed-forward."""
 
 RELAX = 0.1
 """Ratio of the forces on them to which hands that grip yield while the robot stands: forces that remain when a walk
@@ -59,9 +57,6 @@ little at any time."""
 
 HELP_LEAK = 0.05
 """Ratio of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
-
-FILTER_TIME = 0.05
-"""Time constant of the low-pass on the measured force that the feet do not have to give, s: mc_rtc's."""
 
 
 class Hands:
@@ -97,8 +92,6 @@ class Hands:
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
         arms.share(hands)
         self.outside = np.zeros(6)  # measured, filtered, at the world origin
-        self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
-        self._borne = np.zeros((len(hands), 6))  # the same, the slow part of hands that grip
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._missing = np.zeros(2)
         self._measurement: Measurement | None = None  # the last one
@@ -240,11 +233,7 @@ class Hands:
                 f"{hand} must have no target when it presses or grips: arms['{hand}'].release() takes the one it has"
             )
         force = finite_scalar(f"force of {hand} (N)", force, low=0.0)
-        along = finite_array(f"direction of {hand}", direction, (3,))
-        length = float(np.linalg.norm(along))
-        if length < 1e-6:
-            raise InputError(f"direction of {hand} must have a length, got {along}")
-        along /= length
+        along = unit_vector(f"direction of {hand}", direction)
         most, joint = self.all[hand].arm.strength(along, self.settings.share)
         if at is None and force > most:
             raise InputError(
@@ -323,50 +312,20 @@ class Hands:
         """Advance all hands; return the filtered wrench on them at the world origin, None while there is none."""
         self._measurement = measurement
         rests = reference.phase is GaitPhase.STANDING
-        self._turn.update(measurement.angular_velocity, self._imu.rotation[2], rests, dt)
-        if not rests:
-            self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
+        self._watch_slip(measurement, rests, dt)
         pressing = self.wanted
         if not (pressing or self.active):
             return None
-        zmp = reference.pendulum.zmp
         feet = [motion.placement.translation for motion in reference.feet]
         if self._middle is None:
             self._middle = MovingFrame(feet, reference.heading)
         self._middle.update(feet, reference.heading, dt)
-        readings = measurement.hand_wrenches
-        quick, slow = -math.expm1(-dt / FILTER_TIME), -math.expm1(-dt / SLOW_TIME)
-        felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
-        solution = self._controller.solution
-        for name, hand in self.all.items():
-            if not hand.active:
-                continue
-            place = self._place(name)
-            hand.sense(None if readings is None else readings[hand.index], dt)
-            wrench = hand.reading - hand.tare
-            chosen = None
-            if solution is not None and hand.contact.active:
-                at = solution.layout.contacts.get(hand.contact.name)
-                chosen = None if at is None else solution.variables[at]
-            hand.update(wrench, place.rotation, chosen, self._middle, dt)
-            if hand.state in (HandState.HOLD, HandState.LOST):
-                felt += place.act(pin.Force(wrench)).vector
-                push = -hand.planned * hand.direction
-                planned[:3] += push
-                planned[3:] += np.cross(place.translation, push)
-            elif hand.state is HandState.GRIP:
-                pulled += place.act(pin.Force(wrench)).vector
-                axes = np.concatenate((place.rotation @ wrench[:3], place.rotation @ wrench[3:]))
-                self._felt[hand.index] += quick * (axes - self._felt[hand.index])
-                self._borne[hand.index] += slow * (axes - self._borne[hand.index])
-                hand.bear(self._borne[hand.index])
-            else:
-                self._felt[hand.index] = self._borne[hand.index] = 0.0
+        felt, pulled, planned = self._advance(self._middle, measurement.hand_wrenches, dt)
         self._yield(rests)
-        self.outside += quick * (felt + pulled - self.outside)
-        self._slow += slow * (pulled - self._slow)
-        goal = self._beyond_zmp(-zmp_offset(planned + self._slow, zmp, self._weight), reference.heading)
-        self._shift.follow(goal - self._shift.value, dt)
+        self.outside += lag_gain(dt, FILTER_TIME) * (felt + pulled - self.outside)
+        self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
+        offset = zmp_offset(planned + self._slow, reference.pendulum.zmp, self._weight)
+        self._shift.follow(self._beyond_zmp(-offset, reference.heading) - self._shift.value, dt)
         moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= 1e-5
         self.active = pressing or moves or float(np.abs(self.outside[:3]).max()) > 0.1
         if not self.active:
@@ -374,12 +333,47 @@ class Hands:
             self._middle, self._shift = None, Follower(SHIFT_TIME, np.zeros(2))
         return self.outside
 
+    def _watch_slip(self, measurement: Measurement, rests: bool, dt: float) -> None:
+        """Compare the turn by the gyroscope with that of the estimate."""
+        self._turn.update(measurement.angular_velocity, self._imu.rotation[2], rests, dt)
+        if not rests:
+            self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
+
+    def _advance(self, middle: MovingFrame, readings: Array | None, dt: float) -> tuple[Array, Array, Array]:
+        """Advance each hand; return the wrench on hands that press, that on hands that grip, and the planned one.
+
+        All are at the world origin, shape (6,), N and Nm.
+        """
+        felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
+        for hand in self.all.values():
+            if not hand.active:
+                continue
+            hand.sense(None if readings is None else readings[hand.index], dt)
+            place, wrench = self._place(hand.name), hand.reading - hand.tare
+            hand.update(wrench, place.rotation, self._chosen(hand), middle, dt)
+            if hand.state is HandState.GRIP:
+                pulled += place.act(pin.Force(wrench)).vector
+                hand.bear(wrench, place.rotation, dt)
+            elif hand.state in (HandState.HOLD, HandState.LOST):
+                felt += place.act(pin.Force(wrench)).vector
+                push = -hand.planned * hand.direction
+                planned += np.concatenate((push, np.cross(place.translation, push)))
+        return felt, pulled, planned
+
+    def _chosen(self, hand: Hand) -> Array | None:
+        """Return the force that the QP has chosen for a hand that presses, shape (3,), N; None if it has not yet."""
+        solution = self._controller.solution
+        if solution is None or not hand.contact.active:
+            return None
+        at = solution.layout.contacts.get(hand.contact.name)
+        return None if at is None else solution.variables[at]
+
     def _yield(self, rests: bool) -> None:
         """Let hands that grip yield to vertical forces, a squeeze, a sum beyond the limits, at rest to a tenth."""
         gripping = [hand for hand in self.all.values() if hand.state is HandState.GRIP]
         if not gripping:
             return
-        forces = self._felt[[hand.index for hand in gripping], :3]
+        forces = np.array([hand.felt for hand in gripping])
         mean = forces.mean(axis=0)
         size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.force.goal for hand in gripping)
         excess = np.tile((max(0.0, size - limit) / max(size, ROUNDING)) * mean, (len(gripping), 1))

@@ -1,7 +1,7 @@
 """Hands that go to targets and stay there while the robot stands or walks.
 
     target  →  reference that moves with bounded speed and acceleration, or on a minimum jerk trajectory
-            →  pose or position task of the hand
+            →  the same in the world, where the frame of the target moves  →  pose task of the hand
 
 A target is given in the world, in the frame of the pelvis, or in that of an object whose pose is told as it moves. The
 error of the task is bounded, and the reference waits for a hand that cannot follow. The hand moves its arm alone, and
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
@@ -24,13 +24,13 @@ from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.move import PoseCoordinates
+from wbc.core.qp.move import Move, PoseCoordinates
 from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
-from wbc.core.trajectories import Trajectory, approach
-from wbc.tasks.motion.frame import PoseTask, RelativeFrameTask, pose
+from wbc.core.trajectories import Ramp, approach
+from wbc.tasks.motion.frame import PoseTask, pose
 from wbc.walking.hands.hand import Hand
-from wbc.walking.swing import FootMotion
+from wbc.walking.swing import REST, FootMotion
 from wbc.walking.tasks import WalkTasks
 
 ARRIVED = 1e-3
@@ -105,14 +105,13 @@ class Arm:
         self.joints = robot.joints_between(self.frame, trunk)
         self._spared = np.setdiff1d(np.arange(robot.nv), np.array(self.joints, dtype=int) + BASE_DOF)
         self._controller, self._robot, self._dt, self._settings = controller, robot, dt, settings
-        self._tasks: dict[bool, PoseTask | RelativeFrameTask] = {}  # in the world, and in the pelvis
+        self._task: PoseTask | None = None  # before the first target
         self._within = WORLD
         self._goal: pin.SE3 | None = None
         self._point = False
         self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
-        self._trajectory: Trajectory | None = None
-        self._coordinates, self._elapsed = PoseCoordinates(self._reference, _any_pose), 0.0
-        self._ratio = 0.0  # of the weight
+        self._move: Move | None = None  # of the reference, where a time or a speed was given
+        self._blend = Ramp()  # of the weight
         self._on = False
 
     @property
@@ -123,7 +122,7 @@ class Arm:
     @property
     def active(self) -> bool:
         """True while the hand has a task: from `reach` on until it has been let go."""
-        return self._ratio > 0.0 or self._on
+        return self._on or self._blend.value > 0.0
 
     @property
     def busy(self) -> bool:
@@ -146,30 +145,34 @@ class Arm:
         """
         if self._goal is None or not self._on:
             return np.full(6, np.nan)
-        return self._left(self._pose_of(self._within).actInv(self._robot.placement(self.frame)))
+        return self._left(self._here(self._within))
 
     @property
     def moving(self) -> bool:
         """True while the reference of the hand is on its way to the target."""
         if self._goal is None or not self._on:
             return False
-        if self._trajectory is not None:
+        if self._move is not None:
             return True
         left = self._left(self._reference)
         return bool(np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED)
 
     @property
     def speed(self) -> float:
-        """Speed of the hand as it is commanded, m/s, over the ground or in the pelvis."""
-        task = self._tasks.get(self._within == PELVIS)
-        return 0.0 if task is None else float(np.linalg.norm(task.velocity[:3]))
+        """Speed of the hand as it is commanded, m/s, in the frame of its target."""
+        if self._task is None:
+            return 0.0
+        place, moving, _ = self._frame_now(self._within)
+        arm = self._robot.placement(self.frame).translation - place.translation
+        carried = moving[:3] + np.cross(moving[3:], arm)
+        return float(np.linalg.norm(self._task.velocity[:3] - carried))
 
     @property
     def reached(self) -> bool:
         """True once the hand is at its target: within 10 mm, of a pose 0.05 rad, and below 0.05 m/s."""
-        task, error = self._tasks.get(self._within == PELVIS), self.error
-        if task is None or not self._on or self.moving or self.speed > SLOW["m"]:
+        if not self._on or self.moving or self.speed > SLOW["m"]:
             return False
+        error = self.error
         return bool(np.linalg.norm(error[:3]) < NEAR["m"] and np.linalg.norm(error[3:]) < NEAR["rad"])
 
     def reach(
@@ -209,31 +212,22 @@ class Arm:
             raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
         reference, velocity = self._reference, self._velocity
         if frame != self._within or not self.active:  # the reference begins where the hand is
-            reference = self._pose_of(frame).actInv(self._robot.placement(self.frame))
-            velocity = np.zeros(6)
+            reference, velocity = self._here(frame), np.zeros(6)
         elif self._point and not point:  # as far as its rotation goes: at a point a hand turns as it likes
-            turn = self._pose_of(frame).rotation.T @ self._robot.placement(self.frame).rotation
-            reference, velocity = pin.SE3(turn, reference.translation), velocity * ([1.0] * 3 + [0.0] * 3)
+            reference = pin.SE3(self._here(frame).rotation, reference.translation)
+            velocity = velocity * ([1.0] * 3 + [0.0] * 3)
         if point:
             goal.rotation = reference.rotation
-        trajectory, course = None, PoseCoordinates(reference, _any_pose)
+        move = None
         if duration is not None or speed is not None:
-            points = [course.start, course.of(goal, course.start)]
-            trajectory = Trajectory(
-                points,
-                duration,
-                speed=speed,
-                acceleration=acceleration,
-                parts=course.parts,
-                velocity=velocity,
-            )
+            limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
+            move = Move(PoseCoordinates(reference, _any_pose), [goal], (velocity, None), **limits)
         self._within, self._goal, self._point, self._on = frame, goal, point, True
-        self._reference, self._velocity = reference, velocity
-        self._trajectory, self._coordinates, self._elapsed = trajectory, course, 0.0
-        self._task_of(frame == PELVIS)
-        for within, task in self._tasks.items():
-            if within != (frame == PELVIS):
-                task.weight = 0.0
+        self._reference, self._velocity, self._move = reference, velocity, move
+        if self._blend.goal == 0.0:
+            self._blend.to(1.0, BLEND)
+        if self._task is None:
+            self._task = self._controller.add(self._new_task())
 
     def _checked(self, target: ArrayLike | pin.SE3, frame: str) -> pin.SE3:
         """Return a target as a pose."""
@@ -246,16 +240,17 @@ class Arm:
     def release(self) -> None:
         """Let the arm go back to its posture."""
         self._on = False
+        self._blend.to(0.0, BLEND)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
     def update(self) -> None:
         """Move the reference on and hand it to the task; the hand is active."""
         s, dt = self._settings, self._dt
-        change = dt / BLEND if self._on else -dt / BLEND
-        self._ratio = min(1.0, max(0.0, self._ratio + change))
-        task = self._tasks[self._within == PELVIS]
-        weight = np.full(6, s.weight * self._ratio**2 * (3.0 - 2.0 * self._ratio))
+        task = self._task
+        assert task is not None
+        self._blend.advance(dt)
+        weight = np.full(6, s.weight * self._blend.value)
         if self._point:
             weight[3:] = 0.0
         task.weight = weight
@@ -265,13 +260,13 @@ class Arm:
         error, before, reference = task.error, self._velocity.copy(), self._reference
         behind = [float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))]
         pace = [min(1.0, max(0.0, 2.0 - 2.0 * off / LEAD)) for off in behind]
-        if self._trajectory is not None:  # more slowly where the hand stays behind
+        if self._move is not None:  # more slowly where the hand stays behind
             slower = pace[0] if self._point else min(pace)
-            self._elapsed += slower * dt
-            self._reference, velocity, push = self._coordinates.target(*self._trajectory.at(self._elapsed))
+            self._move.advance(slower * dt)
+            self._reference, velocity, push = self._move.now()
             self._velocity = slower * velocity
-            if self._elapsed >= self._trajectory.duration:
-                self._trajectory = None
+            if self._move.arrived:
+                self._move = None
             self._follow(task, slower * slower * push)
             return
         left = self._left(reference)
@@ -291,43 +286,62 @@ class Arm:
         turn = np.zeros(3) if self._point else pin.log3(goal.rotation @ here.rotation.T)
         return np.concatenate([goal.translation - here.translation, turn])
 
-    def _follow(self, task: PoseTask | RelativeFrameTask, acceleration: Array) -> None:
-        """Give the task the reference, which moves on in its frame with an acceleration, shape (6,)."""
-        there, velocity = self._reference, self._velocity
-        if self._within not in (WORLD, PELVIS):
-            place, moving = self._objects[self._within]
-            turn, there = place.rotation, place * there
-            velocity = np.concatenate([turn @ velocity[:3], turn @ velocity[3:]]) + moving
-            velocity[:3] += np.cross(moving[3:], there.translation - place.translation)
-            acceleration = np.concatenate([turn @ acceleration[:3], turn @ acceleration[3:]])
-        task.follow(pin.SE3(there), velocity, acceleration)
+    def _follow(self, task: PoseTask, acceleration: Array) -> None:
+        """Give the task the reference, which moves on in its frame with an acceleration, shape (6,).
 
-    def _pose_of(self, frame: str) -> pin.SE3:
-        """Pose in the world of a frame that targets are given in."""
+        With the velocity v, ω and the acceleration a, α of that frame at the arm r from its origin, a point that moves
+        in it with v′ and a′ has
+
+            velocity v + ω × r + v′,   acceleration a + α × r + ω × (ω × r + 2 v′) + a′.
+        """
+        if self._within == WORLD:
+            task.follow(pin.SE3(self._reference), self._velocity, acceleration)
+            return
+        place, moving, pushed = self._frame_now(self._within)
+        there, turn, spin = place * self._reference, place.rotation, pin.skew(moving[3:])
+        arm = there.translation - place.translation
+        linear, angular = turn.dot(self._velocity[:3]), turn.dot(self._velocity[3:])
+        velocity, rate, carried = moving.copy(), pushed.copy(), spin.dot(arm)
+        velocity[:3] += carried + linear
+        velocity[3:] += angular
+        rate[:3] += (
+            pin.skew(pushed[3:]).dot(arm) + spin.dot(carried + 2.0 * linear) + turn.dot(acceleration[:3])
+        )
+        rate[3:] += spin.dot(angular) + turn.dot(acceleration[3:])
+        task.follow(there, velocity, rate)
+
+    def _frame_now(self, frame: str) -> tuple[pin.SE3, Array, Array]:
+        """Return pose, velocity and acceleration of a frame of targets, shape (6,) in world axes; not to be written.
+
+        The acceleration of the pelvis is that of the last tick, which the task expects of the joints it spares as well.
+        """
         if frame == WORLD:
-            return pin.SE3.Identity()
-        if frame == PELVIS:
-            return self._robot.placement(self._robot.base_frame)
-        return self._objects[frame][0]
+            return pin.SE3.Identity(), REST, REST
+        if frame != PELVIS:
+            return *self._objects[frame], REST
+        robot, solution = self._robot, self._controller.solution
+        base = robot.frame_id(robot.base_frame)
+        at = robot.model, robot.data, base, pin.LOCAL_WORLD_ALIGNED
+        acceleration = pin.getFrameClassicalAcceleration(*at).vector
+        if solution is not None:
+            acceleration = acceleration + pin.getFrameJacobian(*at) @ solution.accelerations
+        return robot.placement(robot.base_frame), pin.getFrameVelocity(*at).vector, acceleration
 
-    def _task_of(self, within_pelvis: bool) -> PoseTask | RelativeFrameTask:
-        """Return the task, added to the controller when it is used for the first time."""
-        if within_pelvis not in self._tasks:
-            options: Any = {
-                "name": f"{self.name} in the pelvis" if within_pelvis else self.name,
-                "weight": 0.0,
-                "stiffness": STIFFNESS,
-                "error_bound": np.repeat(ERROR_BOUND, 3),
-            }
-            task: PoseTask | RelativeFrameTask = (
-                RelativeFrameTask(self.frame, self._robot.base_frame, **options)
-                if within_pelvis
-                else PoseTask(self.frame, **options)
-            )
-            task.spared = self._spared
-            task.held_by = f"walking.arms['{self.name}'].reach(…)"
-            self._tasks[within_pelvis] = self._controller.add(task)
-        return self._tasks[within_pelvis]
+    def _here(self, frame: str) -> pin.SE3:
+        """Return the pose of the hand, as it is commanded, in a frame of targets."""
+        return self._frame_now(frame)[0].actInv(self._robot.placement(self.frame))
+
+    def _new_task(self) -> PoseTask:
+        task = PoseTask(
+            self.frame,
+            name=self.name,
+            weight=0.0,
+            stiffness=STIFFNESS,
+            error_bound=np.repeat(ERROR_BOUND, 3),
+        )
+        task.spared = self._spared
+        task.held_by = f"walking.arms['{self.name}'].reach(…)"
+        return task
 
 
 class Arms:
