@@ -2,6 +2,7 @@
 
     minimum_jerk   share of the way between two rests, and its slope
     Quintic        position, velocity and acceleration at both ends (a minimum jerk between them)
+    QuinticPath    quintics in a row, planned anew from any time on
     Trajectory     minimum jerk through waypoints, from rest to rest, of any number of coordinates
     Ramp           value that goes to a goal along a quintic, from rest to rest
     Follower       value that follows a goal that may move, like a critically damped mass
@@ -95,6 +96,48 @@ class Quintic(Generic[ValueT]):
             c1 + t * (2 * c2 + t * (3 * c3 + t * (4 * c4 + t * 5 * c5))),
             2 * c2 + t * (6 * c3 + t * (12 * c4 + t * 20 * c5)),
         )
+
+
+Motion = tuple[float, float, float]
+"""Value of a coordinate, and its first and second derivative."""
+
+
+class QuinticPath:
+    """One coordinate that goes through given motions at given times along quintics, and rests at the last.
+
+    It may be planned anew in every tick: a quintic is fitted when it is asked for, and a state kept until the next.
+    """
+
+    def __init__(self, start: Motion) -> None:
+        """Stay in a motion, which is the state at any time before the first piece."""
+        self._first = start
+        self._pieces: list[tuple[float, Motion, Motion, float]] = []  # start, its state, goal, duration
+        self._fitted: tuple[object, Quintic[float]] = (None, Quintic((0.0,) * 3, (0.0,) * 3, 1.0))
+        self._time, self._state = 0.0, start  # asked for last
+
+    def at(self, time: float) -> Motion:
+        """Return value, velocity and acceleration at a time, s; after the last piece those of its goal."""
+        if time == self._time:
+            return self._state
+        self._time, self._state = time, self._first
+        for piece in reversed(self._pieces):
+            start, state, goal, duration = piece
+            if time >= start:
+                if self._fitted[0] is not piece:
+                    self._fitted = piece, Quintic(state, goal, duration)
+                self._state = self._fitted[1].at(min(time - start, duration))
+                break
+        return self._state
+
+    def follow(self, start: float, *goals: tuple[float, Motion]) -> None:
+        """Go to each (time, motion) in turn from `start` on, s; the motion before stays."""
+        state = self.at(start)
+        pieces = self._pieces
+        while pieces and pieces[-1][0] >= start:
+            pieces.pop()
+        for time, goal in goals:
+            pieces.append((start, state, goal, time - start))
+            start, state = time, goal
 
 
 class Ramp:

@@ -10,6 +10,7 @@ stepping    free steps, which are decided as the robot goes
 ground, swing, contact, tasks    the same for both: what is known of the ground … the targets of the tasks
 table       costs and gains of the tasks, for steps of both kinds
 balance     the stabilizer of planned steps
+steps       parts of each kind of steps, which the control exchanges while the robot stands
 body, hands, load
 """
 

@@ -192,7 +192,7 @@ class WalkingControl:
         balance, body = self.balance, self.body
         if balance is not None:
             state = balance.correct(state)
-        self.reference = reference = self.source.update(state)
+        reference = self.source.update(state)
         if reference.phase is GaitPhase.STANDING:
             self.control.observer.inertial.rest()
         if body.active:

@@ -21,7 +21,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY
-from wbc.core.trajectories import Quintic
+from wbc.core.trajectories import QuinticPath
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import SwingShape
 
@@ -59,46 +59,6 @@ class FootMotion(NamedTuple):
         return FootMotion(placement, REST, REST)
 
 
-Motion = tuple[float, float, float]
-"""Value of a coordinate and its two derivatives."""
-
-
-class _Coordinate:
-    """One coordinate of the foot as quintics in a row; before the first it is where it begins.
-
-    A swing may be planned anew in every tick: a quintic is fitted when it is asked for, a state kept until the next.
-    """
-
-    def __init__(self, value: float, speed: float = 0.0) -> None:
-        self._pieces: list[tuple[float, Motion, Motion, float]] = []  # start, its state, goal, duration
-        self._fitted: tuple[object, Quintic[float]] = (None, Quintic((0.0,) * 3, (0.0,) * 3, 1.0))
-        self._first: Motion = (value, speed, 0.0)
-        self._time, self._state = 0.0, self._first  # asked for last
-
-    def at(self, time: float) -> Motion:
-        if time == self._time:
-            return self._state
-        self._time, self._state = time, self._first
-        for piece in reversed(self._pieces):
-            start, state, goal, duration = piece
-            if time >= start:
-                if self._fitted[0] is not piece:
-                    self._fitted = piece, Quintic(state, goal, duration)
-                self._state = self._fitted[1].at(min(time - start, duration))
-                break
-        return self._state
-
-    def follow(self, start: float, *goals: tuple[float, Motion]) -> None:
-        """Go to each (time, state) in turn from `start` on; the motion before stays."""
-        state = self.at(start)
-        pieces = self._pieces
-        while pieces and pieces[-1][0] >= start:
-            pieces.pop()
-        for time, goal in goals:
-            pieces.append((start, state, goal, time - start))
-            start, state = time, goal
-
-
 class SwingFoot:
     """Swing whose landing and time can be changed on the way.
 
@@ -134,7 +94,7 @@ class SwingFoot:
         roll, pitch, yaw = (float(v) for v in pin.rpy.matrixToRpy(place.rotation))
         self._origin = z
         self._c = {
-            name: _Coordinate(value, lift_speed if name == "z" else 0.0)
+            name: QuinticPath((value, lift_speed if name == "z" else 0.0, 0.0))
             for name, value in zip(COORDINATES, (x, y, z, roll, pitch, yaw), strict=True)
         }
 
@@ -176,7 +136,7 @@ class SwingFoot:
         self._restart(place, w)
         self._origin = origin
         for name, speed in (("x", u), ("y", v)):
-            self._c[name] = _Coordinate(self._c[name].at(0.0)[0], speed)
+            self._c[name] = QuinticPath((self._c[name].at(0.0)[0], speed, 0.0))
         self._plan_height(time)
         self._plan_place(time, self.duration)
 

@@ -24,7 +24,7 @@ class HandArm:
         self.frame = robot.frame_id(hand)
         model = robot.model
         arm = joints_to(model, self.frame, robot.frame_id(robot.torso_frame))
-        self.joints = np.array(arm, dtype=np.intp) - 2
+        self.joints = np.array(robot.joints_between(hand, robot.torso_frame), dtype=np.intp)
         links = [model.jointPlacements[joint].translation for joint in arm[1:]]
         links.append(model.frames[self.frame].placement.translation)
         self.reach = sum(float(np.linalg.norm(link)) for link in links)

@@ -187,7 +187,17 @@ class Hands:
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
                 point out of reach; a hand that has a target (`arms`), or whose force is not measured.
         """
-        self._start(hand, force, direction, at, firm=firm, grip=False)
+        force, along = self._order(hand, force, direction)
+        point = None if at is None else self._reachable(hand, at)
+        if point is None:
+            most, joint = self.all[hand].arm.strength(along, self.settings.share)
+            if force > most:
+                raise InputError(
+                    f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
+                )
+        if not firm:
+            self._check_loss(hand, along, force, point)
+        self.all[hand].press(along, force, point)
 
     def grip(self, hand: str, at: ArrayLike, direction: ArrayLike, limit: float) -> None:
         """Go with a hand to a handle, and keep it before the robot from then on, wherever it walks.
@@ -205,58 +215,39 @@ class Hands:
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
                 target (`arms`), presses on something, or whose force is not measured.
         """
-        self._start(hand, limit, direction, at, firm=False, grip=True)
+        limit, along = self._order(hand, limit, direction)
+        if self.all[hand].state is HandState.HOLD:
+            raise InputError(
+                f"{hand} must let go of what it presses on before it grips: release('{hand}') and wait until it is "
+                f"free, it presses with {self.all[hand].pressed:.0f} N"
+            )
+        point = self._reachable(hand, at)
+        self._check_loss(hand, along, limit, point)
+        self.all[hand].grip(along, limit, point)
 
-    def _start(
-        self,
-        hand: str,
-        force: float,
-        direction: ArrayLike,
-        at: ArrayLike | None,
-        *,
-        firm: bool,
-        grip: bool,
-    ) -> None:
-        """Check the order of a hand, and begin it."""
+    def _order(self, hand: str, force: float, direction: ArrayLike) -> tuple[float, Array]:
+        """Check an order of a hand; return its force, N, and its direction, of length 1, shape (3,)."""
         choose("hand", hand, self.all)
         if self.barred:
             raise InputError(f"{hand} may not press or grip now: {self.barred}")
         self._arms[hand].check_own()
         self._check_sensor(hand)
-        if grip and self.all[hand].state is HandState.HOLD:
-            raise InputError(
-                f"{hand} must let go of what it presses on before it grips: release('{hand}') and wait until it is "
-                f"free, it presses with {self.all[hand].pressed:.0f} N"
-            )
         if self._arms[hand].target is not None:
             raise InputError(
                 f"{hand} must have no target when it presses or grips: arms['{hand}'].release() takes the one it has"
             )
-        force = finite_scalar(f"force of {hand} (N)", force, low=0.0)
-        along = unit_vector(f"direction of {hand}", direction)
-        most, joint = self.all[hand].arm.strength(along, self.settings.share)
-        if at is None and force > most:
+        checked = finite_scalar(f"force of {hand} (N)", force, low=0.0)
+        return checked, unit_vector(f"direction of {hand}", direction)
+
+    def _reachable(self, hand: str, at: ArrayLike) -> Array:
+        """Return a point for a hand, shape (3,), m, after a check."""
+        point, arm = finite_array(f"point for {hand} (m)", at, (3,)), self.all[hand].arm
+        far, reach = float(np.linalg.norm(point - arm.shoulder)), arm.reach + self.settings.length
+        if far > reach:
             raise InputError(
-                f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
+                f"point for {hand} must be within {reach:.2f} m of its shoulder, it is {far:.2f} m away"
             )
-        point = None
-        if grip and at is None:
-            raise InputError(f"point for {hand} (m) must be given to grip, got None")
-        if at is not None:
-            point = finite_array(f"point for {hand} (m)", at, (3,))
-            arm = self.all[hand].arm
-            far, reach = float(np.linalg.norm(point - arm.shoulder)), arm.reach + self.settings.length
-            if far > reach:
-                raise InputError(
-                    f"point for {hand} must be within {reach:.2f} m of its shoulder, it is {far:.2f} m away"
-                )
-        if not firm:
-            self._check_loss(hand, along, force, point)
-        if grip:
-            assert point is not None
-            self.all[hand].grip(along, force, point)
-        else:
-            self.all[hand].press(along, force, point)
+        return point
 
     def _check_sensor(self, hand: str) -> None:
         """Check that the force on a hand is measured, as far as is known: before the first tick nothing is."""

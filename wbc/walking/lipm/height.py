@@ -8,11 +8,11 @@ the lower stair; down a deep one it has sunk but a little less when the foot lan
 
 from __future__ import annotations
 
-from bisect import bisect_right
+import math
 from collections.abc import Sequence
 
 from wbc.base.numbers import ROUNDING
-from wbc.core.trajectories import Quintic
+from wbc.core.trajectories import QuinticPath
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.lipm.schedule import SupportPhase
 
@@ -39,27 +39,19 @@ class HeightProfile:
         """Lay the profile through a schedule from now on: a CoM at a height over it, m, goes on without a jump."""
         events = _events(supports)
         state = float(start.com[2]) - height, float(start.com_velocity[2]), float(start.com_acceleration[2])
-        self._starts = [0.0]
-        _, goal, deadline = events[0]
-        duration = max(SHORTEST, deadline, (goal - state[0]) / CLIMB)
-        self._pieces = [Quintic(state, (goal, 0.0, 0.0), duration)]
-        for time, level, deadline in events[1:]:
+        self._path = QuinticPath(state)
+        goal = math.nan
+        for time, level, deadline in events:
             if abs(level - goal) < ROUNDING:
                 continue
-            state = self.at(time)
-            duration = max(SHORTEST, deadline - time, (level - state[0]) / CLIMB)
-            self._starts.append(time)
-            self._pieces.append(Quintic(state, (level, 0.0, 0.0), duration))
+            rise = level - self._path.at(time)[0]
+            duration = max(SHORTEST, deadline - time, rise / CLIMB)
+            self._path.follow(time, (time + duration, (level, 0.0, 0.0)))
             goal = level
 
     def at(self, time: float) -> tuple[float, float, float]:
         """Return height (m), velocity (m/s) and acceleration (m/s²) at a time from now (s)."""
-        i = max(0, bisect_right(self._starts, time) - 1)
-        piece = self._pieces[i]
-        time -= self._starts[i]
-        if time >= piece.duration:
-            return piece.at(piece.duration)[0], 0.0, 0.0
-        return piece.at(max(0.0, time))
+        return self._path.at(max(0.0, time))
 
 
 def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]]:
