@@ -111,18 +111,17 @@ class Arm:
         self._point = False
         self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
         self._move: Move | None = None  # of the reference, where a time or a speed was given
-        self._blend = Ramp()  # of the weight
-        self._on = False
+        self._blend = Ramp()  # of the weight: its goal is 1 with a target, 0 without
 
     @property
     def target(self) -> pin.SE3 | None:
         """Target in its frame; None without one. Of a target that is a point, the rotation means nothing."""
-        return None if self._goal is None or not self._on else self._goal.copy()
+        return None if self._goal is None else self._goal.copy()
 
     @property
     def active(self) -> bool:
         """True while the hand has a task: from `reach` on until it has been let go."""
-        return self._on or self._blend.value > 0.0
+        return self._goal is not None or self._blend.value > 0.0
 
     @property
     def busy(self) -> bool:
@@ -143,14 +142,14 @@ class Arm:
 
         The rotation is zero where the target is a point. Without a target all is NaN.
         """
-        if self._goal is None or not self._on:
+        if self._goal is None:
             return np.full(6, np.nan)
         return self._left(self._here(self._within))
 
     @property
     def moving(self) -> bool:
         """True while the reference of the hand is on its way to the target."""
-        if self._goal is None or not self._on:
+        if self._goal is None:
             return False
         if self._move is not None:
             return True
@@ -170,7 +169,7 @@ class Arm:
     @property
     def reached(self) -> bool:
         """True once the hand is at its target: within 10 mm, of a pose 0.05 rad, and below 0.05 m/s."""
-        if not self._on or self.moving or self.speed > SLOW["m"]:
+        if self._goal is None or self.moving or self.speed > SLOW["m"]:
             return False
         error = self.error
         return bool(np.linalg.norm(error[:3]) < NEAR["m"] and np.linalg.norm(error[3:]) < NEAR["rad"])
@@ -222,7 +221,7 @@ class Arm:
         if duration is not None or speed is not None:
             limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
             move = Move(PoseCoordinates(reference, _any_pose), [goal], (velocity, None), **limits)
-        self._within, self._goal, self._point, self._on = frame, goal, point, True
+        self._within, self._goal, self._point = frame, goal, point
         self._reference, self._velocity, self._move = reference, velocity, move
         if self._blend.goal == 0.0:
             self._blend.to(1.0, BLEND)
@@ -239,8 +238,9 @@ class Arm:
 
     def release(self) -> None:
         """Let the arm go back to its posture."""
-        self._on = False
-        self._blend.to(0.0, BLEND)
+        if self._goal is not None:
+            self._goal = self._move = None
+            self._blend.to(0.0, BLEND)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -280,9 +280,13 @@ class Arm:
         self._follow(task, (self._velocity - before) / dt)
 
     def _left(self, here: pin.SE3) -> Array:
-        """Return displacement and rotation from a pose in the target's frame to the target, shape (6,), m and rad."""
+        """Return displacement and rotation from a pose in the target's frame to the target, shape (6,), m and rad.
+
+        They are zero without a target.
+        """
         goal = self._goal
-        assert goal is not None
+        if goal is None:
+            return np.zeros(6)
         turn = np.zeros(3) if self._point else pin.log3(goal.rotation @ here.rotation.T)
         return np.concatenate([goal.translation - here.translation, turn])
 
