@@ -15,7 +15,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wbc.base.errors import InputError
 from wbc.base.numbers import Array, scalar
 from wbc.core.drive.control import DriveControl, State
 from wbc.tasks.stabilizer.bias import BiasEstimator
@@ -37,6 +36,7 @@ class Balance:
     Attributes:
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
+        hands: Hands that press on things and hold on to them; None of a robot without.
         load: Load in the hands as estimated; None where none is expected.
         output: Output of the stabilizer in the last tick; None before the first one.
         leaning: Motion of the trunk's lean in that tick.
@@ -67,11 +67,11 @@ class Balance:
         self._task = tasks.com
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
         self.bias = None if s.bias is None else BiasEstimator(s.bias.sized(robot.length_scale))
-        self._hands: Hands | None = None
+        self.hands: Hands | None = None
         estimate = control.observer.robot
         if robot.frames:  # a loss is survived within a sole: while the robot walks it has no more
             edges = 0.5 * left.length, 0.5 * left.width
-            self._hands = Hands(control.controller, estimate, s.hands, edges, height, arms)
+            self.hands = Hands(control.controller, estimate, s.hands, edges, height, arms)
         if s.load is not None:
             self.load = HeldLoad(estimate, s.load)
             self._outside = control.observer.observe_outside()
@@ -89,13 +89,6 @@ class Balance:
         """Feedback and admittances."""
         return self._task.stabilizer
 
-    @property
-    def hands(self) -> Hands:
-        """Hands that press on things and hold on to them."""
-        if self._hands is None:
-            raise InputError(f"'{self._robot.name}' has no hands in its description")
-        return self._hands
-
     def begin(self) -> None:
         """Forget what was felt, on both feet."""
         self._contact, self.output, self.leaning = (True, True), None, UPRIGHT
@@ -111,7 +104,7 @@ class Balance:
         """
         if self.load is not None:
             self._hold(self.load)
-        robot, hands = state.robot, self._hands
+        robot, hands = state.robot, self.hands
         self._dcm = dcm = robot.com + robot.com_velocity / self._divisor
         self._bias = None if self.bias is None else self._estimate_bias(self.bias)
         if hands is not None and hands.gripping:
@@ -127,7 +120,7 @@ class Balance:
 
     def update(self, reference: Reference, state: State) -> Reference:
         """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""
-        measurement, hands, dt = state.measurement, self._hands, self._dt
+        measurement, hands, dt = state.measurement, self.hands, self._dt
         self._heading, self._driven = reference.heading, reference.pendulum.omega
         if reference.contact != self._contact:
             self._switch_contacts(reference.contact)
@@ -156,7 +149,7 @@ class Balance:
 
     def _hold(self, load: HeldLoad) -> None:
         """Follow the estimate of the load; the models have it from the next tick on."""
-        if self._hands is None or not self._hands.active:  # what they press on is no load
+        if self.hands is None or not self.hands.active:  # what they press on is no load
             load.update(self._outside, self._dt)
         if self.lean is not None:
             self.lean.set_mass(self._robot.mass)

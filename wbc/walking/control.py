@@ -255,12 +255,13 @@ class WalkingControl:
 
     @property
     def _pressing(self) -> bool:
-        return bool(self.controller.robot.frames) and self.balance is not None and self.hands.active
+        hands = None if self.balance is None else self.balance.hands
+        return hands is not None and hands.active
 
     def _choose(self, state: State) -> None:
         """Change the steps of a robot that stands for hands, for a push, for a plan that waits, and once it is calm."""
         assert self._free is not None
-        hands = self.hands if self.controller.robot.frames else None
+        hands = None if self._planned is None else self._planned.hands
         at_hand = hands is not None and (hands.wanted or self._pressing)
         calm = self.stands and self.source.finished
         if self._kind == "free" and at_hand and self.stands:
@@ -279,10 +280,16 @@ class WalkingControl:
         if hands is not None:
             hands.barred = "" if self._kind == "planned" or self.stands else STEPS
 
-    def _prefer(self, kind: Kind) -> None:
-        """Change the steps of a robot that stands and has no step to take, if it has that kind."""
+    def _make_ready(self, kind: Kind) -> None:
+        """Make ready for an order: forget a plan that waits, and take that kind of steps if the robot has it and may.
+
+        Raises:
+            InputError: A body that is set too low to lift a foot.
+        """
+        self._waiting = None
         if kind in self._kinds and self._idle:
             self._change(kind)
+        self.body.check_steps(self.source.swing_height)
 
     def _change(self, kind: Kind) -> None:
         """Change the kind of the steps of a robot that stands; all orders before are forgotten."""
@@ -376,6 +383,8 @@ class WalkingControl:
             raise InputError(
                 "free steps alone count no forces on hands: leave the setting 'step_kind' out to press or grip"
             )
+        if self._planned.hands is None:
+            raise InputError(f"'{self.controller.robot.name}' has no hands in its description")
         return self._planned.hands
 
     @property
@@ -441,11 +450,9 @@ class WalkingControl:
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        moves = any(checked_velocity(velocity))
+        if any(checked_velocity(velocity)):
+            self._make_ready("free")
         self._waiting = None
-        if moves:
-            self._prefer("free")
-            self.body.check_steps(self.source.swing_height)
         self.source.velocity, self.stopped = velocity, False
 
     @property
@@ -472,9 +479,7 @@ class WalkingControl:
             y: Place of the robot in the world, m.
             yaw: Heading there, rad; a full turn at most.
         """
-        self._waiting = None
-        self._prefer("free")
-        self.body.check_steps(self.source.swing_height)
+        self._make_ready("free")
         self.source.go_to(x, y, yaw)
         self.stopped = False
 
@@ -487,18 +492,12 @@ class WalkingControl:
             source: Footsteps in the world, or a planner. A plan that cannot be walked from where the robot is brings it
                 to a stand (`source.reason`).
         """
-        self._waiting = None
-        if (
-            self._kind == "free"
-            and "planned" in self._kinds
-            and isinstance(source, FootstepPlan)
-            and not self._idle
-        ):
+        changes = self._kind == "free" and "planned" in self._kinds
+        if changes and isinstance(source, FootstepPlan) and not self._idle:
             self.source.stop()
             self._waiting, self.stopped = source, False
             return
-        self._prefer("planned")
-        self.body.check_steps(self.source.swing_height)
+        self._make_ready("planned")
         self.source.follow(source)
         self.stopped = False
 
