@@ -1,6 +1,7 @@
-"""For all folders: the profile of the property tests, and files that stay whole when processes share the tests."""
+"""For all folders: property tests, files that stay whole when processes share the tests, bytecode for children."""
 
 import gc
+import os
 
 import pytest
 from properties import load_profile
@@ -8,6 +9,7 @@ from properties import load_profile
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 
 load_profile()
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each of a hundred children would compile the library anew
 gc.disable()  # until all tests are collected: half a million objects that stay
 
 

@@ -254,22 +254,23 @@ def _solve(
     q = np.array(start)
     pin.framesForwardKinematics(model, data, q)
     width = max(stance_width, float(data.oMf[frames[0]].translation[1] - data.oMf[frames[1]].translation[1]))
-    for joint, sign in knees:
-        i = _index(model, joint)
-        if i in free:
-            q[7 + i] = np.clip(sign * KNEE_BEND, lower[i], upper[i])
+    bent = [(7 + _index(model, joint), sign) for joint, sign in knees]
+    for i, sign in bent:
+        if i - 7 in free:
+            q[i] = np.clip(sign * KNEE_BEND, lower[i - 7], upper[i - 7])
+    solved_for = 7 + np.array(free)
 
     # Legs without an ankle roll cannot shift the centre of mass sideways on flat soles: it stays where it is.
     sideways = 1.0 if all(len(leg) >= FULL_LEG for leg in legs) else 0.0
 
     def residual(x: Array) -> Array:
-        q[[7 + i for i in free]] = x
+        q[solved_for] = x
         com = pin.centerOfMass(model, data, q)
         pin.updateFramePlacements(model, data)
         left, right = (data.oMf[frame] for frame in frames)
         middle = 0.5 * (left.translation + right.translation)
         apart = left.translation - right.translation
-        bend = 0.5 * sum(sign * q[7 + _index(model, joint)] for joint, sign in knees) - KNEE_BEND
+        bend = 0.5 * sum(sign * q[i] for i, sign in bent) - KNEE_BEND
         return np.concatenate(
             [
                 pin.log3(left.rotation),
@@ -282,7 +283,7 @@ def _solve(
 
     bounds = (lower[free], upper[free])
     margin = 1e-6 * np.nan_to_num(bounds[1] - bounds[0], posinf=1.0)
-    x0 = np.clip(q[[7 + i for i in free]], bounds[0] + margin, bounds[1] - margin)
+    x0 = np.clip(q[solved_for], bounds[0] + margin, bounds[1] - margin)
     solution = least_squares(residual, x0, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
     error = residual(solution.x)
     if np.abs(error[:11]).max() > 1e-6:

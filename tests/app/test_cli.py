@@ -125,6 +125,7 @@ def test_a_reader_that_goes_away_is_no_failure() -> None:
     assert process.returncode == 0
 
 
+@pytest.mark.slow  # Python compiles the library and all that it imports anew
 def test_commands_run_where_python_leaves_docstrings_out() -> None:
     words = [sys.executable, "-OO", "-m", "wbc", "walk", "--help"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)

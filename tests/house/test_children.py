@@ -51,6 +51,7 @@ NAMES = "meshcat joblib multiprocessing tornado zmq wbc numpy pickle json re"
 """Modules of the standard library, of other libraries and of this one that the children import."""
 
 
+@pytest.mark.slow  # four processes import the library
 def test_no_child_imports_from_the_current_folder(tmp_path: Path) -> None:
     current, own = tmp_path / "current", tmp_path / "own"
     current.mkdir()
@@ -69,6 +70,7 @@ def test_the_command_as_a_module_imports_nothing_from_the_current_folder(tmp_pat
     assert done.returncode == 0 and "ran" not in done.stderr
 
 
+@pytest.mark.slow  # a process imports the library and is waited for
 def test_a_worker_whose_sweep_was_killed_before_it_began_ends() -> None:
     """The worker is told the number of a process that is not its parent, as it finds it after a kill."""
     code = "import time; from wbc.sim.studies.sweep import _start_worker as start; start(1); time.sleep(60.0)"

@@ -48,7 +48,7 @@ STUDIES = ("flat_floor", "auto", "rough_ground", "seeing", "stepping", "seeing_s
             mode,
             number,
             marks=()
-            if (task, mode, number) == ("stand", "hybrid", 0)
+            if (task, mode, number) == ("stand", "position", 0)
             else (pytest.mark.slow, pytest.mark.long),
         )
         for task in ("stand", "walk")

@@ -47,7 +47,7 @@ def test_height_lean_turn_and_gaze_are_reached_with_bounded_speed(kind: str) -> 
     body.look_at([3.0, 1.5, 1.0])
     assert body.active and not body.reached
     speeds = []
-    while plant.time < start + 2.5:
+    while plant.time < start + 1.7:
         plant.step(walking.command(plant.measure()))
         speeds.append(abs(float(plant.truth().v[2])))
     assert body.reached and upright(plant) and walking.fallen is None

@@ -68,10 +68,11 @@ def test_a_change_of_steps_in_a_stand_leaves_references_and_posture_where_they_a
     assert walking.fallen is None
 
 
+@pytest.mark.slow  # 7 s; test_arms and test_body show the same in one kind of steps
 def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_in_both_kinds_of_steps() -> None:
     plant, walking = standing("hrp4_class")
     walking.calm = 60.0
-    run(plant, walking, 0.8)
+    run(plant, walking, 0.3)
     hand, body = walking.arms["right_hand"], walking.body
     posture = {kind: parts.tasks.posture.weight.copy() for kind, parts in walking._kinds.items()}
     place = walking.controller.robot.placement(hand.frame).translation + [0.12, 0.0, 0.15]
@@ -82,7 +83,10 @@ def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_in_
     for kind in ("free", "planned"):
         walking._change(kind)  # type: ignore[arg-type]
         assert body.com_height == pytest.approx(height)
-        run(plant, walking, 2.2)
+        end = plant.time + 2.2
+        while plant.time < end and not (hand.reached and body.looking and body.reached):
+            run(plant, walking, 0.05)
+        run(plant, walking, 0.4)
         assert hand.reached and body.looking and body.reached
         truth = plant.truth()
         real.update(truth.q, truth.v)
@@ -90,7 +94,7 @@ def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_in_
         assert truth.com[2] - np.mean(soles) == pytest.approx(height, abs=0.01)
         np.testing.assert_allclose(real.placement(hand.frame).translation, place, atol=0.02)
     hand.release()
-    run(plant, walking, 0.5)
+    run(plant, walking, 0.4)
     for kind, parts in walking._kinds.items():
         np.testing.assert_array_equal(parts.tasks.posture.weight, posture[kind])
 
