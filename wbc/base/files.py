@@ -160,7 +160,7 @@ def save_figure(figure: Figure, path: str | Path, *, dpi: float) -> None:
     picture = io.BytesIO()  # a figure that fails in the middle of a file would leave it open
     figure.savefig(picture, format=Path(path).suffix[1:].lower(), dpi=dpi)
     with replacing(path) as new:
-        new.write_bytes(picture.getbuffer())
+        new.write_bytes(picture.getvalue())
 
 
 def move_into_place(new: Path, target: Path) -> None:

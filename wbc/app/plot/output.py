@@ -35,7 +35,7 @@ def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
             for figure in figures.values():
                 pages.savefig(figure)
         with replacing(target) as new:
-            new.write_bytes(document.getbuffer())
+            new.write_bytes(document.getvalue())
         return [target]
     written = []
     for name, figure in figures.items():
