@@ -147,6 +147,38 @@ def test_hands_without_orders_have_nothing_in_the_qp() -> None:
     assert len(controller.tasks) == before + 2
 
 
+@pytest.mark.parametrize(
+    ("at", "along"),
+    [
+        ((0.30, 0.25, 0.70), DOWN),  # below the start of its approach: up, then forward
+        ((0.30, 0.30, 1.00), AHEAD),  # to the side and up, then forward
+        ((0.24, 0.20, 0.90), DOWN),
+        ((0.28, 0.30, 0.80), (0.6, 0.0, -0.8)),
+    ],
+)
+def test_a_hand_brushes_nothing_on_its_way_to_a_surface(at: Any, along: Any) -> None:
+    """It is never nearer to the surface than at the end, once it moves along it, and it moves from rest to rest."""
+    walking, hands = standing(reach_time=1.0)
+    hand = hands.all["left_hand"]
+    start, direction = walking.controller.robot.placement(hand.arm.frame).translation.copy(), np.array(along)
+    hands.press("left_hand", 5.0, along, at=at, firm=True)
+    end, middle, places, rates = hand.destination, MovingFrame([np.zeros(3)] * 2, 0.0), [start], []
+    while hand.state is HandState.REACH:
+        hand.update(np.zeros(6), np.eye(3), None, middle, 0.005)
+        places.append(hand.task.target.translation)
+        rates.append(hand.task.target.rotation @ hand.task.feedforward_velocity[:3])
+    way = np.array(places) - end
+    nearer = way @ direction
+    moved = np.linalg.norm(way - way[0] - np.outer(nearer - nearer[0], direction), axis=1)
+    assert hand.state is HandState.APPROACH and 200 <= len(rates) <= 201
+    assert np.abs(moved[nearer > 1e-9]).max(initial=0.0) < 1e-9
+    assert nearer.max() <= max(nearer[0], 0.0) + 1e-9 and np.linalg.norm(way[-1]) < 1e-9
+    middles = 0.5 * (np.array(rates)[1:] + np.array(rates)[:-1])
+    np.testing.assert_allclose(middles, np.diff(places, axis=0)[1:] / 0.005, atol=0.01)
+    assert np.linalg.norm(rates[0]) < 0.01 and np.linalg.norm(rates[-1]) < 1e-9
+    np.testing.assert_allclose(hand.task.target.rotation @ hand.arm.axis(), direction, atol=1e-9)
+
+
 def test_a_hand_that_finds_no_surface_stops() -> None:
     walking, hands = standing(approach=0.2)
     trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", distance=3.0)), walking)

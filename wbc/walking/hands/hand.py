@@ -31,7 +31,7 @@ from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
-from wbc.core.qp.move import least_turn
+from wbc.core.qp.move import Move, PoseCoordinates, least_turn
 from wbc.core.trajectories import Ramp
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.wrench import WrenchTask
@@ -70,7 +70,8 @@ WRENCH_WEIGHT, BOUNDED = 1.0, 1.0
 """Cost of a force other than the asked one, per N² and (Nm)², beside 10⁻³ per (Nm)² of a sole; lack of force from
 which on an arm counts as too weak, N."""
 
-NO_MOMENT = np.zeros(3)
+NONE = np.zeros(3)
+"""No moment, or no turning."""
 
 
 class HandState(enum.Enum):
@@ -167,7 +168,8 @@ class Hand:
         self.reading, self.tare = np.zeros(6), np.zeros(6)
         self._start = pin.SE3.Identity()  # of the approach; of a grip, its place
         self._held = pin.SE3.Identity()  # the same in the frame that goes with the robot
-        self._then = HandState.APPROACH  # state after the way there
+        self._way: list[Move] = []  # to there, one after the other
+        self._then = HandState.APPROACH  # state after that way
         self._enter(HandState.FREE)
 
     def _enter(self, state: HandState) -> None:
@@ -243,7 +245,7 @@ class Hand:
         self.task.weight = (*[WEIGHT] * 3, *[TURN_WEIGHT] * 3)
 
     def _go(self, point: Array, then: HandState) -> None:
-        """Go to a point first, away from the surface before anything else, and towards it last: no brushing."""
+        """Go to a point first: away from the surface, along it, and towards it last, so that nothing is brushed."""
         self.state, self._then, self.tare = HandState.REACH, then, np.zeros(6)
         start, way = self._start, point - self._start.translation
         turn = least_turn(self._axis, start.rotation.T @ self.direction)
@@ -251,11 +253,14 @@ class Hand:
         first = towards if towards @ self.direction < 0.0 else way - towards
         lengths = float(np.linalg.norm(first)), float(np.linalg.norm(way - first))
         share = lengths[0] / max(sum(lengths), ROUNDING)
-        self._start = pin.SE3(start.rotation @ pin.exp3(turn), point)
-        places = [self._start]
-        if min(lengths) > LEAST_WAY:
-            places.insert(0, pin.SE3(start.rotation @ pin.exp3(share * turn), start.translation + first))
-        self.task.move_through(places, duration=self._settings.reach_time)
+        corner = pin.SE3(start.rotation @ pin.exp3(share * turn), start.translation + first)
+        self._start = end = pin.SE3(start.rotation @ pin.exp3(turn), point)
+        stops = [(share, corner), (1.0 - share, end)] if min(lengths) > LEAST_WAY else [(1.0, end)]
+        self._way = []
+        for part, place in stops:
+            duration = part * self._settings.reach_time
+            self._way.append(Move(PoseCoordinates(start, pin.SE3), [place], (None, None), duration=duration))
+            start = place
 
     def release(self) -> None:
         """Take the force back and let go."""
@@ -322,7 +327,12 @@ class Hand:
         if first or float(np.linalg.norm(wrench[:3])) < self._touch:
             self.tare += dt / (self._elapsed + dt) * wrench
         self._elapsed += dt
-        if not self.task.moving:
+        move = self._way[0]
+        move.advance(dt)
+        self._move(*move.now())
+        if move.arrived:
+            self._way.pop(0)
+        if not self._way:
             self.state = self._then
             self.grasp.active = self.state is HandState.GRIP
             self._held = middle.placement.actInv(self._start)
@@ -330,14 +340,16 @@ class Hand:
     def _carry(self, rotation: Array, middle: MovingFrame) -> None:
         """Keep the pose relative to the feet; yield to the excess of the force on all hands."""
         task, place = self.task, middle.placement * self._held
-        self._move(place, middle.velocity(place.translation))
+        self._move(place, np.concatenate((middle.velocity(place.translation), NONE)), np.zeros(6))
         task.target_wrench = np.zeros(6)
-        task.measured_wrench = np.concatenate((self.excess @ rotation, NO_MOMENT))
+        task.measured_wrench = np.concatenate((self.excess @ rotation, NONE))
         self.bounded = bool(np.abs(self.excess[:2]).max() > self._touch)
 
-    def _move(self, place: pin.SE3, velocity: Array) -> None:
-        """Set a target that moves without turning, shape (3,), m/s in the world."""
-        self.task.follow(place, np.concatenate((velocity @ place.rotation, np.zeros(3))), np.zeros(6))
+    def _move(self, place: pin.SE3, velocity: Array, acceleration: Array) -> None:
+        """Set a target with its velocity and acceleration in world axes, shape (6,)."""
+        turn = place.rotation
+        own = [np.concatenate((rate[:3] @ turn, rate[3:] @ turn)) for rate in (velocity, acceleration)]
+        self.task.follow(place, *own)
 
     def _press(self, wrench: Array, rotation: Array, chosen: Array | None, dt: float) -> None:
         """Ask the QP for the force that is planned, and yield to what is measured beside the one it chose."""
@@ -354,8 +366,8 @@ class Hand:
             return
         self.extra = min(max(self.extra, min(0.0, self._touch - self.planned)), self._most - self.planned)
         self._force.follow(np.array((0.0, 0.0, self.force.value + self.extra)))
-        self.task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, NO_MOMENT))
-        self.task.measured_wrench = np.concatenate((wrench[:3], NO_MOMENT))
+        self.task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, NONE))
+        self.task.measured_wrench = np.concatenate((wrench[:3], NONE))
 
     def _approach(self, dt: float) -> None:
         settings, task = self._settings, self.task
@@ -376,7 +388,8 @@ class Hand:
             return
         self._travelled += settings.approach * dt
         point = self._start.translation + self._travelled * self.direction
-        self._move(pin.SE3(self._start.rotation, point), settings.approach * self.direction)
+        velocity = np.concatenate((settings.approach * self.direction, np.zeros(3)))
+        self._move(pin.SE3(self._start.rotation, point), velocity, np.zeros(6))
 
     def _watch(self, dt: float) -> None:
         """Detect the loss of the contact from a force that stays too small."""
