@@ -11,7 +11,7 @@ from task_factory import make_robot
 
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
-from wbc.tasks.stabilizer.lean import LeanMotion
+from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.walking.body import Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
@@ -96,6 +96,28 @@ def test_a_trunk_leans_and_twists_about_the_heading() -> None:
     np.testing.assert_allclose(pelvis.target, expected, atol=1e-12)
     np.testing.assert_allclose(pelvis.feedforward_velocity, (0.2, 0.1, -0.6))
     np.testing.assert_allclose(pelvis.feedforward_acceleration, (0.3, 0.5, 0.7))
+
+
+def test_a_twist_by_the_waist_turns_the_torso_and_leaves_the_legs() -> None:
+    controller, tasks, reference = standing()
+    robot, turn = controller.robot, controller.task("torso turn")
+    pelvis, torso = (np.array(controller.task(part).target) for part in ("pelvis", "torso"))
+    tasks.follow(reference)
+    assert turn.idle
+    before = controller.solve().accelerations
+    tasks.follow(reference, UPRIGHT, Twist(0.2, 0.0, 0.0, by_waist=True))
+    np.testing.assert_allclose(controller.task("pelvis").target, pelvis, atol=1e-12)
+    for task in (turn, controller.task("torso")):
+        np.testing.assert_allclose(task.target, pin.utils.rotate("z", 0.2) @ torso, atol=1e-12)
+    change = controller.solve().accelerations - before
+    spin = pin.getFrameJacobian(
+        robot.model, robot.data, robot.frame_id(robot.torso_frame), pin.LOCAL_WORLD_ALIGNED
+    )
+    assert spin[5] @ change > 2.0, "towards the twist"
+    legs = np.array(robot.leg_joints) + 6
+    assert np.abs(change[legs]).max() < 0.2 * (spin[5] @ change)
+    tasks.follow(reference)
+    assert turn.idle
 
 
 def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() -> None:
