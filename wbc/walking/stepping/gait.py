@@ -45,8 +45,8 @@ from wbc.walking.stepping.law import (
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 from wbc.walking.swing import REST, RISE, SwingFoot
 
-LOOKS = 4
-"""Number of ticks between two looks at the ground under a landing that moves at every tick."""
+LOOKS = 2
+"""Number of decisions between two looks at the ground under a landing that moves with each of them."""
 
 Frames = tuple[pin.SE3, pin.SE3]
 """Placements of the left and of the right sole."""
@@ -330,44 +330,47 @@ class SteppingGait(GaitMachine):
 
     def _decide(self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity) -> None:
         """Decide time, place and centre of pressure of the step, and send the swing foot there."""
-        s, c, swing = self.settings, self.constants, 1 - self.stance
-        self._ticks += 1
-        if self.met is None:
-            self.decision.area.level = self._levelness()
-            self.decision.area.update(state.turns[self.stance], state.wrenches[self.stance])
-            if self.swing is None or self._ticks % self._period == 0:
-                self._solve(state, dcm, steps)
-            nominal, longest = self.steering.step_time, self._longest
-            shortest = min(s.shortest, self.decision.end) if self.decision.closes else s.shortest
-            wanted = min(max(self.decision.end, shortest), longest)
-            if self.swing is None:
-                self.duration = min(wanted, c.later * nominal) if self._since_stand else nominal
-            elif self.decision.closes:
-                self.duration = wanted
-            else:
-                self.duration += self._time_gain * (wanted - self.duration)
-            self.duration = min(max(self.duration, shortest), longest)
-            self.decision.press()
+        if self.met is not None:
+            return
+        s, c, side = self.settings, self.constants, 1 - self.stance
+        swing, self._ticks = self.swing, self._ticks + 1
+        self.decision.area.level = self._levelness()
+        self.decision.area.update(state.turns[self.stance], state.wrenches[self.stance])
+        decides = swing is None or self._ticks % self._period == 0
+        if decides:
+            self._solve(state, dcm, steps)
+        nominal, longest = self.steering.step_time, self._longest
+        shortest = min(s.shortest, self.decision.end) if self.decision.closes else s.shortest
+        wanted = min(max(self.decision.end, shortest), longest)
+        if swing is None:
+            self.duration = min(wanted, c.later * nominal) if self._since_stand else nominal
+        elif self.decision.closes:
+            self.duration = wanted
+        else:
+            self.duration += self._time_gain * (wanted - self.duration)
+        self.duration = min(max(self.duration, shortest), longest)
+        self.decision.press()
+        thrown = None if swing is None else self._thrown(state, swing)
+        if not decides and thrown is None:
+            return
+        touch = c.touch * self.duration
         turn = self.steering.heading + steps.turn * max(self.duration - self.elapsed, 0.0)
         if self.footsteps:
             turn = self.footsteps[0].yaw
-        landing = Footstep(SIDES[swing], *self.decision.place, self.ground.height, turn, *self._tilt)
-        touch = c.touch * self.duration
-        if self.swing is None:
+        landing = Footstep(SIDES[side], *self.decision.place, self.ground.height, turn, *self._tilt)
+        if swing is None:
             self.ground.lift(self.stance, frames[self.stance])
             landing = self._seen(landing)
             speed = min(c.landing_speed + c.haste * self.ground.uneven, c.hardest)
             self._begin_swing(frames, landing, touch, self._shape._replace(landing_speed=speed))
             return
-        if self._ticks % LOOKS == 0 and self.ground.sight is not None and touch - self.elapsed > LAST_LOOK:
+        looks = self.ground.sight is not None and self._ticks // self._period % LOOKS == 0
+        if looks and touch - self.elapsed > LAST_LOOK:
             landing = self._seen(landing)
-            over = self.ground.way(frames[swing], landing)  # of what is left
-            self.swing.over = max(self.swing.over, over)
-        if self.met is None:
-            velocity = self._thrown(state, self.swing)
-            if velocity is not None:
-                self.swing.restart(self.elapsed, frames[swing], velocity)
-            self.swing.retarget(self.elapsed, landing, touch, c.hardest if self.decision.closes else None)
+            swing.over = max(swing.over, self.ground.way(frames[side], landing))  # of what is left
+        if thrown is not None:
+            swing.restart(self.elapsed, frames[side], thrown)
+        swing.retarget(self.elapsed, landing, touch, c.hardest if self.decision.closes else None)
 
     def _thrown(self, state: BodyState, swing: SwingFoot) -> Vector | None:
         """Return the velocity of a swing foot so far off its motion that legs cannot bring it back, m/s, else None.
