@@ -27,11 +27,11 @@ from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.loop.floor import lowest_sole_point
-from wbc.sim.plant.drives import DelayLine
+from wbc.sim.plant.drives import delays
 from wbc.sim.plant.places import body_frame
 from wbc.sim.plant.robot import DivergedError, check_period
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
-from wbc.sim.plant.settings import Machine, Step, steps_per_tick, whole_steps
+from wbc.sim.plant.settings import Machine, Step, steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
 
 FASTEST = 1e4
@@ -126,11 +126,7 @@ class EngineLoop(ABC):
             machine: Delays, and which sensors exist; when None, torques are measured.
         """
         machine = machine or Machine(torque_sensors=True)
-        if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
-            raise InputError(
-                "friction and payload of another engine are those of its model, and hands are not measured there: "
-                "leave friction, payload and hand_sensors of the machine alone"
-            )
+        machine.check_loop("another engine")
         self.description = description = as_description(description)
         description.needs_feet("a loop with sensors of a humanoid")
         if description.couplings or description.closures:
@@ -152,9 +148,7 @@ class EngineLoop(ABC):
         self._sole_frames = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._kp, self._kd = np.array(description.kp), np.array(description.kd)
         self._least, self._most = np.array(robot.torque_lower), np.array(robot.torque_upper)
-        self._age = whole_steps(machine.measurement_delay, self.timestep) * self.timestep
-        delay = whole_steps(machine.command_delay, self.timestep)
-        self._late = DelayLine(delay) if delay > 0 else None
+        self._age, self._late = delays(machine, self.timestep)
         self._chain = SensorChain(
             self.noise,
             robot.na,

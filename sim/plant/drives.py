@@ -13,6 +13,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.core.signals import Command
 from wbc.robots.description import RobotDescription
+from wbc.sim.plant.settings import Machine, whole_steps
 
 Gains = tuple[Array, Array]
 """kp and kd of all joints."""
@@ -40,6 +41,13 @@ class DelayLine:
             due = self._waiting.popleft()[1]
         self._now += 1
         return due
+
+
+def delays(machine: Machine, timestep: float) -> tuple[float, DelayLine | None]:
+    """Return the age of each measurement, s, and the line of late commands, None without one; physics steps in s."""
+    delay = whole_steps(machine.command_delay, timestep)
+    age = whole_steps(machine.measurement_delay, timestep) * timestep
+    return age, DelayLine(delay) if delay > 0 else None
 
 
 class Drives:

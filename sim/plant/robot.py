@@ -18,12 +18,12 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
-from wbc.sim.plant.drives import DelayLine
+from wbc.sim.plant.drives import delays
 from wbc.sim.plant.hands import Grips, HandSensor
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.pushes import Push, Pushes
 from wbc.sim.plant.sensors import NOISE_PRESETS, SensorChain, SensorNoise
-from wbc.sim.plant.settings import Machine, steps_per_tick, whole_steps
+from wbc.sim.plant.settings import Machine, steps_per_tick
 from wbc.sim.plant.signals import Imu, TrueSignals
 from wbc.sim.plant.truth import Contacts, GroundTruth
 
@@ -105,10 +105,7 @@ class SimulatedRobot(ABC):
             torques=machine.torque_sensors,
             hands=len(hands),
         )
-        # Age of every measurement, s.
-        self._age = whole_steps(machine.measurement_delay, self.timestep) * self.timestep
-        delay = whole_steps(machine.command_delay, self.timestep)
-        self._late = DelayLine(delay) if delay > 0 else None
+        self._age, self._late = delays(machine, self.timestep)
         self._no_feet = np.full(len(places.feet), np.nan)
 
     @property

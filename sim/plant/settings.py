@@ -65,6 +65,10 @@ class PhysicsSettings:
         option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
 
+OF_THE_PLANT = ("friction", "payload", "hand_sensors")
+"""Properties of a `Machine` that change the model of the robot, so that only the plant, which builds it, has them."""
+
+
 @settings
 class Machine:
     """Properties of a simulated machine that the description of the robot omits; all are off by default.
@@ -88,6 +92,15 @@ class Machine:
     hand_sensors: bool = False
     friction: Annotated[NonNegative, "Nm"] = 0.0
     payload: Annotated[NonNegative, "kg"] = 0.0
+
+    def check_loop(self, loop: str) -> None:
+        """Refuse the properties that only a `wbc.Plant` can give a robot, for another loop, named as in a sentence."""
+        given = [name for name in OF_THE_PLANT if getattr(self, name)]
+        if given:
+            raise InputError(
+                f"{' and '.join(given)} of the machine can be set in a wbc.Plant alone: {loop} has the friction and "
+                "the masses of its own model, and measures no hands; leave friction, payload and hand_sensors alone"
+            )
 
 
 Step = Annotated[float, Field(ge=SHORTEST_STEP, le=LONGEST_PERIOD), "s"]

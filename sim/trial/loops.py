@@ -192,11 +192,8 @@ class LoopKind:
                     f"loop '{self.name}' has a robot on its own soles on a floor, and no option '{option}': it cannot "
                     f"have {shown(value)}; leave that out, or take loop '{PLANT}'"
                 )
-        if not self.is_plant and (machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors):
-            raise InputError(
-                f"friction, payload and hand_sensors of the machine are those of loop '{PLANT}' alone; loop "
-                f"'{self.name}' has its own"
-            )
+        if not self.is_plant:
+            machine.check_loop(f"loop '{self.name}'")
 
     def make(self, description: RobotDescription, **options: Any) -> Any:
         """Return a new loop; options that it does not take are the usual ones and left out."""

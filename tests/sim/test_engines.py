@@ -256,7 +256,9 @@ BAD: dict[str, Callable[[str], object]] = {
     "no option 'physics'": lambda file: WalkSpec(
         changes={"physics.impratio": 5.0}, loop=f"{file}:of_ones_own"
     ),
-    "of loop 'plant' alone": lambda file: StandSpec(machine=Machine(payload=2.0), loop=f"{file}:of_ones_own"),
+    "payload of the machine can be set in a wbc.Plant alone": lambda file: StandSpec(
+        machine=Machine(payload=2.0), loop=f"{file}:of_ones_own"
+    ),
     "no loop 'none'": lambda file: trial_from_json(
         {"kind": "stand_push_limit", "seconds": 1.0, "push": {"direction": 0.0}, "loop": "none"}
     ),
