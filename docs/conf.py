@@ -8,12 +8,17 @@ import json
 import re
 import sys
 from collections.abc import Iterator
+from html.parser import HTMLParser
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote, urlsplit
 
 import docstring_parser
 from sphinx.application import Sphinx
+from sphinx.util import logging
+
+logger = logging.getLogger(__name__)
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
@@ -131,6 +136,44 @@ def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines
     lines[:] = out
 
 
+class _Page(HTMLParser):
+    """Links of a built page, and the names of its places."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.places: set[str] = set()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.places.add(given.get("id") or "")
+        if link := given.get("href" if tag in ("a", "link") else "src"):
+            self.links.append(link)
+
+
+def check_links(app: Sphinx, failure: Exception | None) -> None:
+    """Warn of each link in the built pages to a page, a file or a heading that does not exist.
+
+    MyST checks the links in Markdown. This check also sees those that the theme, tables and docstrings make.
+    """
+    if failure is not None or app.builder.format != "html":
+        return
+    out = Path(app.outdir).resolve()
+    pages = {path: _Page(path) for path in sorted(out.rglob("*.html"))}
+    for path, page in pages.items():
+        for link in dict.fromkeys(page.links):
+            address = urlsplit(link)
+            if address.scheme or address.netloc:
+                continue
+            target = (path.parent / unquote(address.path)).resolve() if address.path else path
+            wrong = not target.exists() or (
+                target in pages and unquote(address.fragment) not in ("", *pages[target].places)
+            )
+            if wrong:
+                logger.warning("%s: the link to %s leads nowhere", path.relative_to(out), link, type="wbc")
+
+
 def skip_described(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
     """Leave to the pages of the rooms what `wbc` hands on from them."""
     here = app.env.docname == "api/wbc" and what == "module"
@@ -142,4 +185,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("source-read", fill_tables)
     app.connect("autodoc-process-docstring", mark_blocks, priority=400)
     app.connect("autodoc-skip-member", skip_described)
+    app.connect("build-finished", check_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -2,11 +2,12 @@
 
 Where to start, in the order of the data:
 
-- `description`: a robot as data, and the models that are made from it; `frames`: its soles and other frames. -
-`registry` and `files`: robots by name, and robots from a file of your own and its TOML. - `urdf`: the URDF that both
-Pinocchio and MuJoCo read. `readers/`: converts an MJCF, compiled by MuJoCo, to such a URDF, with its tree, drives,
-feet, and the forces that the controller does not know. - `derivation/`: values that a file does not have; `complete`
-has the order, `defaults` the rules. - `report`: facts and doubtful values of a description.
+- `description`: a robot as data, and the models that are made from it; `frames`: its soles and other frames.
+- `registry` and `files`: robots by name, and robots from a file of your own and its TOML.
+- `urdf`: the URDF that both Pinocchio and MuJoCo read. `readers/` convert an MJCF, compiled by MuJoCo, to such a URDF,
+  with its tree, drives and feet, and with the forces that the controller does not know.
+- `derivation/`: values that a file does not have; `complete` has the order, `defaults` the rules.
+- `report`: facts and doubtful values of a description.
 
 A new built-in robot is a function in `models/` and a line in `registry`; a new default goes to `derivation/`.
 """

@@ -27,6 +27,11 @@ from wbc.sim.terrain.spec import terrain
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
 RECIPES = ROOT / "docs" / "howto.md"
+LINKED = [
+    *PAGES,
+    *(ROOT / name for name in ("README.md", "CHANGELOG.md", "benchmarks/README.md")),
+    *sorted((ROOT / "examples").rglob("*.md")),
+]
 LONG = (
     "control.md",
     "logs.md",
@@ -45,7 +50,8 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 OUTPUT = re.compile(r"\s*^```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SLOW = re.compile(r"<!-- slow -->\s*\Z")
 CODE = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
-LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")
+LINK = re.compile(r"\]\(([^)#\s]*)(?:#([^)\s]+))?[^)]*\)")
+HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 
 REGISTERS = (
     ("wbc.robots.registry", "_FACTORIES"),
@@ -211,11 +217,20 @@ def exists(name: str) -> bool:
     return False
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "README.md"], ids=lambda page: page.stem)
+def headings(page: Path) -> set[str]:
+    """Return the headings of a page as they are written in links to them."""
+    titles = HEADING.findall(FENCE.sub("", page.read_text(encoding="utf-8")))
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", LINKED, ids=lambda page: str(page.relative_to(ROOT).with_suffix("")))
 def test_links_and_pictures_lead_somewhere(page: Path) -> None:
-    for target in LINK.findall(FENCE.sub("", text_of(page))):
+    for target, heading in LINK.findall(FENCE.sub("", page.read_text(encoding="utf-8"))):
         if "://" not in target:
-            assert (page.parent / target).exists(), f"{page.name}: {target}"
+            there = page.parent / target if target else page
+            assert there.exists(), f"{page.name}: {target}"
+            made = there.name == "commands.md"  # its headings are made from the code
+            assert not heading or made or heading in headings(there), f"{page.name}: {target}#{heading}"
 
 
 @pytest.mark.slow

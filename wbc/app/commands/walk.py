@@ -65,8 +65,8 @@ OPTIONS = Fields(
     defaults=DEFAULTS,
     help={
         "foot": "Foot under both ankles; flat is the robot's own sole.",
-        "eyes": "What the robot sees of the ground: depth (a camera), toes (range sensors), none (also with --spec).",
-        "turn": "On the spot to the left, degrees.",
+        "eyes": "Sensors by which the robot sees the ground: depth (a camera), toes (range sensors) or none.",
+        "turn": "Angle of a turn on the spot, degrees; positive to the left.",
         "push": "A push such as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (90 is left), at a share of "
         "a step.",
     },
