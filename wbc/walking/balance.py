@@ -13,10 +13,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numpy as np
-
 from wbc.base.numbers import Array, scalar
 from wbc.core.drive.control import DriveControl, State
+from wbc.core.robot import Robot
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.tasks.stabilizer.pendulum import natural_frequency
@@ -58,10 +57,10 @@ class Balance:
     ) -> None:
         """Make all parts for a robot that stands, with the height of the CoM over the soles while walking, m."""
         s, robot = settings, control.controller.robot
-        self._control, self._tasks, self._robot = control, tasks, robot
+        self._tasks, self._robot = tasks, robot
         self._dt = control.controller.dt
-        self._omega = natural_frequency(height)
-        self._divisor = scalar(self._omega)
+        omega = natural_frequency(height)
+        self._divisor = scalar(omega)  # of velocities in the DCM
         left, _ = robot.soles
         assert isinstance(tasks.com, StabilizerTask)
         self._task = tasks.com
@@ -80,8 +79,7 @@ class Balance:
             self.wrenches = {}
         self._contact = (True, True)
         self._heading = 0.0  # of the last reference
-        self._driven = self._omega  # natural frequency of the last reference, which has driven the DCM, 1/s
-        self._dcm = np.zeros(3)  # as measured, with its bias
+        self._driven = omega  # natural frequency of the last reference, which has driven the DCM, 1/s
         self._bias: Array | None = None
 
     @property
@@ -105,16 +103,14 @@ class Balance:
         if self.load is not None:
             self._hold(self.load)
         robot, hands = state.robot, self.hands
-        self._dcm = dcm = robot.com + robot.com_velocity / self._divisor
-        self._bias = None if self.bias is None else self._estimate_bias(self.bias)
+        dcm = robot.com + robot.com_velocity / self._divisor
+        self._bias = None if self.bias is None else self._estimate_bias(self.bias, robot)
         if hands is not None and hands.gripping:
             # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
             return state
         if self._bias is not None:
-            dcm = dcm.copy()
             dcm[:2] -= self._bias
         if hands is not None and hands.active:  # the plan is that without hands
-            dcm = dcm.copy()
             dcm[:2] -= hands.shift
         return state._replace(dcm=dcm)
 
@@ -154,7 +150,7 @@ class Balance:
         if self.lean is not None:
             self.lean.set_mass(self._robot.mass)
 
-    def _estimate_bias(self, estimator: BiasEstimator) -> Array:
+    def _estimate_bias(self, estimator: BiasEstimator, robot: Robot) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
         output = self.output
         if output is None:
@@ -163,10 +159,8 @@ class Balance:
         if in_air or (self.load is not None and self.load.changing):
             estimator.pause()
             return estimator.bias
-        omega, dcm = self._omega, self._dcm
-        if abs(self._driven - omega) > 1e-6:  # the body is set lower
-            omega, robot = self._driven, self._control.observer.robot
-            dcm = robot.com + robot.com_velocity / omega
+        omega = self._driven
+        dcm = robot.com + robot.com_velocity / omega
         return estimator.update(dcm, output.measured_zmp, self._heading, omega, self._dt)
 
     def _switch_contacts(self, contact: tuple[bool, bool]) -> None:

@@ -85,17 +85,20 @@ class SwingFoot:
                 f"a swing of {duration:g} s leaves less than {2 * shape.piece:g} s between take-off "
                 f"({shape.takeoff_time:g} s) and landing ({shape.landing_time:g} s)"
             )
-        self._restart(start, shape.lift_speed)
+        self._restart(start, (0.0, 0.0, shape.lift_speed))
         self._plan_height(0.0)
         self._plan_place(0.0, duration)
 
-    def _restart(self, place: pin.SE3, lift_speed: float) -> None:
+    def _restart(self, place: pin.SE3, velocity: Vector) -> None:
+        """Begin at a place with a velocity, m/s, and without turning."""
         x, y, z = (float(v) for v in place.translation)
         roll, pitch, yaw = (float(v) for v in pin.rpy.matrixToRpy(place.rotation))
         self._origin = z
         self._c = {
-            name: QuinticPath((value, lift_speed if name == "z" else 0.0, 0.0))
-            for name, value in zip(COORDINATES, (x, y, z, roll, pitch, yaw), strict=True)
+            name: QuinticPath((value, speed, 0.0))
+            for name, value, speed in zip(
+                COORDINATES, (x, y, z, roll, pitch, yaw), (*velocity, 0.0, 0.0, 0.0), strict=True
+            )
         }
 
     @property
@@ -124,7 +127,7 @@ class SwingFoot:
 
     def resume(self, time: float, place: pin.SE3) -> None:
         """Search for the ground from a place at rest, where a foot has lost it again; the time is from lift-off, s."""
-        self._restart(place, 0.0)
+        self._restart(place, (0.0, 0.0, 0.0))
         self.duration = min(self.duration, time)
         down = self._origin - self._shape.search_depth
         self._c["z"].follow(time, (time + self._shape.search_time, (down, 0.0, 0.0)))
@@ -132,11 +135,9 @@ class SwingFoot:
 
     def restart(self, time: float, place: pin.SE3, velocity: Vector) -> None:
         """Plan anew to the same landing from the place and the velocity (m/s) of a foot that was thrown off its way."""
-        origin, (u, v, w) = self._origin, velocity
-        self._restart(place, w)
+        origin = self._origin
+        self._restart(place, velocity)
         self._origin = origin
-        for name, speed in (("x", u), ("y", v)):
-            self._c[name] = QuinticPath((self._c[name].at(0.0)[0], speed, 0.0))
         self._plan_height(time)
         self._plan_place(time, self.duration)
 

@@ -114,10 +114,9 @@ class WalkTasks:
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_yaws = [heading(tilt) for tilt in self._trunk_tilts]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
-        self._tuned = {task.name: task for task in (*self._trunk, self.posture)}
+        self._tuned = *self._trunk, self.posture
         self._own_gains = {
-            name: {gain: np.array(getattr(task, gain)) for gain in GAINS}
-            for name, task in self._tuned.items()
+            task.name: {gain: np.array(getattr(task, gain)) for gain in GAINS} for task in self._tuned
         }
         com.held_by = (
             "walking.body.com_height for its height, walking.velocity or walking.go_to for its place"
@@ -148,20 +147,11 @@ class WalkTasks:
         if before is None:
             return
         self.posture.go_on_from(before.posture)
-        for name, gains in before._changed_gains().items():
-            task = self._tuned.get(name)
-            for gain, value in gains.items() if task is not None else ():
-                setattr(task, gain, value)
-
-    def _changed_gains(self) -> dict[str, dict[str, Array]]:
-        """Return the gains of trunk and posture that are no longer those of the law, by task and gain."""
-        changed: dict[str, dict[str, Array]] = {}
-        for name, task in self._tuned.items():
-            for gain, own in self._own_gains[name].items():
-                now = np.array(getattr(task, gain))
+        for task, other in zip(self._tuned, before._tuned, strict=True):
+            for gain, own in before._own_gains[other.name].items():
+                now = np.array(getattr(other, gain))
                 if not np.array_equal(now, own):
-                    changed.setdefault(name, {})[gain] = now
-        return changed
+                    setattr(task, gain, now)
 
     def switch(self, side: int, contact: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground, or take it off."""

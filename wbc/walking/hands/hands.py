@@ -378,22 +378,12 @@ class Hands:
         for hand, force in zip(gripping, excess, strict=True):
             hand.excess = force
 
-    def _to_edge(self, direction: Array, yaw: float) -> float:
-        """Return the distance from the middle of a sole to its edge along a horizontal direction, m."""
-        c, s = math.cos(yaw), math.sin(yaw)
-        x, y = float(direction[0]), float(direction[1])
-        size = math.hypot(x, y)
-        ahead, aside = abs(c * x + s * y) / size, abs(c * y - s * x) / size
-        return min(self._edges[0] / max(ahead, ROUNDING), self._edges[1] / max(aside, ROUNDING))
-
     def _beyond_zmp(self, goal: Array, yaw: float) -> Array:
         """Return the shift of the CoM that remains once the ZMP of the feet has moved by `edge` of the distance."""
-        size = math.hypot(goal[0], goal[1])
-        if self.settings.edge == 0.0 or size < ROUNDING:
-            return goal
-        borne = self.settings.edge * self._to_edge(goal, yaw)  # by the ZMP, m
-        rest: Array = goal * max(0.0, 1.0 - borne / size)
-        return rest
+        (x, y), c, s = goal.tolist(), math.cos(yaw), math.sin(yaw)
+        parts = abs(c * x + s * y), abs(c * y - s * x)  # towards the toes, and to the side
+        to_edge = min(edge / max(part, ROUNDING) for edge, part in zip(self._edges, parts, strict=True))
+        return np.asarray(goal * max(0.0, 1.0 - self.settings.edge * to_edge))
 
     def shifted(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum without hands, moved for their forces."""

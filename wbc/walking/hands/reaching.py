@@ -86,7 +86,10 @@ class Arm:
         name: Role, such as "left_hand".
         frame: Frame of the robot.
         joints: Joints of the arm, as indices in arrays of shape (na,).
+        pressing: The hand where it presses or grips; None where no balance counts its forces.
     """
+
+    pressing: Hand | None = None
 
     def __init__(
         self,
@@ -95,11 +98,9 @@ class Arm:
         dt: float,
         settings: ArmSettings,
         objects: Mapping[str, tuple[pin.SE3, Array]],
-        occupied: Mapping[str, Hand],
     ) -> None:
-        """Leave the arm to the posture; `objects` have pose and velocity, `occupied` hands may press or grip."""
-        self._objects, self._occupied = objects, occupied
-        robot = controller.robot
+        """Leave the arm to the posture; `objects` have pose and velocity."""
+        self._objects, robot = objects, controller.robot
         self.name, self.frame = name, robot.frames[choose("hand", name, robot.frames)]
         trunk = robot.base_frame if settings.waist else robot.torso_frame
         self.joints = robot.joints_between(self.frame, trunk)
@@ -126,7 +127,7 @@ class Arm:
     @property
     def busy(self) -> bool:
         """True while the hand has a task, presses or grips."""
-        return self.active or (self.name in self._occupied and self._occupied[self.name].active)
+        return self.active or (self.pressing is not None and self.pressing.active)
 
     def check_own(self) -> None:
         """Raise an `InputError` for an arm that somebody else moves."""
@@ -202,7 +203,7 @@ class Arm:
         """
         self.check_own()
         goal, point = self._checked(target, frame), not isinstance(target, pin.SE3)
-        if self.name in self._occupied and self._occupied[self.name].active:
+        if self.pressing is not None and self.pressing.active:
             raise InputError(
                 f"target of '{self.name}' must wait until the hand neither presses nor grips: "
                 f"hands.release('{self.name}') lets go, got {np.round(goal.translation, 3).tolist()}"
@@ -370,10 +371,7 @@ class Arms:
         self.settings, self._controller = settings, controller
         robot = controller.robot
         self._objects: dict[str, tuple[pin.SE3, Array]] = {}
-        self._occupied: dict[str, Hand] = {}
-        self._hands = {
-            name: Arm(controller, name, dt, settings, self._objects, self._occupied) for name in robot.frames
-        }
+        self._hands = {name: Arm(controller, name, dt, settings, self._objects) for name in robot.frames}
         self._rest = np.array(robot.q[robot.base_nq :])
         self._turns = self._swing_turns() if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()
@@ -381,7 +379,8 @@ class Arms:
 
     def share(self, hands: Mapping[str, Hand]) -> None:
         """Give no targets to hands that press or grip; role → hand."""
-        self._occupied.update(hands)
+        for name, hand in hands.items():
+            self._hands[name].pressing = hand
 
     def follow(self, tasks: WalkTasks) -> None:
         """Go on with these tasks of the CoM and of all joints."""
@@ -415,9 +414,8 @@ class Arms:
     def update(self, feet: Sequence[FootMotion], yaw: float) -> None:
         """Move all references by one tick, with those of left and right sole and the heading, rad."""
         active = tuple(name for name, hand in self._hands.items() if hand.active)
-        if active:
-            for name in active:
-                self._hands[name].update()
+        for name in active:
+            self._hands[name].update()
         if active or self._spared:
             self._spare(active)
         if self._turns is not None:
