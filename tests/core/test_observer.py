@@ -422,6 +422,32 @@ def test_net_wrench_is_the_weight_and_flight_is_noticed() -> None:
     assert not observer.net_wrench.any()
 
 
+@pytest.mark.parametrize("lost", [0.4, 1.0])
+def test_a_velocity_that_was_lost_comes_back_from_the_feet(lost: float) -> None:
+    """Feet that seem to move faster than `slip` are no reference at first, but in the end they are right."""
+    sensors, _, _ = sway(seconds=2.0)
+    observer = Observer(biped())
+    for sensor in sensors[:40]:
+        observer.update(sensor)
+    observer.inertial.velocity = observer.inertial.velocity + np.array([lost, 0.0, 0.0])
+    off = []
+    for sensor, expected in zip(sensors[40:], undisturbed(sensors)[40:], strict=True):
+        observer.update(sensor)
+        off.append(float(np.linalg.norm(observer.inertial.velocity - expected)))
+    dt = sensors[1].time - sensors[0].time
+    assert off[0] > 0.9 * lost, "a foot may be hit: nothing is believed at once"
+    assert off[round((lost / 3.0 + 0.02) / dt)] < 0.1 * lost
+
+
+def undisturbed(sensors: list[Measurement]) -> list[np.ndarray]:
+    """Velocity of the inertial filter after each measurement."""
+    observer, found = Observer(biped()), []
+    for sensor in sensors:
+        observer.update(sensor)
+        found.append(np.array(observer.inertial.velocity))
+    return found
+
+
 def test_aligning_with_gravity_sets_roll_and_pitch() -> None:
     robot = biped()
     observer = Observer(robot)

@@ -390,10 +390,10 @@ class Observer:
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
         yaw_error = 0.0
         rotations: list[Vector] = []
-        self._unaided += dt
-        fastest = self.settings.slip + UNAIDED * self._unaided
+        slip, unaided = self.settings.slip, self._unaided + dt
+        fastest = slip + UNAIDED * unaided
         motions: list[tuple[Vector, Vector, Vector]] = []
-        moves = [False] * len(self._soles)
+        moves, slips = [False] * len(self._soles), [False] * len(self._soles)
         for i, sole in enumerate(self._soles):
             rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
             rotating = rate.angular.tolist()
@@ -403,13 +403,16 @@ class Observer:
             motions.append((speed, turn, forward))
             if expected is not None:
                 x, y, z = (a + b for a, b in zip(speed, expected, strict=True))
-                moves[i], self.lifts[i] = math.hypot(x, y, z) > fastest, abs(z) > fastest
+                motion = math.hypot(x, y, z)
+                moves[i], slips[i], self.lifts[i] = motion > fastest, motion > slip, abs(z) > fastest
         shares = [0.0 if moving else share for share, moving in zip(self._shares, moves, strict=True)]
         total = sum(shares)
         self._shares = [share / total for share in shares] if total > 0.0 else shares
         if self.in_flight:
+            self._unaided = unaided
             return None, 0.0
-        self._unaided = 0.0
+        if not any(fast and share > 0.0 for fast, share in zip(slips, self._shares, strict=True)):
+            self._unaided = 0.0  # feet and inertial unit agree again
         for i, ((x, y, z), (rx, ry, rz), axis) in enumerate(motions):
             share = self._shares[i]
             if share == 0.0:
