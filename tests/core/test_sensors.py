@@ -75,7 +75,7 @@ def test_refused_readings_are_predicted_from_those_that_are_good() -> None:
 
 
 def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_shows() -> None:
-    """Its lag of 15 ms passes 3.5 of 4 m/s² after 31.2 ms, seen a period later; it falls below 2 from 3.86 after 9.9 ms."""
+    """Its lag of 15 ms passes 3.5 of 4 m/s² after 31.2 ms and a period; it falls below 2 from 3.86 after 9.9 ms."""
     turn = pin.rpy.rpyToMatrix(0.2, -0.3, 0.5)
 
     def run(legs: float = 0.0, ground: float = 0.0, share: float = 0.5) -> list[bool]:
@@ -109,7 +109,10 @@ def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(la
     """A push of 40 m/s² on the pelvis of a robot that stands: of all its speed nothing may be lost."""
     inertial = SimpleNamespace(rotation=np.eye(3), legs=(0.0, 0.0))
     observer = SimpleNamespace(
-        inertial=inertial, robot=SimpleNamespace(mass=50.0), share=np.array([0.5, 0.5]), net_wrench=np.zeros(6)
+        inertial=inertial,
+        robot=SimpleNamespace(mass=50.0),
+        share=np.array([0.5, 0.5]),
+        net_wrench=np.zeros(6),
     )
     check = AccelerometerCheck(DT)
     for tick in range(-120, 16):
