@@ -15,8 +15,10 @@ A new built-in robot is a function in `models/` and a line in `registry`; a new 
 from typing import TYPE_CHECKING
 
 from wbc.base.errors import missing_from
+from wbc.core.frames import Sole
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
+from wbc.robots.files import read_sdf
 from wbc.robots.registry import load, names, register
 
 load_robot = load
@@ -29,7 +31,9 @@ __all__ = [
     "register",
     # Describe a robot
     "RobotDescription",
+    "read_sdf",
     "ServoRule",
+    "Sole",
 ]
 
 if not TYPE_CHECKING:

@@ -64,6 +64,8 @@ class RobotDescription:
         torque_ranges: Joint → (smallest, largest) torque, Nm, of joints whose limits differ by direction.
         passive: Joints without a drive, whose torque is zero, such as those of the rods in a closed chain.
         closures: Where closed chains close.
+        locked: Joint of the file that is fixed in the robot → its position, rad or m. Such a joint may move in a
+            simulation of your own, as a spring does.
         sensors: Role → name of the sensor in the MJCF. The roles are "gyroscope", "accelerometer", "<body> force" and
             "<body> torque".
         package_dirs: Folders with the meshes of the URDF, for `package://` and for relative paths.
@@ -89,6 +91,7 @@ class RobotDescription:
     torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     passive: tuple[str, ...] = ()
     closures: tuple[Closure, ...] = ()
+    locked: Mapping[str, float] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
     base: Base = "floating"

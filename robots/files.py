@@ -26,7 +26,7 @@ from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
 
-ENDINGS = (".toml", ".xml", ".mjcf", ".urdf")
+ENDINGS = (".toml", ".xml", ".mjcf", ".urdf", ".sdf")
 """Endings of the files that describe a robot."""
 
 
@@ -58,6 +58,16 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
         if text.lstrip().startswith("<robot"):
             return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
         return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
+
+
+def read_sdf(path: str | Path) -> Any:
+    """Return the robot of an SDF as an `mujoco.MjSpec` without drives, to which these and a ground can be added.
+
+    `RobotDescription.from_mjcf` takes the spec, and the path of an SDF as well.
+    """
+    from wbc.robots.readers import compile_mjcf  # noqa: PLC0415  MuJoCo is imported with it
+
+    return compile_mjcf.read_sdf(Path(path).expanduser())
 
 
 def write(target: Path, path: Path, parameters: Mapping[str, Any]) -> None:

@@ -394,10 +394,11 @@ def _narrow_leaders(root: Element) -> list[str]:
     return notes
 
 
-def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True) -> None:
+def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True) -> dict[str, float]:
     """Fix joints of a tidied `<robot>` at given positions, joint → rad or m, inside their limits if `bounded`.
 
     Joints that are coupled to one of them are fixed as well; one that is coupled itself is freed of its leader.
+    Returned are the positions of all of them.
     """
     coupled = couplings(root)
     with_them = {
@@ -405,7 +406,8 @@ def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True)
         for name, coupling in coupled.items()
         if coupling.leader in positions and name not in positions
     }
-    for name, value in {**positions, **with_them}.items():
+    fixed = {**positions, **with_them}
+    for name, value in fixed.items():
         moving = joints(root, MOVING)
         joint = moving[choose("joint", name, moving)]
         limit, bounds = joint.find("limit"), (-math.inf, math.inf)
@@ -431,6 +433,7 @@ def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True)
         for tag in ("axis", "limit", "mimic"):
             for old in joint.findall(tag):
                 joint.remove(old)
+    return fixed
 
 
 def turn_root(root: Element, turn: float) -> str:

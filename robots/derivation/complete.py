@@ -75,7 +75,7 @@ def complete(
             "a robot with feet is not bolted to the world: base='fixed' is for one without soles"
         )
     notes += urdf.tidy(root, fixed)
-    urdf.lock(root, options.get("lock") or {})
+    locked = urdf.lock(root, options.get("lock") or {})
     urdf.set_limits(
         root,
         position=options.get("position_limits"),
@@ -156,6 +156,7 @@ def complete(
         "derived": tuple(notes),
         "closures": closures,
         "passive": tuple(options.get("passive") or ()),
+        "locked": locked,
         **(taken or {}),
     }
 

@@ -6,6 +6,7 @@ import codecs
 import contextlib
 import os
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import numpy as np
 
 from wbc.base.errors import InputError, ModelError, shown, shown_path
 from wbc.base.files import decoding, read_xml
+from wbc.robots.readers import sdf_mjcf
 from wbc.robots.urdf import existing
 
 
@@ -64,12 +66,16 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
     """Return the name of a source for messages, and a function that reads it."""
     content = str(source)
     if content.lstrip().startswith("<"):
+        if _is_sdf(content):
+            return "SDF string", lambda: sdf_mjcf.spec_of(_tree(content, "SDF string"), "SDF string")
         _refuse_other_formats("MJCF string", content)
         refuse_pipes(Path(), content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
     where = shown_path(path)
-    refuse_pipes(path.parent, read_xml(path, "MJCF"))
+    if _is_sdf(text := read_xml(path, "MJCF")):
+        return where, lambda: sdf_mjcf.spec_of(_tree(text, where), where)
+    refuse_pipes(path.parent, text)
     texts = _texts(path)
     _refuse_other_formats(where, texts[path.name])
     if all(
@@ -86,6 +92,27 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
         return spec
 
     return where, decoded
+
+
+def read_sdf(path: Path) -> mujoco.MjSpec:
+    """Return the robot of an SDF; see `wbc.robots.read_sdf`."""
+    text = read_xml(path, "SDF")
+    if not _is_sdf(text):
+        raise ModelError(f"{shown_path(path)} is no SDF; RobotDescription.from_mjcf reads an MJCF")
+    return sdf_mjcf.spec_of(_tree(text, shown_path(path)), shown_path(path))
+
+
+def _tree(text: str, where: str) -> ET.Element:
+    try:
+        return ET.fromstring(text)
+    except ET.ParseError as error:
+        raise ModelError(f"{where}: {error}") from error
+
+
+def _is_sdf(content: str) -> bool:
+    """Return true for the text of an SDF."""
+    first = re.search(r"<\s*([A-Za-z]\w*)", re.sub(r"<!--.*?-->", "", content, flags=re.DOTALL))
+    return first is not None and first.group(1) == "sdf"
 
 
 def refuse_pipes(folder: Path, text: str) -> None:

@@ -129,6 +129,7 @@ def fields(
             "torque_ranges": one_sided,
             "sensors": sensors,
             "passive": tuple(idle),
+            "locked": {tree.joint_name(joint): value for joint, value in tree.locked.items()},
         },
         loops=closures,
         **options,

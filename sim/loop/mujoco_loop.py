@@ -65,6 +65,8 @@ class MujocoLoop(SimulatedRobot):
     Objects, further robots and their controls are left as they are. The parts of the robot that collide in the file
     collide here as well. Joints of the model and of the description are matched by their names. A joint with another
     position or axis than in the description is refused.
+    A joint that the description locks, such as a spring, moves as in the model. It is not measured, and it begins at
+    the position at which it is locked.
 
     The wrench of a sole is the sum of all contacts of the foot. Sensors have no errors and no delay, unless `noise` or
     `machine` give them some, as for a `wbc.Plant`.
@@ -120,7 +122,7 @@ class MujocoLoop(SimulatedRobot):
         description.needs_feet("a loop with sensors of a humanoid")
         steps_per_tick(control_period, float(model.opt.timestep))
         robot = description.robot()
-        places = RobotPlaces(model, robot, joints, prefix)
+        places = RobotPlaces(model, robot, joints, prefix, locked=description.locked)
         self.actuators = JointActuators(places, description)
         imu = Imu(places, gyroscope, accelerometer)
         super().__init__(
@@ -196,8 +198,7 @@ class MujocoLoop(SimulatedRobot):
             self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
         places = self.places
         places.set_configuration(q, self.data.qpos)
-        self.data.qvel[places.base_dof : places.base_dof + 6] = 0.0
-        self.data.qvel[places.joint_dof] = 0.0
+        places.set_at_rest(self.data.qvel)
         self.data.qacc_warmstart[:] = 0.0
         mujoco.mj_forward(self.model, self.data)
         self.actuators.apply(self.data, self.hold())

@@ -47,14 +47,17 @@ class RobotPlaces:
         names: Mapping[str, str] | None = None,
         prefix: str = "",
         feet: Sequence[str] = (),
+        locked: Mapping[str, float] | None = None,
     ) -> None:
         """Find a robot in half-sitting; `names` is joint of the robot → joint of the model where they differ.
 
         `feet` are bodies whose frames are the sole frames; those that carry the description's soles when empty.
+        `locked` are joints that the robot does not have and the model may have, such as springs → their positions in
+        configurations of the robot.
         """
-        names = names or {}
+        names, locked = names or {}, locked or {}
         for name in names:
-            choose("joint", name, robot.joint_names)
+            choose("joint", name, (*robot.joint_names, *locked))
         self.model, self.prefix, self._robot = model, prefix, robot
         have = {model.joint(i).name: i for i in range(model.njnt)}
         every: dict[str, int] = {}
@@ -95,6 +98,14 @@ class RobotPlaces:
             )
             for name, coupling in robot.couplings.items()
         ]
+        held = {
+            have[there]: at
+            for name, at in locked.items()
+            if (there := names.get(name, prefix + name)) in have
+        }
+        self._locked = {int(model.jnt_qposadr[joint]): at for joint, at in held.items()}
+        self._locked_dof: Index = model.jnt_dofadr[np.array(list(held), dtype=np.intp)].astype(np.intp)
+        self._locked_bodies = {int(model.jnt_bodyid[joint]) for joint in held}
         rest = self._at_half_sitting()
         _compare(model, rest, robot, joints)
         self._rest = rest.xpos.copy(), rest.xmat.reshape(-1, 3, 3).copy()
@@ -121,9 +132,25 @@ class RobotPlaces:
         return body, place
 
     def _carrier(self, name: str) -> tuple[int, pin.SE3]:
-        frame = self._robot.model.frames[self._robot.frame_id(name)]
+        frames = self._robot.model.frames
+        frame = frames[self._robot.frame_id(name)]
         body, place = self._links[max(frame.parentJoint, 1) - 1]
-        return body, place * frame.placement
+        place = place * frame.placement
+        while frame.name != "universe" and self._locked_bodies:
+            own = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, self.prefix + frame.name)
+            if own >= 0:
+                return self._behind_locked_joint(own, body, place)
+            frame = frames[frame.parentFrame]
+        return body, place
+
+    def _behind_locked_joint(self, own: int, body: int, place: pin.SE3) -> tuple[int, pin.SE3]:
+        """Return the carrier of a frame: behind the last locked joint between its own body and that of its joint."""
+        above = own
+        while above not in (0, body):
+            if above in self._locked_bodies:
+                return above, self._pose(above).actInv(self._pose(body) * place)
+            above = int(self.model.body_parentid[above])
+        return body, place
 
     def _pose(self, body: int) -> pin.SE3:
         """Return where a body is at half-sitting."""
@@ -168,6 +195,15 @@ class RobotPlaces:
         configuration_to_mujoco(q, self.joint_qpos - self.base_qpos, out=qpos[self.base_qpos :])
         for follower, leader, ratio, offset in self._coupled:
             qpos[follower] = ratio * qpos[leader] + offset
+        for joint, position in self._locked.items():
+            qpos[joint] = position
+
+    def set_at_rest(self, qvel: Array) -> None:
+        """Write zero velocities of base and joints, locked ones included, into MuJoCo's `qvel`."""
+        qvel[self.base_dof : self.base_dof + 6] = 0.0
+        qvel[self.joint_dof] = 0.0
+        qvel[self._locked_dof] = 0.0
+        self.couple_velocities(qvel)
 
     def reflected(self, values: Array, power: int) -> Array:
         """Return what the robot's joints feel of values by MuJoCo's velocities, shape (nv,), coupled ones included.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import mujoco
@@ -13,10 +14,13 @@ from foreign import KINDS, foreign_model
 import wbc
 from wbc import Command
 from wbc.base.errors import InputError, MeasurementError, ModelError, UnknownNameError
+from wbc.core.robot import GRAVITY
+from wbc.robots import RobotDescription
 from wbc.sim import MujocoLoop, PhysicsSettings, Plant
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
 PREFIX = "mine/"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def stand(loop: MujocoLoop, seconds: float, mode: str) -> float:
@@ -343,3 +347,62 @@ def test_a_robot_that_begins_inside_a_thing_is_noted() -> None:
     xml = BIPED.replace("</worldbody>", '<geom type="box" size="0.005 0.2 0.3" pos="0.08 0 0"/>' + FLOOR)
     loop = MujocoLoop(wbc.RobotDescription.from_mjcf(BIPED), mujoco.MjModel.from_xml_string(xml))
     assert any("inside" in note for note in loop.notes)
+
+
+LEAF = """<body name="{side}_pad"><inertial pos="0.03 0 -0.06" mass="1" diaginertia="0.001 0.001 0.001"/>
+<joint name="{side}_leaf" type="slide" axis="0 0 1" stiffness="40000" damping="800" armature="0" frictionloss="0"/>"""
+SHANK = (
+    '<joint name="{side}_shank" axis="0 1 0" stiffness="2000" damping="20" armature="0.02" frictionloss="0"/>'
+)
+SPRINGS = {"leaf": 0.003, "shank": -0.01}
+"""Spring → position at which the description locks it: a pad below the foot, m, and a bending shank, rad."""
+
+
+def sprung(springs: Sequence[str]) -> str:
+    """Return examples/biped.xml with springs in both legs that nothing drives."""
+    xml = (EXAMPLES / "biped.xml").read_text(encoding="utf-8")
+    for side in ("left", "right"):
+        if "shank" in springs:
+            at = xml.index(f'<joint name="{side}_ankle_pitch"')
+            xml = xml[:at] + SHANK.format(side=side) + xml[at:]
+        if "leaf" in springs:
+            at = xml.index("<geom", xml.index(f'<joint name="{side}_ankle_roll"'))
+            end = xml.index("</body>", at)
+            xml = xml[:at] + LEAF.format(side=side) + xml[at:end] + "</body>" + xml[end:]
+    return xml
+
+
+@pytest.mark.parametrize("springs", [("shank",), ("leaf",), ("shank", "leaf")])
+def test_joints_that_the_description_locks_move_in_the_model(springs: tuple[str, ...]) -> None:
+    """The robot stands on its springs; joints, soles and their wrenches are those of the model."""
+    xml = sprung(springs)
+    lock = {f"{side}_{name}": SPRINGS[name] for side in ("left", "right") for name in springs}
+    feet = ("left_pad", "right_pad") if "leaf" in springs else ("left_foot", "right_foot")
+    description = RobotDescription.from_mjcf(xml, lock=lock, left_sole=feet[0], right_sole=feet[1])
+    assert description.locked == lock and not set(lock) & set(description.joint_names)
+    spec = mujoco.MjSpec.from_string(xml)
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1])
+    spec.option.timestep = 0.001
+    model = spec.compile()
+    loop = MujocoLoop(description, model)
+    places = {name: int(model.joint(name).qposadr[0]) for name in lock}
+    for name, at in lock.items():
+        assert loop.data.qpos[places[name]] == at
+    robot = description.robot()
+    control = wbc.HybridControl(wbc.balance_controller(robot, loop.control_period))
+    start = loop.truth().com
+    while loop.time < 0.25:
+        loop.step(control.command(loop.measure()))
+    assert control.failures == 0 and np.abs(loop.truth().com - start).max() < 0.01
+    moved = [abs(float(loop.data.qpos[places[name]]) - at) for name, at in lock.items()]
+    assert min(moved) > 1e-4
+    for side, foot in enumerate(
+        ("left_pad", "right_pad") if "leaf" in springs else ("left_foot", "right_foot")
+    ):
+        assert loop.places.feet[side] == model.body(foot).id
+        assert abs(loop.sole_pose(side)[0][2]) < 3e-3
+    weight = loop.truth().sole_wrench[:, 2].sum()
+    assert abs(weight / (robot.mass * GRAVITY) - 1.0) < 0.2
+    loop.reset()
+    assert all(loop.data.qpos[places[name]] == at for name, at in lock.items())
+    assert not loop.data.qvel.any()
