@@ -25,7 +25,7 @@ SURFACES = ("wbc", *(f"wbc.{room}" for room in ROOMS))
 FOLDER = Path(__file__).parents[2] / "examples"
 STANDING = (
     "arm",
-    "closed_chains",
+    "cassie",
     "handles",
     "motion",
     "other_engine",
@@ -123,7 +123,7 @@ def test_in_another_engine_a_push_is_stepped_out_of(load: Load) -> None:
 @pytest.mark.slow
 def test_cassie_stands_on_springs_that_its_controller_takes_for_rigid_and_takes_a_push(load: Load) -> None:
     """Ten seconds with a push of 3 Ns; its chains stay closed but for what the springs give."""
-    result = run(load("closed_chains"), seconds=10.0)
+    result = run(load("cassie"), seconds=10.0)
     assert result["moved_mm"] < 20.0 and result["gap_mm"] < 3.0
 
 
