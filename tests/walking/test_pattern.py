@@ -170,7 +170,7 @@ def test_the_analytic_plan_obeys_the_pendulum_from_rest_to_rest() -> None:
 def test_the_dcm_alone_is_that_of_the_pendulum() -> None:
     pattern = analytic_pattern(WALK, HEIGHT, REST)
     for time in np.linspace(0.0, pattern.duration + 0.5, 97):
-        np.testing.assert_allclose(pattern.dcm_at(time), pattern.at(time).dcm[:2], atol=1e-12)
+        assert abs(pattern.dcm_at(time) - complex(*pattern.at(time).dcm[:2])) < 1e-12
 
 
 def test_plans_move_and_mirror_with_the_world() -> None:

@@ -18,8 +18,8 @@ from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.lipm.adjustment import SHORTEST, AdjustmentSettings, StepAdjuster
-from wbc.walking.lipm.schedule import ZmpTarget, schedule
+from wbc.walking.lipm.adjustment import SHORTEST, AdjustmentSettings, PlannedSwing, StepAdjuster
+from wbc.walking.lipm.schedule import schedule
 from wbc.walking.lipm.walk import CLIMBING_INWARD, TOUCH_DOWNS, Walk, WalkSettings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
@@ -341,23 +341,29 @@ def test_the_constant_error_of_sensors_moves_no_step(robot: str, width: float) -
 
 OMEGA = natural_frequency(HEIGHT)
 PLAN = walk_distance(START, 1.0)
-PATTERN = analytic_pattern(
-    schedule(PLAN), HEIGHT, Pendulum.at_rest(np.array([*START.left.position[:2] * [1, 0], HEIGHT]))
-)
 SECOND_SWING = 0.8 + 0.8 + 0.3
 
 
-def adjust(error: tuple[float, float], elapsed: float = 0.4, *, plan: FootstepPlan = PLAN, flip: float = 1.0,
-           world: pin.SE3 | None = None, settings: AdjustmentSettings | None = None):  # fmt: skip
-    adjuster = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), SIZES, settings)
-    now, then = PATTERN.at(SECOND_SWING + elapsed).dcm, PATTERN.at(SECOND_SWING + 0.8 + 0.15).dcm
-    points = [now + [*error, 0.0], now, then]
-    points = [p * [1, flip, 1] for p in points]
-    if world is not None:
-        points = [world.act(p) for p in points]
-    return adjuster.adjust(
-        *[p[:2] for p in points], plan.steps[1], plan.stance(1), 0.8 - elapsed, 0.15, ZmpTarget()
-    )
+def swing_of(plan: FootstepPlan) -> PlannedSwing:
+    """Return the second swing of a plan from rest."""
+    middle = 0.5 * (plan.left.position + plan.right.position)
+    pattern = analytic_pattern(schedule(plan), HEIGHT, Pendulum.at_rest(middle + [0.0, 0.0, HEIGHT]))
+    return PlannedSwing(pattern, -SECOND_SWING, plan.steps[1], plan.stance(1), 0.8, 0.15)
+
+
+SWING = swing_of(PLAN)
+
+
+def adjust(
+    error: tuple[float, float],
+    elapsed: float = 0.4,
+    swing: PlannedSwing = SWING,
+    settings: AdjustmentSettings | None = None,
+) -> tuple[Footstep, float]:
+    """Adjust that swing, with an error of the DCM in the axes of the stance foot, m."""
+    adjuster = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), SIZES, settings=settings)
+    turn = complex(np.cos(swing.stance.yaw), np.sin(swing.stance.yaw))
+    return adjuster.adjust(swing, elapsed, swing.dcm(elapsed) + turn * complex(*error))
 
 
 def test_small_errors_are_left_to_the_stance_foot() -> None:
@@ -380,7 +386,7 @@ def test_the_dcm_ends_where_the_plan_has_it_over_the_new_foot() -> None:
     # Right foot swings: it lands further right and sooner; what feedback does within the sole is ±28 mm sideways.
     assert landing.y < PLAN.steps[1].y - 0.01 and remaining < 0.3
     grow = np.exp(OMEGA * (0.3 + 0.15))
-    now, then = PATTERN.at(SECOND_SWING + 0.5).dcm[:2], PATTERN.at(SECOND_SWING + 0.95).dcm[:2]
+    now, then = (np.array([xi.real, xi.imag]) for xi in (SWING.dcm(0.5), SWING.dcm(0.95)))
     zmp = (now * grow - then) / (grow - 1)
     taken = np.exp(OMEGA * (remaining + 0.15))
     shift = np.array([0.05, -0.028])  # ahead the sole takes all of it, sideways what it can
@@ -410,8 +416,8 @@ def test_adjustment_moves_and_mirrors_with_the_world() -> None:
     world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.5), np.array([100.0, -100.0, 0.0]))
     mirrored = walk_distance(START, 1.0, first="right")
     for error in ((0.08, 0.05), (-0.06, -0.07)):
-        (here, time), (there, same) = adjust(error), adjust(error, plan=PLAN.moved(world), world=world)
+        (here, time), (there, same) = adjust(error), adjust(error, swing=swing_of(PLAN.moved(world)))
         np.testing.assert_allclose(world.act(here.position), there.position, atol=1e-4)
-        flipped, again = adjust(error, plan=mirrored, flip=-1.0)
+        flipped, again = adjust((error[0], -error[1]), swing=swing_of(mirrored))
         np.testing.assert_allclose(here.position * [1, -1, 1], flipped.position, atol=1e-5)
         assert time == pytest.approx(same, abs=1e-5) == pytest.approx(again, abs=1e-5)

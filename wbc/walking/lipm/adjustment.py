@@ -8,14 +8,15 @@ with the planned landing as the step that is asked for and one constant ZMP that
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
-from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, settings
 from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.pendulum import natural_frequency
+from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.schedule import ZmpTarget
 from wbc.walking.plans.footsteps import Footstep, SoleSizes
 from wbc.walking.plans.reach import Reach
@@ -59,78 +60,89 @@ class AdjustmentSettings:
         )
 
 
+class PlannedSwing(NamedTuple):
+    """Swing as planned at lift-off, against which steps are adjusted: one change does not add to another."""
+
+    pattern: Pattern
+    begin: float  # of the pattern, from lift-off, s
+    landing: Footstep
+    stance: Footstep
+    duration: float  # from lift-off to touch-down, s
+    transfer: float  # from touch-down until the new foot has taken over, s
+
+    def dcm(self, time: float) -> complex:
+        """Return the planned DCM at a time from lift-off, s."""
+        return self.pattern.dcm_at(time - self.begin)
+
+
 class StepAdjuster:
     """Step adjustment of one robot."""
 
     def __init__(
-        self, height: float, reach: Reach, sizes: SoleSizes, settings: AdjustmentSettings | None = None
+        self,
+        height: float,
+        reach: Reach,
+        sizes: SoleSizes,
+        target: ZmpTarget | None = None,
+        settings: AdjustmentSettings | None = None,
     ) -> None:
         """Make the program for a height of the CoM, m, and (length, width) of the left and of the right sole, m."""
         self.settings = s = settings or AdjustmentSettings()
         self._omega, self._reach, self._program = natural_frequency(height), reach, StepProgram(height)
-        self._half = [[max(0.5 * size - s.margin, 1e-3) for size in sole] for sole in sizes]
+        self._shifts = {}  # of the ZMP under each foot, least and greatest, ahead and towards the other foot, m
+        target = target or ZmpTarget()
+        for side, sole in zip(SIDES, sizes, strict=True):
+            length, width = (max(0.5 * size - s.margin, 1e-3) for size in sole)
+            low = min(0.0, max(-length - target.forward, -s.backward)), min(0.0, -width - target.inward)
+            self._shifts[side] = low, (max(0.0, length - target.forward), max(0.0, width - target.inward))
         # Greatest shift of the ZMP that costs less than any change of the step that counts.
         costs = COSTS[[0, TIME]] * (s.threshold**2, (height * SAME_TIME) ** 2)
         self._idle = math.sqrt(float(costs.min()) / float(COSTS[SHIFT.start]))
 
-    def adjust(
-        self,
-        dcm: Array,
-        planned: Array,
-        at_landing: Array,
-        step: Footstep,
-        stance: Footstep,
-        remaining: float,
-        transfer: float,
-        target: ZmpTarget,
-    ) -> tuple[Footstep, float]:
+    def adjust(self, swing: PlannedSwing, elapsed: float, dcm: complex) -> tuple[Footstep, float]:
         """Return landing and time to touch-down, s; as planned where a ZMP within the stance foot is enough.
 
-        The DCM is measured, and planned, now and `at_landing`, when the new foot has taken over, in the world, m; the
-        times are to touch-down (`remaining`), and from there until the new foot has taken over (`transfer`), s.
+        Args:
+            swing: Swing as planned.
+            elapsed: Time since lift-off, s.
+            dcm: Measured DCM in the world, x + iy, m.
         """
-        s, omega, side = self.settings, self._omega, 1.0 if step.side == "left" else -1.0
+        s, omega, step, stance = self.settings, self._omega, swing.landing, swing.stance
+        remaining = swing.duration - elapsed
         if remaining <= FREEZE:
             return step, remaining
-        cos, sin = math.cos(stance.yaw), math.sin(stance.yaw)
+        here, axis = complex(stance.x, stance.y), cmath.rect(1.0, stance.yaw)
 
-        def seen(x: float, y: float) -> Point:
+        def seen(point: complex) -> complex:
             """Return how far a point is ahead and outwards of the stance foot, m."""
-            x, y = x - stance.x, y - stance.y
-            return cos * x + sin * y, side * (cos * y - sin * x)
+            point = (point - here) / axis
+            return point if step.side == "left" else point.conjugate()
 
-        left = remaining + transfer
+        left = remaining + swing.transfer
         grow = math.exp(omega * left)
-        (ahead, aside), now, then = target.in_sole(stance.side), seen(*planned[:2]), seen(*at_landing[:2])
-        length, width = self._half[SIDES.index(stance.side)]
-        low = min(0.0, max(-length - ahead, -s.backward)), min(0.0, -width - side * aside)
-        high = max(0.0, length - ahead), max(0.0, width - side * aside)
-        xi, ratio = seen(*dcm[:2]), grow / (grow - 1.0)
+        low, high = self._shifts[stance.side]
+        now, xi = seen(swing.dcm(elapsed)), seen(dcm)
         # The plan with the ZMP shifted by δ = e τ*/(τ* − 1), for a DCM error e, keeps the equation. If the stance foot
         # can take this shift, its cost bounds the least cost from above, and with it every change.
-        x, y = (ratio * (a - b) for a, b in zip(xi, now, strict=True))
-        if low[0] <= x <= high[0] and low[1] <= y <= high[1] and math.hypot(x, y) <= self._idle:
+        shift = (xi - now) * grow / (grow - 1.0)
+        if abs(shift) <= self._idle and low[0] <= shift.real <= high[0] and low[1] <= shift.imag <= high[1]:
             return step, remaining
-        place = seen(step.x, step.y)
-        (b, d), (u, v) = (
-            [q - p for p, q in zip(place, then, strict=True)],
-            [(grow * p - q) / (grow - 1.0) for p, q in zip(now, then, strict=True)],
-        )
+        place, then = seen(complex(step.x, step.y)), seen(swing.dcm(swing.duration + swing.transfer))
+        zmp, (b, d) = (grow * now - then) / (grow - 1.0), _parts(then - place)
         # The steps after this one are those of which the planned offset is the orbit: they ask for nothing else.
         on, out = (grow - 1.0) * b, (grow - 1.0) * d
-        wish = Wish((*place, on, -out, on, out), (b, d, b, -d, b, d), left)
-        times = min(left, max(SHORTEST, FREEZE) + transfer), left + LONGEST
+        wish = Wish((*_parts(place), on, -out, on, out), (b, d, b, -d, b, d), left)
+        times = min(left, max(SHORTEST, FREEZE) + swing.transfer), left + LONGEST
         bounds = Bounds(((-FREE, -FREE), (FREE, FREE)), (low, high), (0.0, 0.0), times)
-        solved = self._program.solve(xi, (u, v), omega, left, left, wish, bounds, self._box(place))
+        box = self._box(_parts(place))
+        solved = self._program.solve(_parts(xi), _parts(zmp), omega, left, left, wish, bounds, box)
         if solved is None:
             return step, remaining
-        x, y = solved.place
-        later = math.exp(omega * (solved.left - left))
-        if math.dist((x, y), place) <= s.threshold and abs(later - 1.0) < SAME_TIME:
+        landing, later = complex(*solved.place), math.exp(omega * (solved.left - left))
+        if abs(landing - place) <= s.threshold and abs(later - 1.0) < SAME_TIME:
             return step, remaining
-        y *= side
-        moved = replace(step, x=stance.x + cos * x - sin * y, y=stance.y + sin * x + cos * y)
-        return moved, solved.left - transfer
+        landing = here + axis * (landing if step.side == "left" else landing.conjugate())
+        return replace(step, x=landing.real, y=landing.imag), solved.left - swing.transfer
 
     def _box(self, place: Point) -> tuple[Point, Point]:
         """Return the least and the greatest landing: within reach and within `max_shift` of the planned `place`, m."""
@@ -138,3 +150,7 @@ class StepAdjuster:
         # A plan at the edge of the reach, or beyond it, stays possible.
         low = min(max(-r.max_length, x - dx), x), min(max(r.min_spacing, y - dy), y)
         return low, (max(min(r.max_length, x + dx), x), max(min(r.max_spacing, y + dy), y))
+
+
+def _parts(point: complex) -> Point:
+    return point.real, point.imag

@@ -18,7 +18,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.height import HeightProfile
 
@@ -91,10 +90,9 @@ class Pattern:
         )
         return Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:12], parts[12:], omega)
 
-    def dcm_at(self, time: float) -> Array:
-        """Return the DCM at a time from the start of the pattern (s, not negative), shape (2,), m."""
-        dcm = self._horizontal(time)[0]
-        return np.array((dcm.real, dcm.imag))
+    def dcm_at(self, time: float) -> complex:
+        """Return the DCM at a time from the start of the pattern (s, not negative)."""
+        return self._horizontal(time)[0]
 
     def _horizontal(self, time: float) -> tuple[complex, complex, complex, complex]:
         """Return DCM, convergent part c − ċ/ω, ZMP and its rate."""

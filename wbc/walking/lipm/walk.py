@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Annotated
 
 import pinocchio as pin
@@ -25,8 +25,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.gait import GaitMachine
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
-from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, StepAdjuster
-from wbc.walking.lipm.pattern import Pattern
+from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, heading, mean_heading, other
@@ -97,18 +96,6 @@ class WalkSettings:
     rise_memory: Share = 0.1
 
 
-@dataclass(frozen=True, slots=True)
-class _PlannedSwing:
-    """The plan that a swing is adjusted against."""
-
-    pattern: Pattern
-    begin: float  # of the pattern, from lift-off, s
-    landing: Footstep
-    duration: float  # from lift-off to touch-down, s
-    transfer: float  # from touch-down until the new foot has taken over, s
-    dcm: Array  # when it has, shape (2,), m
-
-
 class Walk(GaitMachine):
     """Walk of one robot along planned steps.
 
@@ -168,8 +155,9 @@ class Walk(GaitMachine):
         self.omega, self.com_height = self._preview.omega, com_height
         self._adjuster: StepAdjuster | None = None
         if adjustment is not None:
-            self._adjuster = StepAdjuster(com_height, self.reach, self.sole_sizes, adjustment)
-        self._planned_swing: _PlannedSwing | None = None
+            sizes, target = self.sole_sizes, preview.target
+            self._adjuster = StepAdjuster(com_height, self.reach, sizes, target, adjustment)
+        self._planned_swing: PlannedSwing | None = None
 
         self._robot = robot
         self.plan, self.step, self._stopping = plan, 0, False
@@ -448,31 +436,22 @@ class Walk(GaitMachine):
         """Keep the swing as it is planned now: adjustments are made against it."""
         gait, last = self.plan.gait.full, self.step + 1 >= len(self.plan)
         transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
-        begin, duration = self.elapsed, self.duration
-        dcm = self._pattern.dcm_at(duration - begin + transfer)
-        self._planned_swing = _PlannedSwing(self._pattern, begin, landing, duration, transfer, dcm)
+        stance = self.plan.stance(self.step)
+        self._planned_swing = PlannedSwing(
+            self._pattern, self.elapsed, landing, stance, self.duration, transfer
+        )
 
     def _adjust(self, dcm: Array, adjuster: StepAdjuster, swing: SwingFoot) -> None:
-        """Catch the pendulum by landing and time; against the plan at lift-off: one change does not add to another."""
-        assert self._planned_swing is not None
-        settings, planned = adjuster.settings, self._planned_swing
-        elapsed, remaining = self.elapsed, planned.duration - self.elapsed
-        if self.remaining <= FREEZE or remaining <= FREEZE:
+        """Catch the pendulum by landing and time."""
+        if self.remaining <= FREEZE:
             return
-        landing, time = adjuster.adjust(
-            dcm,
-            planned.pattern.dcm_at(elapsed - planned.begin),
-            planned.dcm,
-            planned.landing,
-            self.plan.stance(self.step),
-            remaining,
-            planned.transfer,
-            self._preview.settings.target,
-        )
+        assert self._planned_swing is not None
+        threshold, elapsed = adjuster.settings.threshold, self.elapsed
+        landing, time = adjuster.adjust(self._planned_swing, elapsed, complex(*dcm[:2].tolist()))
         now = self.plan.steps[self.step]
         time = max(self.period, round(time / self.period) * self.period)
         moved = math.hypot(landing.x - now.x, landing.y - now.y)
-        if moved < 0.5 * settings.threshold and abs(time - self.remaining) < 2.5 * self.period:
+        if moved < 0.5 * threshold and abs(time - self.remaining) < 2.5 * self.period:
             return
         if self.ground.sight is not None:
             landing = self.ground.under(replace(landing, z=now.z))
