@@ -341,3 +341,23 @@ def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:
     return unit_of(hint), [
         choice for h in literals for choice in typing.get_args(h) if isinstance(choice, str)
     ]
+
+
+def in_units(values: T, units: Mapping[str, float | tuple[float, ...]]) -> T:
+    """Return a dataclass with each number times the value of its unit, that its annotation names; 1 for other units."""
+
+    def factor(hint: Any) -> Any:
+        if typing.get_origin(hint) is tuple and not hasattr(hint, "__metadata__"):
+            return tuple(map(factor, typing.get_args(hint)))
+        named = (part for part in getattr(hint, "__metadata__", ()) if isinstance(part, str))
+        return units.get(next(named, ""), 1.0)
+
+    changes: dict[str, Any] = {}
+    for name, hint in typing.get_type_hints(type(values), include_extras=True).items():
+        value, unit = getattr(values, name), factor(hint)
+        if isinstance(value, tuple):
+            unit = unit if isinstance(unit, tuple) else (unit,) * len(value)
+            changes[name] = tuple(v * u for v, u in zip(value, unit, strict=True))
+        elif unit != 1.0:
+            changes[name] = value * unit
+    return dataclasses.replace(values, **changes)  # type: ignore[type-var]

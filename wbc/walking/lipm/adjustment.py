@@ -48,17 +48,6 @@ class AdjustmentSettings:
     threshold: Annotated[NonNegative, "m"] = 0.005
     max_shift: Annotated[tuple[NonNegative, NonNegative], "m"] = (0.15, 0.12)
 
-    def sized(self, scale: float) -> AdjustmentSettings:
-        """Return the settings with their lengths times a factor, for a small robot (`Robot.length_scale`)."""
-        forward, aside = self.max_shift
-        return replace(
-            self,
-            margin=scale * self.margin,
-            backward=scale * self.backward,
-            threshold=scale * self.threshold,
-            max_shift=(scale * forward, scale * aside),
-        )
-
 
 class PlannedSwing(NamedTuple):
     """Swing as planned at lift-off, against which steps are adjusted: one change does not add to another."""

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import NonNegative, Share, settings
+from wbc.base.settings import NonNegative, Share, in_units, settings
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
@@ -138,10 +138,9 @@ class Walk(GaitMachine):
         )
         left, right = robot.soles[:2]
         self.sole_sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
-        preview, self._swing_gait = s.preview, gait
-        adjustment = None if s.adjustment is None else s.adjustment.sized(robot.length_scale)
-        margin = preview.margin * robot.length_scale
-        inward = preview.target.inward
+        lengths, self._swing_gait = {"m": robot.length_scale}, gait  # a small robot has its share of each
+        preview, adjustment = in_units(s.preview, lengths), s.adjustment and in_units(s.adjustment, lengths)
+        margin, inward = preview.margin, preview.target.inward
         if plan.climbs:  # as planned: on rough ground, landings make a plan that climbs, too
             self._swing_gait = gait.for_stairs()
             inward = min(inward, CLIMBING_INWARD)
@@ -150,7 +149,7 @@ class Walk(GaitMachine):
             margin if adjustment is None else max(margin, adjustment.margin),
         )
         inward = max(-most, min(most, inward))
-        preview = replace(preview, margin=margin, target=replace(preview.target, inward=inward))
+        preview = replace(preview, target=replace(preview.target, inward=inward))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega, self.com_height = self._preview.omega, com_height
         self._adjuster: StepAdjuster | None = None

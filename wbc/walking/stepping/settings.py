@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import typing
 from typing import Annotated, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
-from wbc.base.settings import NonNegative, Positive, settings
+from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.reach import carried_height
 
@@ -145,32 +144,9 @@ class SteppingSettings:
 def in_si(values: T, scale: RobotSize) -> T:
     """Return a dataclass of numbers in units of a robot, which its annotations name, in metres, seconds and newtons."""
     h, omega, (half_length, half_width) = scale.height, scale.omega, scale.sole
-    units: dict[str, typing.Any] = {
-        **{
-            "1/ω": 1.0 / omega,
-            "ω": omega,
-            "ω²": omega**2,
-            "h": h,
-            "hω": h * omega,
-            "g": GRAVITY,
-            "1/h": 1.0 / h,
-        },
-        **{"mg": scale.weight, "leg": scale.leg, "ankle": scale.ankle},
+    units: dict[str, float | tuple[float, ...]] = {
+        **{"1/ω": 1.0 / omega, "ω": omega, "ω²": omega**2, "h": h, "1/h": 1.0 / h, "hω": h * omega},
+        **{"g": GRAVITY, "mg": scale.weight, "leg": scale.leg, "ankle": scale.ankle},
         "sole": (2.0 * half_length, 2.0 * half_width),
     }
-
-    def factor(hint: typing.Any) -> typing.Any:
-        if typing.get_origin(hint) is tuple and not hasattr(hint, "__metadata__"):
-            return tuple(map(factor, typing.get_args(hint)))
-        named = (part for part in getattr(hint, "__metadata__", ()) if isinstance(part, str))
-        return units.get(next(named, ""), 1.0)
-
-    changes: dict[str, typing.Any] = {}
-    for name, hint in typing.get_type_hints(type(values), include_extras=True).items():
-        value, unit = getattr(values, name), factor(hint)
-        if isinstance(value, tuple):
-            unit = unit if isinstance(unit, tuple) else (unit,) * len(value)
-            changes[name] = tuple(v * u for v, u in zip(value, unit, strict=True))
-        elif unit != 1.0:
-            changes[name] = value * unit
-    return dataclasses.replace(values, **changes)  # type: ignore[type-var]
+    return in_units(values, units)
