@@ -20,9 +20,9 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.problem import Problem
-from wbc.core.qp.solution import Solution
-from wbc.core.qp.solver import SolverSettings
+from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.solving.solution import Solution
+from wbc.core.qp.solving.solver import SolverSettings
 from wbc.core.robot import BASE_DOF
 from wbc.robots.description import RobotDescription
 from wbc.sim.trial.falls import TrueFallDetector

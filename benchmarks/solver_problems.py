@@ -22,10 +22,10 @@ from problem_streams import ProblemStream, least_violation
 
 from wbc.app.output import quiet
 from wbc.base.settings import Count, Seed, Share, settings, to_json
-from wbc.core.qp.other_solvers import standard_form
-from wbc.core.qp.problem import Problem
-from wbc.core.qp.solution import Solution
-from wbc.core.qp.solver import SolverSettings
+from wbc.core.qp.solving.other_solvers import standard_form
+from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.solving.solution import Solution
+from wbc.core.qp.solving.solver import SolverSettings
 from wbc.robots import load, names
 
 SLOW = 5e-3
@@ -141,7 +141,7 @@ def bench_solver(
             if progress is not None:
                 progress((done * options.ticks + ticks) // options.repeat)
 
-        with quiet("wbc.core.qp.solver", logging.ERROR):  # infeasible problems are expected here
+        with quiet("wbc.core.qp.solving.solver", logging.ERROR):  # infeasible problems are expected here
             passes.append(_pass(options, report))
     tally = passes[0]
     first = np.array(tally.wall)

@@ -13,7 +13,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.qp.task import Task
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.result import WalkResult

@@ -10,7 +10,7 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solver import SolverSettings
+from wbc.core.qp.solving.solver import SolverSettings
 from wbc.core.robot import Robot
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask

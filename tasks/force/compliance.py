@@ -24,10 +24,9 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
-from wbc.base.numbers import Array, finite_array, positive
+from wbc.base.numbers import Array, finite_array, positive, read_only
 from wbc.base.settings import NonNegative
 from wbc.core.qp.axes import POSE_AXES
-from wbc.core.qp.motion import read_only
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement

@@ -9,8 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
-from wbc.base.numbers import Array
-from wbc.core.qp.motion import read_only
+from wbc.base.numbers import Array, read_only
 from wbc.tasks.force.compliance import ComplianceOptions, ComplianceTask, six
 
 SMOOTHING = 0.05

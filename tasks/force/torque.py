@@ -8,7 +8,7 @@ from typing import Unpack
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.task import TaskOptions, VariableTask
 from wbc.tasks.motion.joints import JointTask, JointValues
 

@@ -12,7 +12,7 @@ from wbc.base.errors import InputError, unknown_name
 from wbc.base.numbers import Array
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.task import TaskOptions, VariableTask
 
 

@@ -9,9 +9,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, Array, finite_array
+from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.core.qp.axes import ROTATION_AXES, other_columns
-from wbc.core.qp.motion import read_only
 from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot

@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array, finite_scalar
+from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
 from wbc.core.qp.axes import distinct_joints, joint_columns
-from wbc.core.qp.motion import read_only
 from wbc.core.qp.task import GainOptions, Task, TaskOptions
 from wbc.core.robot import Robot
 

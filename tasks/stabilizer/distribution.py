@@ -29,8 +29,8 @@ from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import largest
 from wbc.core.qp.contact import rectangle_wrench_cone
-from wbc.core.qp.problem import Problem
-from wbc.core.qp.solver import QpSolver, SolverSettings, Status
+from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
 
 ROWS = 17
 """Inequalities of a foot: 16 of its wrench cone, then its normal force."""

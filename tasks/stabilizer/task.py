@@ -24,10 +24,9 @@ from pydantic import PlainValidator
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, read_only
 from wbc.base.settings import NonNegative
 from wbc.core.qp.contact import SoleContact
-from wbc.core.qp.motion import read_only
 from wbc.core.qp.task import Drives, MotionOptions
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement

@@ -19,7 +19,7 @@ from wbc.app.log.signals import Tick
 from wbc.app.plot.figures import draw
 from wbc.base.errors import InputError
 from wbc.base.settings import from_json
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot
 from wbc.sim.terrain.spec import terrain

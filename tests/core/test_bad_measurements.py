@@ -14,7 +14,7 @@ import wbc
 from wbc.core.drive.control import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.qp.solver import Status
+from wbc.core.qp.solving.solver import Status
 from wbc.core.signals import SIGNALS
 from wbc.tasks import AdmittanceTask, PositionTask
 from wbc.tasks.balance import balance_controller

@@ -18,7 +18,7 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solver import Status
+from wbc.core.qp.solving.solver import Status
 from wbc.core.robot import Robot
 from wbc.core.signals import Command
 from wbc.tasks import CoMTask

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wbc.core.qp.diagnosis import violated_groups
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.solving.problem import Problem
 
 
 def contradictory() -> Problem:

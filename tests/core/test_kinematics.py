@@ -19,7 +19,7 @@ from wbc.base.numbers import Array
 from wbc.core.limits.joint import stopping_velocity
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.motion import has_first_order
-from wbc.core.qp.solver import Status
+from wbc.core.qp.solving.solver import Status
 from wbc.core.qp.task import evaluated
 from wbc.core.robot import Robot
 from wbc.tasks import JointTorqueTask, LookAtTask, LowAccelerationTask, MomentumTask, RelativeFrameTask

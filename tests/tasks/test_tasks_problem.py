@@ -19,7 +19,7 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import PointContact, SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
-from wbc.core.qp.other_solvers import solve_by_qpsolvers
+from wbc.core.qp.solving.other_solvers import solve_by_qpsolvers
 from wbc.core.robot import GRAVITY, Robot
 from wbc.tasks import (
     CoMTask,

@@ -11,7 +11,7 @@ from task_factory import ROBOTS, arm, left_hand, near_half_sitting, standing
 from wbc.base.numbers import Array
 from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.solution import Solution
 from wbc.tasks import CoMTask, JointTorqueTask, PostureTask, WrenchTask
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))

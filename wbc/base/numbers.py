@@ -25,6 +25,13 @@ BOOLS = frozenset((bool, np.bool_))
 """Types of truth values, which are no numbers."""
 
 
+def read_only(values: Array) -> Array:
+    """Return a view that cannot be written: what is assigned is checked, an element that is written is not."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
 def scalar(value: float) -> Array:
     """Return a number as an array without axes, for the tick: NumPy takes half the time of a Python number with it."""
     return np.array(float(value))

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from wbc.base.settings import Positive, settings
 from wbc.core.drive.control import Mode, SafetySettings
-from wbc.core.qp.solver import SolverSettings
+from wbc.core.qp.solving.solver import SolverSettings
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains

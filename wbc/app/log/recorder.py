@@ -19,7 +19,7 @@ from wbc.base.errors import InputError
 from wbc.base.files import FileError
 from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription

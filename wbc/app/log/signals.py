@@ -12,7 +12,7 @@ from wbc.base.numbers import Array
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription

@@ -21,7 +21,7 @@ from wbc.app.log.signals import Read, Signals, Tick, cached, optional
 from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
-from wbc.core.qp.solution import Layout, Solution
+from wbc.core.qp.solving.solution import Layout, Solution
 from wbc.core.robot import SIDES, Robot
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program

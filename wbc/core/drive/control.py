@@ -33,8 +33,8 @@ from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
-from wbc.core.qp.solution import Solution
-from wbc.core.qp.solver import Status
+from wbc.core.qp.solving.solution import Solution
+from wbc.core.qp.solving.solver import Status
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement, WrenchSource
 

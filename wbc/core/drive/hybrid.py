@@ -16,7 +16,7 @@ from wbc.core.drive.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import BASE_DOF
 from wbc.core.signals import Command
 

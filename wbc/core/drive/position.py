@@ -20,7 +20,7 @@ from wbc.base.settings import Positive
 from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import BASE_DOF, checked_configuration
 from wbc.core.signals import Command
 

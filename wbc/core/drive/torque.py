@@ -7,7 +7,7 @@ from wbc.base.numbers import Array
 from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.signals import Command
 
 

@@ -36,7 +36,7 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.assembly import saturated
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Rows, has_first_order
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.task import SelectionTask, Task
 from wbc.core.robot import Robot
 

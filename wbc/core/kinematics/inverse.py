@@ -19,7 +19,7 @@ from wbc.core.kinematics.solution import ReachResult, VelocitySolution
 from wbc.core.limits.base import Limit
 from wbc.core.qp.diagnosis import violated_groups
 from wbc.core.qp.items import Item, Items, ItemT
-from wbc.core.qp.solver import QpSolver, SolverSettings, Status
+from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
 from wbc.core.qp.task import Task, VariableTask
 from wbc.core.robot import Robot
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import Level
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.solving.problem import Problem
 
 RANK = 1e-6
 """Ratio to the largest singular value below which rows leave a direction free."""

@@ -19,7 +19,7 @@ import pinocchio as pin
 from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.solution import ReachResult
-from wbc.core.qp.solver import Status
+from wbc.core.qp.solving.solver import Status
 from wbc.core.qp.task import SelectionTask, Task
 from wbc.core.robot import Robot
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.core.qp.solver import Status
+from wbc.core.qp.solving.solver import Status
 
 HOLDS = 1e-6
 """Multiplier, as a share of the greatest or of one, above which a limit holds something."""

@@ -35,9 +35,9 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Rows
-from wbc.core.qp.problem import Problem
 from wbc.core.qp.released import ReleasedJoints
-from wbc.core.qp.solution import Layout
+from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.solving.solution import Layout
 from wbc.core.qp.task import SelectionTask, Task, VariableTask
 from wbc.core.robot import Robot
 

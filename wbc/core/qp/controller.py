@@ -1,6 +1,6 @@
 """Controller of a robot: holds tasks, contacts and limits, and solves their QP at every tick.
 
-`wbc.core.qp.assembly` states the QP and writes it, `wbc.core.qp.solver` solves it.
+`wbc.core.qp.assembly` states the QP and writes it, `wbc.core.qp.solving.solver` solves it.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from wbc.core.qp.assembly import Assembly, empty_problem
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
 from wbc.core.qp.items import Item, Items
-from wbc.core.qp.problem import Problem
 from wbc.core.qp.released import ReleasedJoints
-from wbc.core.qp.solution import Solution, Timings
-from wbc.core.qp.solver import QpSolver, SolverSettings
+from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.solving.solution import Solution, Timings
+from wbc.core.qp.solving.solver import QpSolver, SolverSettings
 from wbc.core.qp.task import Drives, Task, VariableTask, fill_guarded
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement

@@ -9,8 +9,8 @@ import qpsolvers
 from numpy.typing import NDArray
 
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.problem import Problem
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 

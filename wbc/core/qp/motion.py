@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, read_only
 from wbc.core.robot import Robot
 
 RATE = 10.0
@@ -47,13 +47,6 @@ class Rows:
         """Copy all values of `other`."""
         for field in Rows.__dataclass_fields__:
             getattr(self, field)[:] = getattr(other, field)
-
-
-def read_only(values: Array) -> Array:
-    """Return a view that cannot be written: what is assigned is checked, an element that is written is not."""
-    view = values.view()
-    view.flags.writeable = False
-    return view
 
 
 class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)

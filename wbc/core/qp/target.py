@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked as checked_arguments
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, read_only
 from wbc.base.settings import Positive
-from wbc.core.qp.motion import Motion, read_only
+from wbc.core.qp.motion import Motion
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
 from wbc.core.robot import Robot
 

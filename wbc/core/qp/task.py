@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.errors import InputError, WbcError, shown, unknown_name
-from wbc.base.numbers import Array, whole_number
+from wbc.base.numbers import Array, read_only, whole_number
 from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
-from wbc.core.qp.motion import RATE, Rows, has_first_order, read_only
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.motion import RATE, Rows, has_first_order
+from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.target import Targeted
 from wbc.core.robot import Reads, Robot
 from wbc.core.signals import Measurement

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.core.qp.solver import Status
+from wbc.core.qp.solving.solver import Status
 
 
 class Timings(NamedTuple):

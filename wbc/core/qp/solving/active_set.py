@@ -12,10 +12,9 @@ import math
 import numpy as np
 from scipy.linalg.lapack import dposv, dpotrs
 
-from wbc.base.numbers import ROUNDING, Array, scalar
+from wbc.base.numbers import ROUNDING, Array, read_only, scalar
 from wbc.base.vectors import largest
-from wbc.core.qp.motion import read_only
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.solving.problem import Problem
 
 _ONE, _SMALLEST_WEIGHT = scalar(1.0), scalar(1e-12)
 

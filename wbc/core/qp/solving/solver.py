@@ -22,9 +22,9 @@ from wbc.base.errors import UnknownNameError
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
 from wbc.base.vectors import largest
-from wbc.core.qp.active_set import ActiveSet
-from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.solving.active_set import ActiveSet
+from wbc.core.qp.solving.other_solvers import DaqpSolver, solve_by_qpsolvers
+from wbc.core.qp.solving.problem import Problem
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ import numpy as np
 import qpsolvers
 
 from wbc.base.numbers import Array
-from wbc.core.qp.problem import Problem
+from wbc.core.qp.solving.problem import Problem
 
 logger = logging.getLogger(__name__)
 
