@@ -176,6 +176,12 @@ def test_a_hand_at_rest_in_a_frame_that_moves_has_the_motion_of_that_frame(frame
 
     h = 1e-4
     before, after = moved(-h), moved(h)
+    hand_now = pin.SE3(robot.placement(hand.frame))
+    robot.update(pin.integrate(robot.model, q, h * v), v)
+    then = pin.SE3(pin.exp3(h * motion[3:]) @ start.rotation, start.translation + h * motion[:3])
+    way = then.actInv(robot.placement(hand.frame)).translation - start.actInv(hand_now).translation
+    robot.update(q, v)
+    assert hand.speed == pytest.approx(0.0 if frame == "pelvis" else np.linalg.norm(way) / h, abs=1e-3)
     assert place.isApprox(moved(0.0), 1e-9)
     speed = (after.translation - before.translation) / (2.0 * h)
     spin = pin.log3(after.rotation @ before.rotation.T) / (2.0 * h)

@@ -1,4 +1,4 @@
-"""When a foot meets the ground and loses it again: events and phases of the feet, for every walk."""
+"""Contacts of the feet while they walk: events, phases, and the detection of a touch-down, for every walk."""
 
 from __future__ import annotations
 

@@ -159,13 +159,14 @@ class Arm:
 
     @property
     def speed(self) -> float:
-        """Speed of the hand as it is commanded, m/s, in the frame of its target."""
-        if self._task is None:
+        """Speed of the hand as it is commanded, m/s, in the frame of its target; 0 without one."""
+        if self._goal is None:
             return 0.0
-        place, moving, _ = self._frame_now(self._within)
-        arm = self._robot.placement(self.frame).translation - place.translation
-        carried = moving[:3] + np.cross(moving[3:], arm)
-        return float(np.linalg.norm(self._task.velocity[:3] - carried))
+        robot, (place, moving, _) = self._robot, self._frame_now(self._within)
+        hand = robot.frame_id(self.frame)
+        velocity = pin.getFrameVelocity(robot.model, robot.data, hand, pin.LOCAL_WORLD_ALIGNED).linear
+        arm = robot.placement(self.frame).translation - place.translation
+        return float(np.linalg.norm(velocity - moving[:3] - np.cross(moving[3:], arm)))
 
     @property
     def reached(self) -> bool:
