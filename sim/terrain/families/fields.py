@@ -60,17 +60,10 @@ def low_pass(signal: Array, cutoff: float) -> Array:
     """Filter a signal, shape (n,), with a first-order Butterworth low-pass, from rest.
 
     The cut-off is the half-power frequency over the Nyquist frequency, below 1.
-
-    Source: bilinear transform of 1/(s + 1) with the frequency warped to K = tan(π w / 2).
     """
-    k = math.tan(math.pi * cutoff / 2.0)
-    gain, pole = k / (1.0 + k), (1.0 - k) / (1.0 + k)
-    out, before, last = [], 0.0, 0.0
-    for value in signal.tolist():
-        last = gain * (value + before) + pole * last
-        before = value
-        out.append(last)
-    return np.array(out)
+    from scipy.signal import butter, lfilter  # noqa: PLC0415 - slow to import
+
+    return np.asarray(lfilter(*butter(1, cutoff), signal))
 
 
 @family("iso8608")

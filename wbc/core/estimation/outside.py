@@ -5,9 +5,8 @@ The momentum h = (m ċ; L) of the whole robot about its centre of mass c changes
     ḣ = (m g; 0) + W_feet(c) + W_outside(c),
 
 so that a first-order observer has the sum of all other contacts, hands above all, from what a position-controlled robot
-measures: force sensors of the feet, encoders and IMU,
-
-    ṙ = K (ḣ − (m g; 0) − W_feet(c) − r).
+measures: force sensors of the feet, encoders and IMU. The observer is a `MomentumResidual` with the known force
+(m g; 0) + W_feet(c).
 
 Only the sum can be had: two hands that squeeze a box do nothing to it. Errors of model and sensors look like a constant
 wrench, so r is tared on empty hands. A robot whose hands bear more than such errors from the start is not tared. While
@@ -27,10 +26,10 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.base.vectors import Vector, add_cross, turned_all
+from wbc.core.estimation.residual import MomentumResidual
 from wbc.core.robot import GRAVITY, Robot
 
 logger = logging.getLogger(__name__)
@@ -73,14 +72,14 @@ class OutsideWrench:
         self.settings = settings or OutsideSettings()
         self._robot = robot
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
+        self._residual = MomentumResidual(6, self.settings.bandwidth)
         self.reset()
 
     def reset(self) -> None:
         """Forget everything, the tare too."""
         self.wrench = np.zeros(6)
         self.tare = np.zeros(6)
-        self._residual: tuple[float, ...] = (0.0,) * 6
-        self._momentum: list[float] | None = None
+        self._residual.reset()
         self._loaded = [True] * len(self._soles)
         self._time, self._waits, self._tared = 0.0, 0.0, 0.0
         self._sum = np.zeros(6)
@@ -101,9 +100,9 @@ class OutsideWrench:
 
         The momentum that the model gains with its new masses is that of no force.
         """
-        if self._momentum is not None:
-            self._momentum = self._momentum_now()
-        self._residual = tuple(r - known for r, known in zip(self._residual, wrench, strict=True))
+        if self._residual.started:
+            self._residual.follow(self._momentum_now())
+        self._residual.value -= wrench
         self.wrench = self.wrench - wrench
 
     def update(self, wrenches: Array, dt: float) -> Array:
@@ -117,16 +116,12 @@ class OutsideWrench:
         com = robot.com.tolist()
         weight = float(robot.total_mass) * GRAVITY
         force, moment, touched = self._feet(wrenches.tolist(), com, weight)
-        before, self._momentum = self._momentum, momentum
         self._waits = s.wait if touched else self._waits - dt
-        if before is None or dt <= 0.0 or self._waits > 0.0:
+        if not self._residual.started or dt <= 0.0 or self._waits > 0.0:
+            self._residual.follow(momentum)
             return self.wrench
-        gain, rate = lag_gain(dt, 1.0 / s.bandwidth), 1.0 / dt
-        feet = (force[0], force[1], force[2] - weight, *moment)
-        self._residual = tuple(
-            r + gain * (rate * (now - last) - known - r)
-            for r, now, last, known in zip(self._residual, momentum, before, feet, strict=True)
-        )
+        known = np.array((force[0], force[1], force[2] - weight, *moment))
+        r = self._residual.update(momentum, known, dt).tolist()
         rotation = robot.data.oMi[1].rotation
         c, n = float(rotation[0, 0]), float(rotation[1, 0])
         size = math.hypot(c, n) or 1.0
@@ -136,7 +131,6 @@ class OutsideWrench:
                 self._learn(c, n, weight, dt)
             return self.wrench
         fx, fy, fz, mx, my, mz = self.tare.tolist()
-        r = self._residual
         self.wrench = np.array(
             (
                 r[0] - c * fx + n * fy,
@@ -149,12 +143,9 @@ class OutsideWrench:
         )
         return self.wrench
 
-    def _momentum_now(self) -> list[float]:
+    def _momentum_now(self) -> Array:
         """[linear; angular about the CoM] of the model as it is, in the world, kg m/s and kg m²/s."""
-        momentum: list[float] = pin.computeCentroidalMomentum(
-            self._robot.model, self._robot.data
-        ).vector.tolist()
-        return momentum
+        return np.array(pin.computeCentroidalMomentum(self._robot.model, self._robot.data).vector)
 
     def _feet(self, wrenches: list[list[float]], com: Vector, weight: float) -> tuple[Vector, Vector, bool]:
         """Force of the feet, their moment about the CoM, and whether a foot has just met the ground."""
@@ -172,7 +163,7 @@ class OutsideWrench:
 
     def _learn(self, c: float, n: float, weight: float, dt: float) -> None:
         """Average the residual in the heading of the base."""
-        fx, fy, fz, mx, my, mz = self._residual
+        fx, fy, fz, mx, my, mz = self._residual.value.tolist()
         turned_back = (c * fx + n * fy, -n * fx + c * fy, fz, c * mx + n * my, -n * mx + c * my, mz)
         self._sum += dt * np.array(turned_back)
         self._tared += dt

@@ -1,17 +1,13 @@
 """Contact wrenches of feet without force sensors, from joint torques and the dynamics of the robot.
 
-The generalised momentum p = M v changes by dp/dt = Sᵀ τ + Cᵀ v − g + Jᵀ w. A first-order observer compares it with
-the torques and has, without any acceleration being measured, the generalised force Jᵀ w of the contacts,
-
-    dr/dt = K (dp/dt − Sᵀ τ − Cᵀ v + g − r),
-
-where g are the forces of gravity and of springs beside the drives.
+The generalised momentum p = M v changes by dp/dt = Sᵀ τ + Cᵀ v − g + Jᵀ w, where g are the forces of gravity and of
+springs beside the drives. The residual of this momentum (`MomentumResidual`) with the known force Sᵀ τ + Cᵀ v − g is
+the generalised force Jᵀ w of the contacts.
 
 A leg's own joints see the wrench of its foot alone, in six equations or so; the floating base sees the sum of both.
 Weighted least squares put them together: the joints are off by friction, the base by masses that the model lacks.
 
-Source: momentum observer, A. De Luca, A. Albu-Schäffer, S. Haddadin, G. Hirzinger, IROS 2006; for floating bases,
-G. Bledt, P. Wensing, S. Ingersoll, S. Kim, ICRA 2018.
+Source: momentum observers of floating bases, G. Bledt, P. Wensing, S. Ingersoll, S. Kim, ICRA 2018.
 """
 
 from __future__ import annotations
@@ -23,9 +19,9 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
-from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, Share, settings
+from wbc.core.estimation.residual import MomentumResidual
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 
 ON_TIME = 0.01
@@ -76,7 +72,6 @@ class WrenchEstimator:
             raise InputError(f"lift_off must not exceed touch_down, got {s.lift_off:g} and {s.touch_down:g}")
         self._model, self._data = robot.model, robot.model.createData()
         self._dt = dt
-        self._gain = lag_gain(dt, 1.0 / s.bandwidth)
         self._robot, weight = robot, robot.mass * GRAVITY
         self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._legs = [
@@ -89,14 +84,13 @@ class WrenchEstimator:
         expected = WRENCH_STD * weight * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
         self._prior = np.diag(np.tile(1.0 / expected**2, n))
         self._jacobians = [np.zeros((6, nv)) for _ in range(n)]
-        self._bias, self._momentum = np.zeros(nv), np.zeros(nv)
-        self._applied = np.zeros(nv)
+        self._residual = MomentumResidual(nv, s.bandwidth)
         self.wrench, self.outside = np.zeros((n, 6)), np.zeros(nv)
         self.reset()
 
     def reset(self) -> None:
         """Forget the past: the robot stands still on all soles."""
-        self._residual: Array | None = None
+        self._residual.reset()
         self.contact = [True] * len(self._frames)
         self.wrench[:], self.outside[:] = 0.0, 0.0
         self.wrench[:, 2] = self._robot.mass * GRAVITY / len(self._frames)
@@ -123,23 +117,21 @@ class WrenchEstimator:
         coriolis = pin.computeCoriolisMatrix(model, data, q, v)
         gravity = pin.computeGeneralizedGravity(model, data, q)
         momentum = mass.dot(v)
-        external = gravity - coriolis.T.dot(v)
-        external[BASE_DOF:] += self._robot.spring_torques(q)
-        external[BASE_DOF:] -= torque
-        if self._residual is None:
-            self._residual = external
-        else:
-            dt, gain = self._dt, self._gain
+        known = coriolis.T.dot(v) - gravity
+        known[BASE_DOF:] += torque
+        known[BASE_DOF:] -= self._robot.spring_torques(q)
+        if self._residual.started:
+            dt = self._dt
             if passed is not None and abs(passed - dt) > ON_TIME * dt:
                 dt = min(max(passed, 0.25 * dt), 4.0 * dt)
-                gain = lag_gain(dt, 1.0 / s.bandwidth)
-            external += (momentum - self._momentum) / dt
-            self._residual += gain * (external - self._residual)
-        self._momentum = momentum
+            self._residual.update(momentum, known, dt)
+        else:
+            self._residual.follow(momentum)
+            np.negative(known, out=self._residual.value)  # that of a robot at rest
         pin.computeJointJacobians(model, data, q)
         for i, frame in enumerate(self._frames):
             self._jacobians[i] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
-        residual = self._scale * self._residual
+        residual = self._scale * self._residual.value
         soles, alone, weight = [], [], self._robot.mass * GRAVITY
         for i, leg in enumerate(self._legs):
             alone.append(self._solve([i], residual, leg))
@@ -150,7 +142,7 @@ class WrenchEstimator:
                 soles.append(i)
         self.wrench[:] = 0.0
         if held:
-            self.outside[:] = self._residual
+            self.outside[:] = self._residual.value
             for i in soles:
                 self.wrench[i] = alone[i]
                 self.outside -= alone[i].dot(self._jacobians[i])

@@ -1,0 +1,55 @@
+"""Residual of a momentum: the force that its rate shows and that nothing known explains.
+
+A momentum h changes by ḣ = f + w, with a known force f and an unknown one w. A first-order observer has w without a
+measured acceleration,
+
+    ṙ = K (ḣ − f − r),
+
+since only the change of h from tick to tick is needed.
+
+Source: A. De Luca, A. Albu-Schäffer, S. Haddadin, G. Hirzinger, IROS 2006.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.base.lag import LagGain
+from wbc.base.numbers import Array
+
+
+class MomentumResidual:
+    """Observer of the unknown force on a momentum of some size.
+
+    Attributes:
+        value: The residual r, which estimates the unknown force, shape (size,), N and Nm; the same array always.
+    """
+
+    def __init__(self, size: int, bandwidth: float) -> None:
+        """Start at zero, with the gain K, 1/s."""
+        self.value = np.zeros(size)
+        self._time_constant, self._gain = 1.0 / bandwidth, LagGain()
+        self._momentum: Array | None = None
+
+    @property
+    def started(self) -> bool:
+        """True once there is a momentum to compare the next one with."""
+        return self._momentum is not None
+
+    def reset(self) -> None:
+        """Forget the momentum, and return to zero."""
+        self.value[:], self._momentum = 0.0, None
+
+    def follow(self, momentum: Array) -> None:
+        """Take over a momentum, shape (size,), without learning from its change."""
+        self._momentum = momentum
+
+    def update(self, momentum: Array, known: Array, dt: float) -> Array:
+        """Return the residual for one more momentum, dt, s, after the last one, under a known force, shape (size,)."""
+        unknown = (momentum - self._momentum) / dt
+        unknown -= known
+        self._momentum = momentum
+        unknown -= self.value
+        unknown *= self._gain(dt, self._time_constant)
+        self.value += unknown
+        return self.value
