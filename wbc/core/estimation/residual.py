@@ -23,29 +23,26 @@ class MomentumResidual:
 
     Attributes:
         value: The residual r, which estimates the unknown force, shape (size,), N and Nm; the same array always.
+        started: True once there is a momentum to compare the next one with.
     """
 
     def __init__(self, size: int, bandwidth: float) -> None:
         """Start at zero, with the gain K, 1/s."""
         self.value = np.zeros(size)
         self._time_constant, self._gain = 1.0 / bandwidth, LagGain()
-        self._momentum: Array | None = None
-
-    @property
-    def started(self) -> bool:
-        """True once there is a momentum to compare the next one with."""
-        return self._momentum is not None
+        self._momentum: Array = np.zeros(size)
+        self.started = False
 
     def reset(self) -> None:
         """Forget the momentum, and return to zero."""
-        self.value[:], self._momentum = 0.0, None
+        self.value[:], self.started = 0.0, False
 
     def follow(self, momentum: Array) -> None:
         """Take over a momentum, shape (size,), without learning from its change."""
-        self._momentum = momentum
+        self._momentum, self.started = momentum, True
 
     def update(self, momentum: Array, known: Array, dt: float) -> Array:
-        """Return the residual for one more momentum, dt, s, after the last one, under a known force, shape (size,)."""
+        """Return the residual for one more momentum, dt, s, after that which it follows, under a known force."""
         unknown = (momentum - self._momentum) / dt
         unknown -= known
         self._momentum = momentum
