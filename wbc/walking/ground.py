@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from wbc.core.robot import SIDES
 from wbc.ground import KnownGround
-from wbc.ground.footprint import Cost, Support
+from wbc.ground.footprint import Cost
 from wbc.walking.plans.footsteps import Footstep
 
 MEMORY = 0.9
@@ -70,7 +70,7 @@ class GroundEstimate:
         """
         self.height += self.rise
         expected = replace(planned, z=planned.z + self.height)
-        seen = self.under(expected) if allowed is None else self.choose(expected, allowed)
+        seen = self.choose(expected, allowed)
         self.raised = max(seen.z - expected.z, 0.0)
         if seen is not expected:
             self.height, self.rise = seen.z - planned.z, 0.0
@@ -78,32 +78,26 @@ class GroundEstimate:
 
     def under(self, landing: Footstep) -> Footstep:
         """Return a landing on the ground that is seen under it; the same where nothing is known."""
-        if self.sight is None:
-            return landing
-        self._looked = self.sight.version
-        side = SIDES.index(landing.side)
-        return self._on(landing, self.sight.support(side, landing.x, landing.y, landing.yaw))
+        return self.choose(landing, None)
 
     def choose(
-        self, landing: Footstep, allowed: Callable[[float, float], bool], cost: Cost | None = None
+        self, landing: Footstep, allowed: Callable[[float, float], bool] | None, cost: Cost | None = None
     ) -> Footstep:
-        """Return the best place for a landing near it, of those that are allowed (x, y); the same if unknown.
+        """Return the best place for a landing near it, of those that are `allowed` (x, y); its own place if None.
 
-        `cost` of moving it adds to that of the distance.
+        `cost` of moving it adds to that of the distance. The landing is the same where nothing is known of the place,
+        and where the legs do not reach it.
         """
         if self.sight is None:
             return landing
         self._looked = self.sight.version
-        side = SIDES.index(landing.side)
-        return self._on(landing, self.sight.best(side, landing.x, landing.y, landing.yaw, allowed, cost))
-
-    def _on(self, landing: Footstep, support: Support | None) -> Footstep:
-        """Return a landing on a support that is seen; the same without one, and where it is out of reach."""
-        if support is None or abs(support.z - self._stands) > self._most:
+        at = SIDES.index(landing.side), landing.x, landing.y, landing.yaw
+        place = self.sight.support(*at) if allowed is None else self.sight.best(*at, allowed, cost)
+        if place is None or abs(place.z - self._stands) > self._most:
             return landing
-        along, across = support.slope
+        along, across = place.slope
         return replace(
-            landing, x=support.x, y=support.y, z=support.z, pitch=-math.atan(along), roll=math.atan(across)
+            landing, x=place.x, y=place.y, z=place.z, pitch=-math.atan(along), roll=math.atan(across)
         )
 
     @property
