@@ -26,6 +26,7 @@ from .core.limits.shapes import CollisionBox as CollisionBox
 from .core.limits.shapes import CollisionCapsule as CollisionCapsule
 from .core.limits.shapes import CollisionCylinder as CollisionCylinder
 from .core.limits.shapes import CollisionHalfSpace as CollisionHalfSpace
+from .core.limits.shapes import CollisionHeights as CollisionHeights
 from .core.limits.shapes import CollisionHull as CollisionHull
 from .core.limits.shapes import CollisionSphere as CollisionSphere
 from .core.limits.shapes import Obstacle as Obstacle

@@ -19,7 +19,8 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array, scalar
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
-from wbc.core.limits.shapes import SHAPES, CollisionHalfSpace, Obstacle, Shape, geometry_of
+from wbc.core.limits.heights import Columns
+from wbc.core.limits.shapes import ENDLESS, SHAPES, CollisionHeights, Obstacle, Shape, geometry_of
 from wbc.core.robot import Robot
 
 POSTURES = 1000
@@ -29,7 +30,7 @@ SAMPLES = 200
 """Postures in which a pair is looked at that is closer than its margin in half-sitting."""
 
 
-ENDLESS = 1e6
+UNBOUNDED = 1e6
 """Radius from which on a shape has no end, m."""
 
 NEAR = 0.1
@@ -189,7 +190,7 @@ class CollisionLimit(Limit):
         }
         for frame, given in self._shapes.items():
             if not given or not all(
-                isinstance(shape, SHAPES) and not isinstance(shape, CollisionHalfSpace) for shape in given
+                isinstance(shape, SHAPES) and not isinstance(shape, ENDLESS) for shape in given
             ):
                 raise InputError(
                     f"shapes of '{frame}' must be shapes such as spheres and capsules, at least one; got {shown(given)}"
@@ -234,10 +235,14 @@ class CollisionLimit(Limit):
                 objects[frame].append(geometry.addGeometryObject(item))
                 radii.append(float(getattr(item.geometry, "radius", 0.0)) if _is_round(item) else 0.0)
         self._places: list[_Place] = []
+        grounds: dict[int, Columns] = {}  # of a shape
         for obstacle in self.obstacles:
             body, local = geometry_of(obstacle.shape)
             item = pin.GeometryObject(f"obstacle {obstacle.name}", 0, 0, obstacle.placement * local, body)
-            self._places.append(_Place(obstacle, geometry.addGeometryObject(item), local))
+            place = _Place(obstacle, geometry.addGeometryObject(item), local)
+            if isinstance(obstacle.shape, CollisionHeights):
+                grounds[place.index] = Columns(obstacle.shape, body, place.index)
+            self._places.append(place)
             radii.append(float(getattr(body, "radius", 0.0)) if _is_round(item) else 0.0)
 
         self._radii, self._objects = radii, objects
@@ -267,9 +272,15 @@ class CollisionLimit(Limit):
             request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
         for item in geometry.geometryObjects:
             item.geometry.computeLocalAABB()
-        sizes = np.array([_reach(item.geometry) for item in geometry.geometryObjects])
+        sizes = np.array(
+            [
+                np.inf if i in grounds else _reach(item.geometry)
+                for i, item in enumerate(geometry.geometryObjects)
+            ]
+        )
         ends = [(pair.first, pair.second) for pair in geometry.collisionPairs]
         self._first, self._second = np.array(ends, dtype=np.intp).reshape(-1, 2).T
+        self._grounds = [grounds.get(second) for _, second in ends]
         self._reach = sizes[self._first] + sizes[self._second]
         self._origins = _origins(self._geometry_data)
         self._leaders = _leaders(robot)
@@ -281,7 +292,7 @@ class CollisionLimit(Limit):
         self._written: Array | None = None  # the array that they are in
         pin.updateGeometryPlacements(robot.model, robot.data, geometry, self._geometry_data)
         for row in range(self.dim):
-            self._distance[row] = pin.computeDistance(geometry, self._geometry_data, row).min_distance
+            self._distance[row] = self._distance_of(row)
         self._check_obstacles()
 
     def _links_near_obstacles(self, robot: Robot) -> list[str]:
@@ -356,9 +367,16 @@ class CollisionLimit(Limit):
         """Distance at the last tick of each pair of links, or of a link and an obstacle, m; negative in collision."""
         smallest: dict[tuple[str, str], float] = {}
         for row, pair in enumerate(self._names):
-            found = pin.computeDistance(self._geometry, self._geometry_data, row).min_distance
-            smallest[pair] = min(smallest.get(pair, np.inf), float(found))
+            smallest[pair] = min(smallest.get(pair, np.inf), self._distance_of(row))
         return smallest
+
+    def _distance_of(self, row: int) -> float:
+        """Return the distance of a pair of shapes, m; infinite where there is no ground within the influence."""
+        ground = self._grounds[row]
+        if ground is None:
+            return float(pin.computeDistance(self._geometry, self._geometry_data, row).min_distance)
+        result = ground.nearest(self._geometry, self._geometry_data, row, self._influence)
+        return np.inf if result is None else float(result.min_distance)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill one row for each pair of shapes; see `Limit.write`."""
@@ -446,7 +464,11 @@ class CollisionLimit(Limit):
         self._distance = bounds
         near, distances, levers, found = list[int](), list[float](), list[Lever](), list[Any]()
         for row in (~(bounds > influence)).nonzero()[0].tolist():
-            result = pin.computeDistance(geometry, data, row)
+            ground = self._grounds[row]
+            if ground is None:
+                result = pin.computeDistance(geometry, data, row)
+            elif (result := ground.nearest(geometry, data, row, influence)) is None:
+                continue
             bounds[row] = distance = result.min_distance
             if distance <= influence:
                 (nx, ny, nz), (x, y, z) = result.normal.tolist(), result.getNearestPoint1().tolist()
@@ -500,7 +522,7 @@ class CollisionLimit(Limit):
 def _reach(shape: coal.CollisionGeometry) -> float:
     """Return the radius about its origin of a shape whose box is known, m; infinity of one without an end."""
     radius = float(shape.aabb_radius)
-    return radius + float(np.linalg.norm(shape.aabb_center)) if radius < ENDLESS else np.inf
+    return radius + float(np.linalg.norm(shape.aabb_center)) if radius < UNBOUNDED else np.inf
 
 
 def _origins(data: pin.GeometryData) -> Array:

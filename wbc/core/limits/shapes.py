@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Protocol
 
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array
@@ -120,8 +120,48 @@ class CollisionHalfSpace:
             raise InputError(f"normal of a half-space must not be zero, got {self.normal}")
 
 
+class Heights(Protocol):
+    """Heights of the ground on square cells, as a `wbc.ground.HeightMap` has them."""
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """Position (m) and heading (rad) of the grid in the world."""
+
+    @property
+    def settings(self) -> Any:
+        """Settings with the size of a `cell`, m."""
+
+    def at(self, places: NDArray[np.complex128]) -> tuple[Array, Array]:
+        """Return heights (m, NaN where unknown) and their standard deviations at places x + iy, m."""
+
+
+class CollisionHeights:
+    """Ground of a height map: below each known cell a column with its height; for obstacles.
+
+    The map may change at any tick. Where it knows nothing there is nothing to collide with.
+
+    Attributes:
+        heights: The map, such as a `wbc.ground.HeightMap`.
+    """
+
+    def __init__(self, heights: Heights) -> None:
+        """Take a map."""
+        if not all(hasattr(heights, name) for name in ("at", "origin", "settings")):
+            raise InputError(f"heights must be a map such as a wbc.ground.HeightMap, got {shown(heights)}")
+        self.heights = heights
+
+    def __repr__(self) -> str:
+        return f"CollisionHeights({type(self.heights).__name__})"
+
+
 Shape = (
-    CollisionSphere | CollisionCapsule | CollisionCylinder | CollisionBox | CollisionHull | CollisionHalfSpace
+    CollisionSphere
+    | CollisionCapsule
+    | CollisionCylinder
+    | CollisionBox
+    | CollisionHull
+    | CollisionHalfSpace
+    | CollisionHeights
 )
 """Shapes in a frame of the robot, or of an obstacle."""
 
@@ -135,7 +175,14 @@ SHAPES = (
     CollisionBox,
     CollisionHull,
     CollisionHalfSpace,
+    CollisionHeights,
 )
+
+ENDLESS = (CollisionHalfSpace, CollisionHeights)
+"""Shapes of obstacles alone."""
+
+DEPTH = 1.0
+"""Length of the column below a cell of a height map, m."""
 
 
 class Obstacle:
@@ -170,6 +217,10 @@ class Obstacle:
                 f"placement of obstacle '{self.name}' must be a pinocchio.SE3, got {shown(value)}"
             )
         finite_array(f"placement of obstacle '{self.name}'", value.homogeneous, (4, 4))
+        if isinstance(self.shape, CollisionHeights) and not value.isApprox(pin.SE3.Identity(), 0.0):
+            raise InputError(
+                f"obstacle '{self.name}' is a height map, which lies in the world: it has no placement"
+            )
         self._placement = pin.SE3(value)
 
     @property
@@ -197,6 +248,9 @@ def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
     if isinstance(shape, CollisionBox):
         place = pin.SE3(pin.exp3(np.array(shape.turn)), np.array(shape.centre, dtype=float))
         return coal.Box(*shape.size), place
+    if isinstance(shape, CollisionHeights):
+        cell = float(shape.heights.settings.cell)
+        return coal.Box(cell, cell, DEPTH), pin.SE3.Identity()
     if isinstance(shape, CollisionHull):
         points = np.array(shape.points, dtype=float)
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))

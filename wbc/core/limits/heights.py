@@ -1,0 +1,112 @@
+"""Distance of a shape to the ground of a height map: to the nearest of the columns below its known cells.
+
+A lower bound on the distance of the shape to each column is that of points inside it, less how far the shape reaches
+beyond them. The columns are measured in the order of this bound, until it exceeds the least distance: the result is
+that of all columns.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.base.numbers import Array
+from wbc.core.limits.shapes import DEPTH, CollisionHeights
+
+WIDE = 1.0
+"""Half of the side of a column in which a shape has sunk, m: it leaves the ground upward, not through the next cell."""
+
+
+class Columns:
+    """Columns of a height map among the shapes of a limit, one after the other in the place of one box.
+
+    Attributes:
+        index: Number of the box among the shapes.
+    """
+
+    def __init__(self, shape: CollisionHeights, box: Any, index: int) -> None:
+        """Put the columns of a map into the place of a box."""
+        self.index, self._heights, self._box = index, shape.heights, box
+        self._narrow = np.array(box.halfSide)
+        self._known: dict[
+            int, tuple[Array, float]
+        ] = {}  # of a shape: points inside it, and its reach beyond them
+
+    def nearest(
+        self, geometry: pin.GeometryModel, data: pin.GeometryData, row: int, influence: float
+    ) -> Any | None:
+        """Return coal's result for the pair of a row and its nearest column; None without one within `influence`, m."""
+        item = geometry.collisionPairs[row].first
+        if item not in self._known:
+            self._known[item] = _points_inside(geometry.geometryObjects[item].geometry, self._cell)
+        inside, reach = self._known[item]
+        place = data.oMg[item]
+        points = inside.dot(place.rotation.T) + place.translation
+        ox, oy, yaw = self._heights.origin
+        cell, away = self._cell, influence + reach
+        turn = complex(math.cos(yaw), math.sin(yaw))
+        grid = ((points[:, 0] - ox) + 1j * (points[:, 1] - oy)) * turn.conjugate()
+        first = np.floor([(grid.real.min() - away) / cell, (grid.imag.min() - away) / cell])
+        last = np.ceil([(grid.real.max() + away) / cell, (grid.imag.max() + away) / cell])
+        x, y = ((np.arange(a, b) + 0.5) * cell for a, b in zip(first, last, strict=True))
+        centres = (x[:, None] + 1j * y[None, :]).ravel()
+        heights = self._heights.at(centres * turn + complex(ox, oy))[0]
+        low = float(points[:, 2].min()) - away
+        kept = np.flatnonzero(heights >= low)  # NaN is no height
+        if not kept.size:
+            return None
+        centres, heights = centres[kept], heights[kept]
+        apart = grid[:, None] - centres
+        ahead = np.maximum(np.abs(apart.real) - 0.5 * cell, 0.0)
+        aside = np.maximum(np.abs(apart.imag) - 0.5 * cell, 0.0)
+        above = np.maximum(points[:, 2, None] - heights, 0.0)
+        bounds = np.sqrt((ahead**2 + aside**2 + above**2).min(axis=0)) - reach
+        best, least, result = -1, influence, None
+        at = centres * turn + complex(ox, oy)
+        for number in np.argsort(bounds).tolist():
+            if bounds[number] >= least:
+                break
+            result = self._measure(geometry, data, row, at[number], float(heights[number]), turn)
+            if result.min_distance < least:
+                best, least = number, result.min_distance
+        if best < 0:
+            return None
+        if least < 0.0:
+            self._box.halfSide = np.array([WIDE, WIDE, self._narrow[2]])
+        result = self._measure(geometry, data, row, at[best], float(heights[best]), turn)
+        self._box.halfSide = self._narrow
+        return result
+
+    @property
+    def _cell(self) -> float:
+        return float(self._heights.settings.cell)
+
+    def _measure(
+        self,
+        geometry: pin.GeometryModel,
+        data: pin.GeometryData,
+        row: int,
+        at: complex,
+        height: float,
+        turn: complex,
+    ) -> Any:
+        rotation = np.array([[turn.real, -turn.imag, 0.0], [turn.imag, turn.real, 0.0], [0.0, 0.0, 1.0]])
+        data.oMg[self.index] = pin.SE3(rotation, np.array([at.real, at.imag, height - 0.5 * DEPTH]))
+        return pin.computeDistance(geometry, data, row)
+
+
+def _points_inside(shape: Any, spacing: float) -> tuple[Array, float]:
+    """Return points inside a shape, shape (n, 3), m, and how far it reaches beyond the nearest of them, m."""
+    if isinstance(shape, coal.Sphere):
+        return np.zeros((1, 3)), float(shape.radius)
+    if isinstance(shape, coal.Capsule):
+        half = float(shape.halfLength)
+        count = max(2, math.ceil(2.0 * half / spacing) + 1)
+        points = np.zeros((count, 3))
+        points[:, 2] = np.linspace(-half, half, count)
+        return points, float(shape.radius) + half / (count - 1)
+    return np.array([shape.aabb_center]), float(shape.aabb_radius)
