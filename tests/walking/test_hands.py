@@ -179,6 +179,22 @@ def test_a_hand_brushes_nothing_on_its_way_to_a_surface(at: Any, along: Any) -> 
     np.testing.assert_allclose(hand.task.target.rotation @ hand.arm.axis(), direction, atol=1e-9)
 
 
+def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None:
+    walking, hands = standing(reach_time=1.0)
+    hand, middle = hands.all["left_hand"], MovingFrame([np.zeros(3)] * 2, 0.0)
+    hands.press("left_hand", 5.0, DOWN, at=(0.3, 0.25, 0.7), firm=True)
+    for _ in range(60):
+        hand.update(np.zeros(6), np.eye(3), None, middle, 0.005)
+    assert np.abs(hand.task.feedforward_acceleration).max() > 0.1
+    for _ in range(12):
+        hand.sense(None, 0.005)
+    assert hand.state is HandState.LOST
+    here = walking.controller.robot.placement(hand.arm.frame)
+    assert hand.task.target.isApprox(here) and hands.lost == ("left_hand",)
+    for rate in (hand.task.feedforward_velocity, hand.task.feedforward_acceleration):
+        np.testing.assert_array_equal(rate, np.zeros(6))
+
+
 def test_a_hand_that_finds_no_surface_stops() -> None:
     walking, hands = standing(approach=0.2)
     trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", distance=3.0)), walking)

@@ -37,6 +37,7 @@ from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.motion import MovingFrame
+from wbc.walking.swing import REST
 
 logger = logging.getLogger(__name__)
 
@@ -70,7 +71,7 @@ WRENCH_WEIGHT, BOUNDED = 1.0, 1.0
 """Cost of a force other than the asked one, per N² and (Nm)², beside 10⁻³ per (Nm)² of a sole; lack of force from
 which on an arm counts as too weak, N."""
 
-NONE = np.zeros(3)
+ZERO = np.zeros(3)
 """No moment, or no turning."""
 
 
@@ -182,7 +183,7 @@ class Hand:
         self.contact.active = self.grasp.active = False
         self._travelled = self._elapsed = 0.0
         # Time since the last reading, and for which a touch, or a lack of force, has lasted, s.
-        self._silent = self._felt = self._short = 0.0
+        self._silent = self._touching = self._short = 0.0
         self.task.reset()
 
     @property
@@ -340,9 +341,9 @@ class Hand:
     def _carry(self, rotation: Array, middle: MovingFrame) -> None:
         """Keep the pose relative to the feet; yield to the excess of the force on all hands."""
         task, place = self.task, middle.placement * self._held
-        self._move(place, np.concatenate((middle.velocity(place.translation), NONE)), np.zeros(6))
-        task.target_wrench = np.zeros(6)
-        task.measured_wrench = np.concatenate((self.excess @ rotation, NONE))
+        self._move(place, np.concatenate((middle.velocity(place.translation), ZERO)), REST)
+        task.target_wrench = REST
+        task.measured_wrench = np.concatenate((self.excess @ rotation, ZERO))
         self.bounded = bool(np.abs(self.excess[:2]).max() > self._touch)
 
     def _move(self, place: pin.SE3, velocity: Array, acceleration: Array) -> None:
@@ -366,17 +367,17 @@ class Hand:
             return
         self.extra = min(max(self.extra, min(0.0, self._touch - self.planned)), self._most - self.planned)
         self._force.follow(np.array((0.0, 0.0, self.force.value + self.extra)))
-        self.task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, NONE))
-        self.task.measured_wrench = np.concatenate((wrench[:3], NONE))
+        self.task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
+        self.task.measured_wrench = np.concatenate((wrench[:3], ZERO))
 
     def _approach(self, dt: float) -> None:
         settings, task = self._settings, self.task
-        self._felt = self._felt + dt if self.pressed > self._touch else 0.0
-        if self._felt >= 2.0 * dt - ROUNDING:
+        self._touching = self._touching + dt if self.pressed > self._touch else 0.0
+        if self._touching >= 2.0 * dt - ROUNDING:
             self.state, self._short = HandState.HOLD, 0.0
             self.contact.normal, self.contact.active = -self.direction, True
             task.weight = (*[WEIGHT] * 3, *[HOLD_WEIGHT] * 3)
-            task.feedforward_velocity = np.zeros(6)
+            task.feedforward_velocity = REST
             goal = self.force.goal
             self.force = Ramp(min(self._touch, goal))
             self._force.follow(np.array((0.0, 0.0, self.force.value)))
@@ -388,8 +389,8 @@ class Hand:
             return
         self._travelled += settings.approach * dt
         point = self._start.translation + self._travelled * self.direction
-        velocity = np.concatenate((settings.approach * self.direction, np.zeros(3)))
-        self._move(pin.SE3(self._start.rotation, point), velocity, np.zeros(6))
+        velocity = np.concatenate((settings.approach * self.direction, ZERO))
+        self._move(pin.SE3(self._start.rotation, point), velocity, REST)
 
     def _watch(self, dt: float) -> None:
         """Detect the loss of the contact from a force that stays too small."""
@@ -405,13 +406,12 @@ class Hand:
         self.force.to(0.0, duration)
 
     def _lose(self) -> None:
-        if self.state is not HandState.HOLD:  # stop where it is
-            self.task.target = pin.SE3(self._robot.placement(self.task.frame))
-        self.state, self.contact.active = HandState.LOST, False
+        """Stop: where the hand is on its way, or at the place where it pressed."""
+        here = self.task.target if self.state is HandState.HOLD else self._robot.placement(self._frame)
+        self.task.follow(pin.SE3(here), REST, REST)
+        self.task.target_wrench = REST
+        self.state, self.contact.active, self.extra = HandState.LOST, False, 0.0
         self._fade(LOSS_RAMP)
-        self.extra = 0.0
-        self.task.target_wrench = np.zeros(6)
-        self.task.feedforward_velocity = np.zeros(6)
 
     def _free(self) -> None:
         self._enter(HandState.FREE)
