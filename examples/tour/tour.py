@@ -37,7 +37,7 @@ HERE = Path(__file__).resolve().parent
 PERIOD = 0.002
 """Control period, s."""
 
-LIMITS = (0.5, 0.25, 0.5)
+LIMITS = (0.5, 0.4, 1.0)
 """Greatest velocity that the harness asks for: forward and aside, m/s, and turn, rad/s."""
 
 ENGINES = {"mujoco": "", "dart": f"{HERE.parent / 'other_engine.py'}:DartLoop"}

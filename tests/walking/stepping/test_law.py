@@ -106,8 +106,10 @@ def test_a_foot_in_contact_carries_once_waiting_no_longer_helps() -> None:
     assert carries(orbit.ahead, 0.99 * near, 0.15), "the next step is long enough"
     assert not carries(orbit.ahead, 1.3 * near, 0.15), "the DCM is on its way to the foot"
     assert carries(orbit.ahead, 1.3 * near, -0.01), "it moves away from it, over the outer edge"
-    for ahead, on in ((0.16, 0.3), (0.06, 0.1)):
+    for ahead, on in ((0.16, 0.3), (0.1, 0.1)):
         assert carries(ahead, 1.3 * near, 0.15, on=on), "it runs away ahead"
+    assert not carries(0.06, 1.3 * near, 0.15, on=0.1), "it runs away ahead, but aside is the greater need"
+    assert not carries(0.08, 0.42, 0.29, on=0.1), "a foot that was thrown aside: both feet hold the DCM"
     assert not carries(-0.1, 1.3 * near, 0.15, on=0.1), "behind, it comes to the foot"
 
 

@@ -400,6 +400,11 @@ class SteppingGait(GaitMachine):
         """Longest time of this step, s."""
         return self.settings.longest * self.steering.step_time
 
+    @property
+    def _waits(self) -> float:
+        """Time since lift-off until which a foot that has met the ground may wait, s: a late one as long as others."""
+        return (self.met or 0.0) + (self.settings.longest - self.constants.touch) * self.steering.step_time
+
     def _solve(self, state: BodyState, dcm: Divergent, steps: StepVelocity) -> None:
         """Decide the step by what stands now."""
         c, (u, v), footsteps = self.constants, self.decision.cop, self.footsteps
@@ -524,7 +529,7 @@ class SteppingGait(GaitMachine):
         loads = state.wrenches
         if loads[self.stance][2] < self.constants.held < loads[1 - self.stance][2]:
             return True  # it has rolled over an edge, or was kicked away
-        if self.elapsed > self._longest:
+        if self.elapsed > max(self._longest, self._waits):
             return True
         c, (x, y, _), (p, q, _) = self.constants, self._carrying, self._contact
         ahead, aside = self._along(dcm.x - x, dcm.y - y)

@@ -106,9 +106,9 @@ class SteppingSettings:
     acceleration: Annotated[Positive, "g"] = 0.03
     stride: Annotated[Positive, "leg"] = 0.56
     fastest: Annotated[Positive, "hω"] = 0.2
-    fastest_back: Annotated[Positive, "hω"] = 0.12
-    fastest_aside: Annotated[Positive, "hω"] = 0.08
-    fastest_turn: Annotated[Positive, "ω"] = 0.15
+    fastest_back: Annotated[Positive, "hω"] = 0.16
+    fastest_aside: Annotated[Positive, "hω"] = 0.165
+    fastest_turn: Annotated[Positive, "ω"] = 0.25
     cruise: Annotated[Positive, "hω"] = 0.12
 
     def in_si(self, scale: RobotSize) -> SteppingSettings:
