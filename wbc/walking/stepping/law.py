@@ -235,7 +235,7 @@ def takes_over(there: Point, here: Point, orbit: Orbit, stretch: float, wait: fl
     The viability of a place is the ratio of the orbit's offset to that of ξ there, aside or, with half a stretch,
     ahead, whichever is less: its logarithm over ω is the time by which the next step may be longer than the orbit's.
     1 over `patience` is enough. While the foot that stands carries on, ξ moves on by (ξ − p)(e^{ωt} − 1): usually
-    towards the new foot, and past it; away from it where ξ is beyond the outer edge, and ahead. What is the greater need
+    towards the new foot, and past it; away from it where ξ is beyond the outer edge, and ahead. The greater need
     decides: a foot far aside of ξ is no help to one that runs away ahead.
 
     Offsets of ξ ahead and inwards, m: `there` from the foot in contact towards the other one, `here` from the foot that
