@@ -204,25 +204,29 @@ def test_replanning_on_the_plan_gives_the_plan_back() -> None:
             np.testing.assert_allclose(again.at(dt).zmp, plan.at(t + dt).zmp, atol=1e-9)
 
 
-def test_the_zmp_stays_inside_and_the_dcm_is_taken_over() -> None:
+@pytest.mark.parametrize(
+    "plan", [walk_distance(START, 0.6), walk_velocity(START, (0.1, 0.03, 0.25), 6)], ids=["ahead", "curve"]
+)
+def test_the_zmp_stays_inside_and_the_dcm_is_taken_over(plan: FootstepPlan) -> None:
     rng = np.random.default_rng(2)
-    plan = analytic_pattern(WALK, HEIGHT, REST)
+    supports = schedule(plan)
+    closed = analytic_pattern(supports, HEIGHT, REST)
     margin = 0.008
     preview = PreviewController(SIZES, HEIGHT, PreviewSettings(margin=margin))
     reached = 0
     for t in np.arange(1.0, 8.0, 0.23):
-        start = pushed(plan.at(t), rng.uniform(-0.015, 0.015, 2))
-        pattern = preview.plan(remaining(WALK, t), start)
+        start = pushed(closed.at(t), rng.uniform(-0.015, 0.015, 2))
+        pattern = preview.plan(remaining(supports, t), start)
         check = pattern.at(0.0)
         np.testing.assert_allclose(check.zmp[:2], start.zmp[:2], atol=1e-9)
         reached += np.abs(check.dcm[:2] - start.dcm[:2]).max() < 1e-4
         for dt in np.arange(0.02, 2.4, 0.02):
-            support = support_at(WALK, t + dt)
+            support = support_at(supports, t + dt)
             if dt < INTERVAL:
                 continue  # the ZMP starts where it was, and may have been near the edge
             assert inside(support_area(support.feet, SIZES, margin), pattern.at(dt).zmp[:2]) < 1e-5
         end = pattern.duration
-        np.testing.assert_allclose(pattern.at(end + 3.0).com, plan.at(t + end + 3.0).com, atol=1e-3)
+        np.testing.assert_allclose(pattern.at(end + 3.0).com, closed.at(t + end + 3.0).com, atol=1e-3)
     assert reached > 20
 
 

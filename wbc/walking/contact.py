@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import enum
 
-from wbc.base.numbers import ROUNDING
-
 
 class GaitPhase(enum.Enum):
     """Phase of the feet."""
@@ -26,28 +24,6 @@ class Event(enum.Enum):
     LATE_TOUCH_DOWN = "late touch-down"
     NO_TOUCH_DOWN = "no ground found"
     STOPPED = "stopped"
-
-
-class Touch:
-    """Contact of one foot in the air with the ground.
-
-    Attributes:
-        since: Time for which the foot has borne the load of a contact, s.
-    """
-
-    def __init__(self, lasting: float = 0.0) -> None:
-        """Detect a contact whose load lasts for a time, s."""
-        self._lasting = lasting
-        self.since = 0.0
-
-    def lift(self) -> None:
-        """Begin a swing."""
-        self.since = 0.0
-
-    def update(self, loaded: bool, dt: float) -> bool:
-        """Return True if the foot has met the ground, `dt` seconds after the last tick."""
-        self.since = self.since + dt if loaded else 0.0
-        return loaded and self.since >= self._lasting - ROUNDING
 
 
 def touch_down(late: float, before: float, after: float) -> Event:

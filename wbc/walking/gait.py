@@ -13,8 +13,9 @@ from collections.abc import Sequence
 
 import pinocchio as pin
 
+from wbc.base.numbers import ROUNDING
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.contact import Event, GaitPhase, Touch
+from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import SwingShape
@@ -42,7 +43,8 @@ class GaitMachine:
         self.elapsed = self.duration = 0.0
         self.swing: SwingFoot | None = None
         self.met: float | None = None
-        self.ground, self._dt, self._touch = ground, dt, Touch(lasting)
+        self.ground, self._dt, self._lasting = ground, dt, lasting
+        self._loaded = 0.0  # time for which the swing foot has borne the load of a contact, s
 
     @property
     def air(self) -> int | None:
@@ -53,7 +55,12 @@ class GaitMachine:
         """Begin a phase, planned to last for a time, s."""
         self.phase, self.elapsed, self.duration = phase, 0.0, duration
         self.swing = self.met = None
-        self._touch.lift()
+        self._loaded = 0.0
+
+    def _touches(self, loaded: bool) -> bool:
+        """Return True if the swing foot has met the ground; it bears the load of a contact in this tick, or not."""
+        self._loaded = self._loaded + self._dt if loaded else 0.0
+        return loaded and self._loaded >= self._lasting - ROUNDING
 
     def _begin_swing(
         self, frames: Sequence[pin.SE3], landing: Footstep, duration: float, shape: SwingShape

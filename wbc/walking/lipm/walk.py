@@ -296,7 +296,7 @@ class Walk(GaitMachine):
     def _single(self, load: float) -> tuple[Event, ...]:
         """End the single support where the swing foot has met the ground, by its load over the weight, or must."""
         s, credit = self.settings.phases, 0.0
-        touched = self._touch.update(load >= s.touch_down, self._dt)
+        touched = self._touches(load >= s.touch_down)
         left = self.duration - self.elapsed
         if left > ROUNDING:
             if not (touched and self.elapsed >= s.early * self.duration):

@@ -502,7 +502,7 @@ class SteppingGait(GaitMachine):
             may = self.elapsed > c.early * self.duration
             assert self.swing is not None
             met = may and force > c.met and not self._rubs(state, dcm, steps, self.swing.landing)
-            if self._touch.update(met, self._dt):
+            if self._touches(met):
                 self.met = self.elapsed
                 soon = 0.05 * self.settings.step_time
                 return (touch_down(self.elapsed - c.touch * self.duration, soon, soon),)
