@@ -22,6 +22,7 @@ from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingContr
 from wbc.walking.hands.hand import Hand, HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.motion import FOLLOW, MovingFrame
+from wbc.walking.hands.turn import GyroTurn
 
 TABLE = {"distance": 0.18, "height": 0.7}
 DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
@@ -295,6 +296,20 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
     )
     turned = pin.log3(frame.placement.rotation @ pin.utils.rotate("z", 3.0).T)[2]
     assert turned == pytest.approx(part * (2.0 * np.pi - 6.0), abs=1e-3), "the short way round"
+
+
+def test_a_turn_is_integrated_without_the_bias_that_was_averaged_at_rest() -> None:
+    turn, vertical = GyroTurn(), np.array([0.0, np.sin(0.1), np.cos(0.1)])  # an IMU that is tilted
+    bias = 0.01
+    for _ in range(200):
+        turn.update(bias * vertical, vertical, True, 0.005)
+    assert turn.bias == pytest.approx(bias, abs=1e-12) and turn.angle == 0.0
+    for _ in range(400):
+        turn.update((0.3 + bias) * vertical, vertical, False, 0.005)
+    assert turn.angle == pytest.approx(0.6, abs=1e-9)
+    for _ in range(20):  # a short rest: too short for a new bias
+        turn.update(0.05 * vertical, vertical, True, 0.005)
+    assert turn.bias == pytest.approx(bias, abs=1e-12) and turn.angle == pytest.approx(0.6, abs=1e-9)
 
 
 def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:
