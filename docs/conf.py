@@ -15,8 +15,10 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import docstring_parser
+from numpy.typing import ArrayLike
 from sphinx.application import Sphinx
 from sphinx.util import logging
+from sphinx.util.typing import stringify_annotation
 
 logger = logging.getLogger(__name__)
 
@@ -24,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from wbc import __version__  # noqa: E402 - the path comes first
+from wbc.base.numbers import Array  # noqa: E402
 
 project, author = "wbc", "The wbc developers"
 copyright = f"2026, {author}"
@@ -87,7 +90,11 @@ def _tables(match: re.Match[str]) -> str:
     from wbc.app.cli import make_app  # noqa: PLC0415
 
     text = make_app(None).generate_docs(heading_level=2, flatten_commands=True)
-    return str(text[text.index("\n## wbc ") :])  # before it: a list that the margin has, too
+    text = text[text.index("\n## wbc ") :]  # before it: a list that the margin has, too
+    text = re.sub(r"^## (.+)$", r"## `\1`", text, flags=re.MULTILINE)  # else "--" becomes a dash
+    return re.sub(
+        r"(--install-completion) .*(?=\[OPTIONS\])", r"\1 ", text
+    )  # without the name of this program
 
 
 def _settings(kind: type, path: str) -> Iterator[str]:
@@ -174,6 +181,17 @@ def check_links(app: Sphinx, failure: Exception | None) -> None:
                 logger.warning("%s: the link to %s leads nowhere", path.relative_to(out), link, type="wbc")
 
 
+def name_types(
+    app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, result: str | None
+) -> tuple[str | None, str | None]:
+    """Write types of arrays by their names in signatures, in place of the many types that they stand for."""
+    texts = [signature, result]
+    for kind, short in ((ArrayLike, "ArrayLike"), (Array, "Array")):
+        long = stringify_annotation(kind, "smart", short_literals=False)
+        texts = [text and text.replace(long, short) for text in texts]
+    return texts[0], texts[1]
+
+
 def skip_described(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
     """Leave to the pages of the rooms what `wbc` hands on from them."""
     here = app.env.docname == "api/wbc" and what == "module"
@@ -184,6 +202,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Connect everything."""
     app.connect("source-read", fill_tables)
     app.connect("autodoc-process-docstring", mark_blocks, priority=400)
+    app.connect("autodoc-process-signature", name_types)
     app.connect("autodoc-skip-member", skip_described)
     app.connect("build-finished", check_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -28,7 +28,7 @@ class CoMTask(Task):
     usual = {"weight": 100.0, "stiffness": 30.0, "error_bound": 0.3}
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task; the target is a point in the world, shape (3,), m, the present one when None."""
+        """Describe the task; the target has shape (3,), m, and is the present one when None."""
         super().__init__("com", POSITION_AXES, **options)
         if target is not None:
             self.target = target
