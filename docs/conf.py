@@ -39,6 +39,8 @@ suppress_warnings = ["ref.python"]  # a type that two modules have
 myst_enable_extensions = ["dollarmath", "deflist", "attrs_inline"]
 myst_heading_anchors = 3
 
+smartquotes_action = "qe"  # "--" of options stays
+
 html_theme = "furo"
 html_title = f"wbc {__version__}"
 html_copy_source = html_show_sourcelink = False

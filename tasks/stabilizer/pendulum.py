@@ -38,11 +38,11 @@ class Pendulum(NamedTuple):
 
     Attributes:
         com: Centre of mass, shape (3,), m.
-        com_velocity: Its velocity, shape (3,), m/s.
-        com_acceleration: Its acceleration, shape (3,), m/s².
+        com_velocity: Velocity of the CoM, shape (3,), m/s.
+        com_acceleration: Acceleration of the CoM, shape (3,), m/s².
         zmp: Zero-tilting moment point on the support surface, shape (3,), m.
-        zmp_velocity: Its velocity, shape (3,), m/s.
-        omega: Natural frequency, 1/s.
+        zmp_velocity: Velocity of the ZMP, shape (3,), m/s.
+        omega: Natural frequency of the pendulum, 1/s.
     """
 
     com: Array
@@ -58,7 +58,7 @@ class Pendulum(NamedTuple):
         return self.com + self.com_velocity / self.omega
 
     def moved(self, shift: Array, velocity: Array, acceleration: Array) -> Pendulum:
-        """Return the pendulum with a motion on top of that of its CoM, and the ZMP that goes with it.
+        """Return the pendulum with a motion that is added to that of its CoM, and with the ZMP of this motion.
 
         Args:
             shift: Displacement of the CoM, shape (3,), m.
@@ -76,7 +76,7 @@ class Pendulum(NamedTuple):
 
     @staticmethod
     def at_rest(com: Array, ground: float = 0.0) -> Pendulum:
-        """Return a CoM that rests over its ZMP.
+        """Return the pendulum of a CoM that rests over its ZMP.
 
         Args:
             com: Centre of mass in the world, shape (3,), m.

@@ -1,4 +1,4 @@
-"""Walking: one control, and the sources of references that it follows.
+"""Walking: the control of a robot that walks, and the sources of references that it follows.
 
 control     the control: what is asked of a robot, and the tick
 source      what the control follows in every tick; another one derives from `ReferenceSource`

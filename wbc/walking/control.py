@@ -70,25 +70,25 @@ CALM = 1.0
 
 
 class WalkingControl:
-    """Control of a robot that stands, walks along a plan or where it is steered, and stands for ever.
+    """Control of a robot that stands and walks, along a plan or as it is steered.
 
         walking = WalkingControl(robot, None, plant.control_period)
         walking.velocity = (0.2, 0.0, 0.1)  # at any tick; None for a stand
 
     Attributes:
         settings: Settings.
-        source: Source of the references now.
+        source: Present source of the references.
         dt: Control period, s.
         controller: Whole-body controller with all tasks and contacts.
         control: Position, torque or hybrid control, with the observer.
-        tasks: The tasks and contacts of the steps now.
-        arms: Hands, which can be given targets at any tick.
-        body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
-        balance: Feedback of the stabilizer; None while free steps balance the robot.
-        stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
-        ground: What is known of the ground, to which clouds of points are added at any time; None walks blind.
-        reference: References of the last tick with a good measurement; None before the first one.
-        stopped: True after `stop`, until it is told to walk on.
+        tasks: Tasks and contacts of the present kind of steps.
+        arms: Arms with hands, whose targets can be set at any tick.
+        body: Set-points of the body: height of the CoM, lean and turn of the trunk, and gaze; set them at any tick.
+        balance: Stabilizer of planned steps; None while free steps balance the robot.
+        stiffness: Scheduler that sets the stiffness of the swinging sole; None leaves the stiffness as it is.
+        ground: Known ground, to which clouds of points can be added at any time; None if the robot walks blind.
+        reference: References of the last tick with a valid measurement; None before the first one.
+        stopped: True after `stop`, until the next order to walk.
     """
 
     @checked
@@ -104,20 +104,21 @@ class WalkingControl:
         extent: tuple[float, float, float, float] | None = None,
         ground: KnownGround | None = None,
     ) -> None:
-        """Make all parts for a robot that stands at the start; the walk begins with the first tick.
+        """Make all parts for a robot that stands; the walk begins with the first tick.
 
         Args:
-            robot: The robot, standing; becomes the commanded one (position control) or the estimated one (torque).
-            source: Footstep plan, of which timings are rounded to the control period; None stands until the robot is
-                steered; or any source of references, made with the same robot, which the stabilizer holds.
+            robot: The standing robot. It becomes the commanded robot in position control, and the estimated robot in
+                torque and hybrid control.
+            source: Footstep plan, whose timings are rounded to the control period, or any source of references that was
+                made with the same robot. With None the robot stands until it is steered.
             dt: Control period, s.
             settings: Settings; the defaults when None.
-            observer: Estimates the robot's state; a new one when None. Free steps have time constants of their own for
-                those that are the defaults of `InertialSettings`; others stay.
-            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
-            extent: Least and greatest x, least and greatest y of the ground, m; endless when None. For a plan alone.
-            ground: What is known of the ground, made with a robot of the same description that stands at the start;
-                None walks blind.
+            observer: Observer of the robot's state; a new one when None. Free steps replace those of its time constants
+                that are the defaults of `InertialSettings`; others stay.
+            stiffness: Scheduler of the soles' stiffness, for feet of variable stiffness.
+            extent: Smallest and largest x, smallest and largest y of the ground, m; endless when None. Only for a plan.
+            ground: Known ground, made with a robot of the same description that stands at the start; None for a robot
+                that walks blind.
         """
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
@@ -167,11 +168,11 @@ class WalkingControl:
         """Run one tick.
 
         Args:
-            measurement: Measurement of all sensors now.
+            measurement: Present measurement of all sensors.
 
         Returns:
-            Command of the drives until the next tick. Nothing is raised: a tick that fails follows the policy of the
-            control.
+            Command of the drives until the next tick. No error is raised: in a tick that fails, the policy of the
+            control decides.
         """
         control = self.control
         state = control.estimate(measurement)
@@ -229,12 +230,12 @@ class WalkingControl:
 
     @property
     def step_kind(self) -> Kind:
-        """Kind of the steps now, "planned" or "free"."""
+        """Present kind of steps, "planned" or "free"."""
         return self._kind
 
     @property
     def calm(self) -> float:
-        """Time of a stand after planned steps from which on the robot is ready to step out of pushes, s; assign it."""
+        """Time of a stand after which free steps replace planned ones, to step out of pushes, s; assign it."""
         return self._calm
 
     @calm.setter
@@ -244,7 +245,7 @@ class WalkingControl:
 
     @property
     def stands(self) -> bool:
-        """True if the robot stands, and no hand presses: the kind of its steps may change."""
+        """True if the robot stands and no hand presses, so that the kind of steps may change."""
         reference = self.reference
         return reference is None or (reference.phase is GaitPhase.STANDING and not self._pressing)
 
@@ -334,26 +335,26 @@ class WalkingControl:
 
     @property
     def progress(self) -> Progress:
-        """Phase and steps now, steps of both kinds counted."""
+        """Present phase, and the number of steps of both kinds."""
         progress = self.source.progress(self.reference)
         return progress._replace(steps_done=progress.steps_done + self._before)
 
     @property
     def steps_done(self) -> int:
-        """Steps that have ended; a foot that found no ground is taken to stand where it is."""
+        """Number of steps that have ended; a foot that finds no ground counts as standing at its place."""
         return self.progress.steps_done
 
     @property
     def finished(self) -> bool:
-        """True when all that was asked for is done and the robot stands; False for an order that was dropped.
+        """True when all orders are done and the robot stands; False if an order was dropped.
 
-        The source says why it has dropped an order: `source.reason`.
+        `source.reason` says why an order was dropped.
         """
         return self.source.finished and not self.source.reason and self._waiting is None
 
     @property
     def fallen(self) -> FallReason | None:
-        """Reason of the robot's fall; None while it has not fallen."""
+        """Reason of the fall; None while the robot has not fallen."""
         return self.control.fallen
 
     @property
@@ -375,9 +376,10 @@ class WalkingControl:
 
     @property
     def hands(self) -> Hands:
-        """Hands that press on things and hold on to them; a robot that stands takes planned steps once they are to.
+        """Hands that press on objects or grip them; a standing robot changes to planned steps for that.
 
-        An `InputError` for a robot without hands, and for one that takes free steps alone, which count no forces.
+        It is an `InputError` for a robot without hands, and for one that takes only free steps, which do not take
+        account of hand forces.
         """
         if self._planned is None:
             raise InputError(
@@ -389,21 +391,21 @@ class WalkingControl:
 
     @property
     def stabilizer(self) -> Stabilizer | None:
-        """Feedback and admittances of planned steps; gains that are set count whenever the robot takes these."""
+        """Feedback and admittances of planned steps; new gains are used in all later planned steps."""
         return None if self._planned is None else self._planned.stabilizer
 
     @property
     def load(self) -> HeldLoad | None:
-        """Load in the hands as estimated in planned steps; None where none is expected."""
+        """Estimator of the load in the hands in planned steps; None if no load is expected."""
         return None if self._planned is None else self._planned.load
 
     @property
     def output(self) -> StabilizerOutput | None:
-        """Output of the stabilizer in the tick of `reference`; None without one, and before the first tick."""
+        """Output of the stabilizer in the tick of `reference`; None without a stabilizer and before the first tick."""
         return None if self.balance is None else self.balance.output
 
     def see(self, seen: PointCloud | ElevationMap) -> None:
-        """Take a cloud of points, or a map, of the ground; a walk that is blind leaves it.
+        """Take a cloud of points or a map of the ground; a blind walk ignores it.
 
         Args:
             seen: Cloud or map.
@@ -412,22 +414,22 @@ class WalkingControl:
             self.ground.add(seen)
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
-        """Leave joints to somebody else from the next tick on, those and no others; none takes all back.
+        """Leave exactly these joints to something else, from the next tick on; an empty list takes all joints back.
 
             arms = walking.release(robot.joint_names[15:])  # a teleoperator, a policy, a hand controller has them
             arms.tell(position, velocity)  # once a tick, if the other one says where they go; else they are measured
 
-        The walk counts with their motion and commands nothing of them (`Command.released`).
+        The walk takes their motion into account, and does not command them (`Command.released`).
 
         Args:
-            joints: Names; not of a leg.
+            joints: Names of joints that are not in a leg.
 
         Returns:
-            The joints, which can be told their targets; None where all are taken back.
+            The released joints, whose targets can be told to the walk; None for an empty list.
 
         Raises:
-            UnknownNameError: No joint of the robot.
-            InputError: A joint of a leg, one twice, or all joints of an arm whose hand has a target, presses or grips.
+            UnknownNameError: The robot has no such joint.
+            InputError: A joint is in a leg, is given twice, or is in an arm whose hand has a target, presses or grips.
         """
         robot, names = self.controller.robot, names_in("joints to release", joints)
         gone = {robot.joint_index(joint) for joint in names}
@@ -440,11 +442,11 @@ class WalkingControl:
 
     @property
     def velocity(self) -> Velocity | None:
-        """Commanded velocity of the robot's middle: forward (m/s), left (m/s) and turn (rad/s).
+        """Commanded velocity of the robot: forward (m/s), to the left (m/s) and turn (rad/s).
 
-        Set it at any tick: steps are planned as the robot goes. None, or zero, brings it to a stand. None as well while
-        something else gives the steps. A velocity that is not three finite numbers up to 10 is an `InputError`, as any
-        while the body is set too low to lift a foot; one that cannot be had is limited (`granted_velocity`).
+        Set it at any tick. None or zero brings the robot to a stand. It is also None while a goal or a plan gives the
+        steps. A velocity that the robot cannot reach is limited (`granted_velocity`). It is an `InputError` if the
+        velocity is not three finite numbers up to 10, or if the body is set too low to lift a foot.
         """
         return self.source.velocity
 
@@ -457,17 +459,17 @@ class WalkingControl:
 
     @property
     def granted_velocity(self) -> Velocity:
-        """Velocity that the present steps give: forward (m/s), left (m/s) and turn (rad/s)."""
+        """Velocity of the present steps: forward (m/s), to the left (m/s) and turn (rad/s)."""
         return self.source.granted
 
     @property
     def velocity_limits(self) -> VelocityLimits:
-        """Greatest velocities that are granted."""
+        """Largest velocities that the walk accepts without limiting them."""
         return self.source.limits
 
     @property
     def steered(self) -> bool:
-        """True if the robot is steered, or stands without a plan and may be."""
+        """True if the robot is steered, or stands without a plan and can be steered."""
         return self.source.steered
 
     @checked
@@ -477,20 +479,20 @@ class WalkingControl:
         Args:
             x: Place of the robot in the world, m.
             y: Place of the robot in the world, m.
-            yaw: Heading there, rad; a full turn at most.
+            yaw: Heading there, rad; at most a full turn.
         """
         self._make_ready("free")
         self.source.go_to(x, y, yaw)
         self.stopped = False
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan, or from a planner of one's own, from the next step on.
+        """Take the footsteps from a plan, or from a planner of your own, from the next step on.
 
-        A robot that takes free steps comes to a stand before it follows a plan; a planner it asks at once.
+        A robot that takes free steps comes to a stand before it follows a plan, but asks a planner at once.
 
         Args:
-            source: Footsteps in the world, or a planner. A plan that cannot be walked from where the robot is brings it
-                to a stand (`source.reason`).
+            source: Footsteps in the world, or a planner. If a plan cannot be walked from the present place, the robot
+                comes to a stand, and `source.reason` says why.
         """
         changes = self._kind == "free" and "planned" in self._kinds
         if changes and isinstance(source, FootstepPlan) and not self._idle:

@@ -29,7 +29,7 @@ class GaitMachine:
     Attributes:
         phase: Phase now.
         stance: Foot that carries while the present or next step swings: 0 left, 1 right.
-        elapsed: Time in this phase, s.
+        elapsed: Time since the start of this phase, s.
         duration: Planned length of this phase, s.
         steps_done: Steps that have ended with a foot on the ground.
         swing: Swing of this step, which has its landing; None before the first decision on it, and on both feet.

@@ -47,9 +47,9 @@ class LoadSettings:
     """Settings of the estimate of a held load.
 
     Attributes:
-        hands: Roles or frames of the robot that hold loads, in equal parts; all of its hands when empty.
-        largest: Greatest mass of the load over the robot's.
-        offset: Greatest horizontal distance of the load from the middle of the hands, m.
+        hands: Roles or frames of the hands that hold the load in equal parts; all hands when empty.
+        largest: Largest mass of the load, as a share of the robot's mass.
+        offset: Largest horizontal distance of the load from the middle of the hands, m.
     """
 
     hands: tuple[str, ...] = ()

@@ -26,33 +26,35 @@ Kind = Literal["planned", "free"]
 
 @settings
 class WalkingControlSettings:
-    """Settings of a walk: all but its footsteps.
+    """Settings of a walk, without its footsteps.
 
-    Those that a user turns stand first; the rest are weights, gains and limits of the parts.
+    Settings that users often change come first; the others are weights, gains and limits of the parts.
 
     Attributes:
-        mode: "position": servos follow an integrated motion; "torque": torques are sent; "hybrid": torques, with
-            the machine's soft servos around the motion that they make.
-        com_height: Height of the CoM over the support while walking, m; when None that of the robot as it stands, in
-            free steps that of `stepping.bend`.
-        drive: Limits of a robot that is steered in planned steps.
-        stepping: Free steps: width, time, height and velocities.
-        arms: Hands with targets, and arms that swing.
-        hands: Hands that press on things and grip them.
-        load: Estimate of a load of unknown mass in the hands, which the models then carry; all steps are planned then.
-            None for empty hands.
-        step_kind: Kind of all steps, "planned" or "free", to compare them; when None it follows from mode and request.
-        walk: Planned steps: phases, pattern, step adjustment.
-        gains: Of the stabilizer.
-        distribution: Of the desired wrench over the feet; a desired CoP at the very edge would tip the foot.
-        lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
-        bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
-            are off by millimetres. None takes both as measured.
-        feedforward: In position control, add the torques of the desired wrenches to the servos.
+        mode: Kind of drive commands. "position": servos follow an integrated motion. "torque": torques. "hybrid":
+            torques, and the motion that they should produce, which soft servos of the machine follow.
+        com_height: Height of the CoM over the support during the walk, m. When None, it is the height at the start, or
+            in free steps the height by `stepping.bend`.
+        drive: Limits of steering in planned steps.
+        stepping: Settings of free steps: width, time, height and velocities.
+        arms: Settings of hands with targets, and of swinging arms.
+        hands: Settings of hands that press on objects or grip them.
+        load: Settings of the estimate of a load of unknown mass in the hands, which the models then carry. All steps
+            are then planned. None for empty hands.
+        step_kind: Kind of all steps, "planned" or "free", for comparisons. When None, it follows from the mode and from
+            what is asked for.
+        walk: Settings of planned steps: phases, pattern, step adjustment.
+        gains: Gains of the stabilizer.
+        distribution: Settings of the distribution of the desired wrench to the feet. They keep the desired CoP from the
+            edge of a sole, where the foot would tip.
+        lean: Lean of the trunk if the feet cannot give the desired moment; None keeps the trunk upright.
+        bias: Settings of the estimator of a constant error of the measured CoM and DCM, which is then subtracted, since
+            sensors and models have errors of millimetres. With None both are used as measured.
+        feedforward: In position control, add the torques of the desired wrenches to the commands of the servos.
         tasks: Weights and gains of the tasks of planned steps.
         safety: Ranges of measurements and commands.
-        solver: Solver of the QP. On steep ground a leg may be too short for where its foot should be: hard tasks and
-            contacts are then relaxed, and what can be done is done.
+        solver: Settings of the QP solver. On steep ground a leg may be too short for the place of its foot; hard tasks
+            and contacts are then relaxed.
     """
 
     mode: Mode = "position"
@@ -75,7 +77,10 @@ class WalkingControlSettings:
 
     @property
     def kinds(self) -> tuple[Kind, ...]:
-        """Kinds of steps that the robot may take: under torques both, if none is asked for and no load is expected."""
+        """Kinds of steps that the robot may take.
+
+        In torque and hybrid control these are both, unless one is asked for or a load is expected.
+        """
         if self.step_kind is not None:
             return (self.step_kind,)
         planned = self.mode == "position" or self.load is not None

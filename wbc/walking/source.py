@@ -53,21 +53,22 @@ class Reference(NamedTuple):
     """References of one tick.
 
     Attributes:
-        pendulum: CoM, ZMP and their derivatives as planned; what is measured is in `State`.
+        pendulum: Planned CoM and ZMP with their derivatives; the measured ones are in `State`.
         feet: Motions of left and right sole.
         contact: True for each foot on the ground, left and right.
         heading: Heading of pelvis and torso, rad.
         phase: Phase of the feet.
-        step: Index of the step that swings, or that swings next; number of the steps that have ended.
+        step: Index of the present or next step, which is the number of steps that have ended.
         events: Events of this tick.
-        landing: Planned landing of the foot in the air; None where none is planned.
-        elapsed: Time in this phase, s.
+        landing: Planned landing of the foot in the air; None if no landing is planned.
+        elapsed: Time since the start of this phase, s.
         duration: Planned length of this phase, s.
-        stance: Foot that stands while the present or next step swings: 0 left, 1 right.
-        swing: Foot that follows its motion, and may still carry a part of its load; None for those without contact.
-        most_force: Greatest normal force of each foot where steps balance the robot, N.
-        cop: Shift of the centre of pressure of the foot that stands, along and across its sole, m; there as well.
-        body: Motion of all joints and of the trunk; None for the posture, and for a trunk that is upright.
+        stance: Stance foot of the present or next step: 0 left, 1 right.
+        swing: Foot that follows its motion although it may still carry a part of its load: 0 left, 1 right. None: the
+            feet without contact follow theirs.
+        most_force: Largest normal force of each foot in free steps, N.
+        cop: Shift of the centre of pressure of the stance foot in free steps, along and across its sole, m.
+        body: Motion of all joints and of the trunk; None for the constant posture and an upright trunk.
     """
 
     pendulum: Pendulum
@@ -95,7 +96,7 @@ class Progress(NamedTuple):
         swing: Foot in the air, 0 left and 1 right; None on both feet.
         stance: Foot that stands while the present or next step swings; after the last step, the one that stood in it.
         steps_done: Single supports that have ended.
-        elapsed: Time in this phase, s.
+        elapsed: Time since the start of this phase, s.
         duration: Planned length of this phase, s.
         upcoming: Planned landings from now on, that of the foot in the air first; empty where none is planned.
         cycle: Planned time of one step, single and double support, s.
@@ -122,19 +123,20 @@ class Progress(NamedTuple):
 
 
 class ReferenceSource(ABC):
-    """Base of all sources of references; one of your own writes `update` and what it has to say of the rest.
+    """Base of all sources of references; a source of your own overrides `update`, and other methods as needed.
 
-    The law of a walk is one that has three methods: `begin` from a stand, `update` (where and when the next foot lands,
-    and the pendulum until then) and `progress`.
+    The law of a walk has three methods: `begin` starts from a stand, `update` decides where and when the next foot
+    lands and how the pendulum moves until then, and `progress` returns phase and steps.
 
     Attributes:
-        by_steps: True if the references say how each foot carries: steps balance the robot, not a stabilizer.
-        unsteered: Sentence with which a source refuses to be steered.
-        com_height: Height of the CoM over the soles, m; None for that of the robot as it stands.
-        swing_height: Height by which feet are lifted, that the legs must leave to a body that is lowered, m.
-        reason: Reason for which the source has dropped the last order; empty if it has not.
-        ground: What is known of the ground that feet land on; None of a source that decides on no landing.
-        steering: Velocity or goal that is asked for; None of a source that is not steered.
+        by_steps: True if the references contain the load of each foot, because steps balance the robot and not a
+            stabilizer.
+        unsteered: Message of the error when a source that cannot be steered is steered.
+        com_height: Height of the CoM over the soles, m; None for the height of the robot at the start.
+        swing_height: Height of the swing, which bounds how far the body can be lowered, m.
+        reason: Reason why the source has dropped the last order; empty if it has not.
+        ground: Known ground for landings; None for a source that decides no landings.
+        steering: Velocity or goal that is asked for; None for a source that cannot be steered.
         planner: Planner of the footsteps; None without one.
     """
 
@@ -148,7 +150,7 @@ class ReferenceSource(ABC):
     planner: FootstepSource | None = None
 
     def begin(self, heading: float) -> None:
-        """Stand where the robot stands now; all steps and orders before are forgotten.
+        """Stand at the present place of the robot; earlier steps and orders are dropped.
 
         Args:
             heading: Heading of the stand, rad.
@@ -160,11 +162,12 @@ class ReferenceSource(ABC):
         """Return the references of this tick.
 
         Args:
-            state: State of the robot. What this raises fails the tick, and the robot gets a command all the same.
+            state: State of the robot. If `update` raises an error, the tick fails, and the control sends a command by
+                its policy.
         """
 
     def progress(self, last: Reference | None) -> Progress:
-        """Return phase and steps now.
+        """Return the present phase and the number of steps.
 
         Args:
             last: References of the last tick; None before the first one.
@@ -178,19 +181,19 @@ class ReferenceSource(ABC):
         return Progress(last.phase, swing, stance, last.step, last.elapsed, last.duration, upcoming, cycle)
 
     def lift(self) -> float:
-        """Return the height by which feet are lifted now, m; zero once all is done."""
+        """Return the present height of the swing, m; zero once all orders are done."""
         return 0.0 if self.finished else self.swing_height
 
     @property
     def finished(self) -> bool:
-        """True when all that was asked for is done and the robot stands."""
+        """True when all orders are done and the robot stands."""
         return False
 
     # ---- what is asked for, of a source with a steering; an `InputError` without ---------------------------------
 
     @property
     def steered(self) -> bool:
-        """True if the robot is steered, or may be."""
+        """True if the robot is steered or can be steered."""
         return self.steering is not None
 
     def _steering(self) -> Steering:
@@ -200,7 +203,7 @@ class ReferenceSource(ABC):
 
     @property
     def velocity(self) -> Velocity | None:
-        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None for a stand, or with a goal."""
+        """Commanded velocity: forward (m/s), to the left (m/s) and turn (rad/s); None for a stand or a goal."""
         return None if self.steering is None else self.steering.target
 
     @velocity.setter
@@ -210,12 +213,12 @@ class ReferenceSource(ABC):
 
     @property
     def granted(self) -> Velocity:
-        """Velocity that the present steps give: forward (m/s), left (m/s) and turn (rad/s)."""
+        """Velocity of the present steps: forward (m/s), to the left (m/s) and turn (rad/s)."""
         return AT_REST
 
     @property
     def limits(self) -> VelocityLimits:
-        """Greatest velocities that are granted."""
+        """Largest velocities that the walk accepts without limiting them."""
         return VelocityLimits(0.0, 0.0, 0.0, 0.0) if self.steering is None else self.steering.limits
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
@@ -234,14 +237,14 @@ class ReferenceSource(ABC):
         self.velocity = None
 
     def take(self, planner: FootstepSource | None) -> None:
-        """Take the footsteps of a planner from now on, None for those of the steering."""
+        """Take the footsteps of a planner from now on; None takes those of the steering."""
         self.planner, self.reason = planner, ""
 
     def see(self, ground: KnownGround) -> None:
-        """Put feet by what is known of the ground, from the next swing on.
+        """Place the feet by the known ground, from the next swing on.
 
         Args:
-            ground: What is known; the control keeps it up to date.
+            ground: Known ground; the control keeps it up to date.
         """
         if self.ground is None:
             raise InputError(f"{type(self).__name__} puts no feet by what is known of the ground")
@@ -249,10 +252,10 @@ class ReferenceSource(ABC):
 
 
 class StandSource(ReferenceSource):
-    """Stand on both feet, with the CoM where it is or where it is sent; the start of a source of one's own.
+    """Source of references for a stand on both feet; a base for sources of your own.
 
     Attributes:
-        com: CoM to hold, shape (3,), m; assign another one in small steps.
+        com: CoM position, shape (3,), m; assign other positions in small steps.
         places: Placements of the left and the right sole.
         heading: Heading of the robot, rad.
     """
@@ -261,7 +264,7 @@ class StandSource(ReferenceSource):
 
     @checked
     def __init__(self, robot: Robot) -> None:
-        """Stand as the robot stands.
+        """Stand in the present posture of the robot.
 
         Args:
             robot: Robot with two soles.
@@ -270,7 +273,7 @@ class StandSource(ReferenceSource):
         self.begin(heading(robot.placement(robot.base_frame).rotation))
 
     def begin(self, heading: float) -> None:
-        """Stand where the robot stands now."""
+        """Stand at the present place of the robot."""
         self.com, self.heading = self._robot.com.copy(), heading
         self.places = [pin.SE3(self._robot.placement(sole.frame)) for sole in self._robot.soles]
 
@@ -279,6 +282,6 @@ class StandSource(ReferenceSource):
         return Pendulum.at_rest(self.com, 0.5 * sum(float(place.translation[2]) for place in self.places))
 
     def update(self, state: State) -> Reference:
-        """Return the stand."""
+        """Return the references of the stand."""
         left, right = (FootMotion.at_rest(place) for place in self.places)
         return Reference(self.pendulum(), (left, right), heading=self.heading)

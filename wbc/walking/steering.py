@@ -59,7 +59,7 @@ class Steering:
     Attributes:
         target: Commanded velocity: forward (m/s), left (m/s), turn (rad/s); None for a stand, or with a goal.
         goal: Place (m) and heading (rad) to walk to; None without one, and once the robot is there.
-        limits: Greatest velocities that are granted.
+        limits: Largest velocities that the walk accepts without limiting them.
         near: Distance up to which a goal is walked to without being faced, m.
     """
 

@@ -59,16 +59,16 @@ class State(NamedTuple):
     """Estimated state of the robot in one control tick.
 
     Attributes:
-        robot: The estimated robot: its kinematics and dynamics until the next tick.
-        measurement: The measurement, with what was refused replaced by predictions, and with wrenches that are
-            estimated where none are measured; as it came if the tick has failed.
+        robot: Estimated robot, with its kinematics and dynamics; valid until the next tick.
+        measurement: Measurement in which refused values are replaced by predictions, and missing wrenches by estimates.
+            In a tick that has failed it is the measurement as received.
         load: Filtered vertical forces on the soles, shape (number of soles,), N.
-        received: The measurement as it came.
-        ok: False if the tick has failed already: by its measurement, or by what was to follow from it.
-        time: Time since the control was made, one period a tick, s.
-        dcm: Divergent component of motion less its estimated bias, shape (3,), m, from a control that estimates it;
-            None otherwise, and while hands hold on to something.
-        turned: Angle by which the feet have turned about the vertical in the last period, rad: see `InertialFilter`.
+        received: Measurement as received.
+        ok: False if the tick has already failed, by its measurement or by the estimation.
+        time: Time since the control was made, s; one control period in each tick.
+        dcm: Divergent component of motion minus its estimated bias, shape (3,), m. None if the control does not
+            estimate the bias, and while hands grip an object.
+        turned: Angle by which the feet have turned about the vertical in the last period, rad; see `InertialFilter`.
     """
 
     robot: Robot
@@ -124,7 +124,7 @@ class DriveControl:
         policy: Reaction to failures.
         solution: Result of the last tick.
         measurement: Measurement of the last tick, with what was refused replaced by predictions.
-        time: Time since the control was made, one period a tick, s.
+        time: Time since the control was made, s; one control period in each tick.
         wrenches: Estimator of the wrenches of feet without force sensors; None while they are measured.
         failures: Number of failed ticks so far.
         reason: Reason of the last failure, or of the first of a row.

@@ -88,20 +88,20 @@ class HandState(enum.Enum):
 
 @settings
 class HandSettings:
-    """Settings of hands that press on things.
+    """Settings of hands that press on objects.
 
     Attributes:
         reach_time: Time in which a hand moves to the start of its approach, s.
-        length: From the frame of a hand to its tip, m.
+        length: Distance from the frame of a hand to its tip, m.
         approach: Speed towards a surface, m/s.
-        touch: Force above which the hand has touched the surface, N; of a light robot, its share.
-        ramp: Time over which a force is built up, reduced or changed, s.
+        touch: Force at which the hand has touched the surface, N; smaller for a light robot (`Robot.force_scale`).
+        ramp: Duration of the increase, decrease or change of a force, s.
         lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
-        edge: Ratio of the distance to the edge of the soles that the ZMP of the feet moves for planned forces before
-            the CoM does: less shift, and less margin against disturbances.
-        help: Ratio of the moment missing at the feet that pressing hands take over; 0 leaves it to the trunk.
-        share: Ratio of an arm's torque limits, beside its weight, that a force may use.
-        margin: Distance of the DCM from the edge of the soles that must be left when a force is lost suddenly, m.
+        edge: Share of the distance to the edge of the soles by which the ZMP moves for planned forces before the CoM
+            moves. A larger share needs less shift of the CoM, and leaves less margin against disturbances.
+        help: Share of the missing moment of the feet that pressing hands supply; with 0 the trunk supplies it.
+        share: Share of an arm's torque limits that a force may use, in addition to the weight of the arm.
+        margin: Distance that the DCM must keep from the edge of the soles if a force is lost suddenly, m.
     """
 
     reach_time: Annotated[Positive, "s"] = 3.0

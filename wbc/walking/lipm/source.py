@@ -109,7 +109,7 @@ class LipmWalk(ReferenceSource):
         return self.walk.update(state.load.tolist(), self._soles, state.dcm, state.turned)
 
     def progress(self, last: Reference | None) -> Progress:
-        """Return phase and steps now."""
+        """Return the present phase and the number of steps."""
         gait = self.walk.plan.gait.full
         return self.walk.progress(
             self.walk.plan.steps[self.walk.step :], gait.single_support + gait.double_support

@@ -112,12 +112,12 @@ def mean_heading(left: float, right: float) -> float:
 
 @dataclass(frozen=True)
 class FootstepPlan:
-    """Two feet on the ground and the steps from there.
+    """Plan of footsteps: the places of both feet at the start, and the steps from there.
 
     Attributes:
         left: Place of the left sole at the start.
         right: Place of the right sole at the start.
-        steps: Landings in order; sides alternate.
+        steps: Landings in their order; left and right alternate.
         gait: Timings and swing.
     """
 
@@ -140,7 +140,7 @@ class FootstepPlan:
         return len(self.steps)
 
     def stance(self, index: int) -> Footstep:
-        """Return the foot that stands while step `index` swings."""
+        """Return the stance foot of step `index`."""
         if index > 0:
             return self.steps[index - 1]
         return self.right if self.steps[0].side == "left" else self.left
@@ -154,18 +154,18 @@ class FootstepPlan:
 
     @property
     def climbs(self) -> bool:
-        """True if a foot lands `LEAST_STAIR` or more above or below the other one."""
+        """True if a foot lands at least `LEAST_STAIR` above or below the other foot."""
         heights = [self.stance(0).z, *(step.z for step in self.steps)] if self.steps else []
         return any(abs(b - a) >= LEAST_STAIR for a, b in zip(heights, heights[1:], strict=False))
 
     @property
     def spacing(self) -> float:
-        """Lateral distance between the sole centres: that of the gait, or else that of the start, m."""
+        """Lateral distance between the sole centres, m: that of the gait, or else that at the start."""
         spacing = self.gait.feet_spacing
         return abs(self.left.seen_from(self.right)[1]) if spacing is None else spacing
 
     def feet(self, count: int) -> tuple[Footstep, Footstep]:
-        """Return the places of left and right sole when a number of steps have landed."""
+        """Return the places of left and right sole after a number of landings."""
         feet = {"left": self.left, "right": self.right}
         for step in self.steps[max(count - 2, 0) : count]:
             feet[step.side] = step
@@ -178,7 +178,7 @@ class FootstepPlan:
 
     @property
     def end(self) -> FootstepPlan:
-        """Plan without steps that stands where this one ends."""
+        """Plan without steps, with the feet at the end of this plan."""
         left, right = self.final
         return replace(self, left=left, right=right, steps=())
 
@@ -209,18 +209,18 @@ class FootstepPlan:
         return replace(self, steps=(*self.steps, *steps))
 
     def moved(self, world: pin.SE3) -> FootstepPlan:
-        """Return the plan in another place.
+        """Return the plan moved to another place.
 
         Args:
-            world: Motion from the old places to the new ones, for example a turn and a shift.
+            world: Displacement from the old places to the new ones, for example a turn and a shift.
         """
         return self._mapped(lambda step: step.moved(world))
 
     def on(self, height: Callable[[float, float], float]) -> FootstepPlan:
-        """Return the plan with every sole centre on a ground that is known.
+        """Return the plan with every sole centre on a known ground.
 
         Args:
-            height: Height of the ground at (x, y), m.
+            height: Function that returns the height of the ground at (x, y), m.
         """
         return self._mapped(lambda step: replace(step, z=float(height(step.x, step.y))))
 
@@ -235,8 +235,8 @@ class FootstepPlan:
         Args:
             index: Index of the step.
             step: New landing.
-            carry: Move all later steps along, so that they keep their places relative to this one; otherwise
-                they stay in place.
+            carry: Move all later steps as well, so that they keep their places relative to this step. Otherwise they
+                keep their places in the world.
         """
         if not 0 <= index < len(self):
             raise InputError(f"no step {index} in a plan of {len(self)}")
@@ -252,7 +252,7 @@ class FootstepPlan:
         return replace(self, steps=(*self.steps[:index], step, *later))
 
     def stopping_after(self, index: int) -> FootstepPlan:
-        """Return the plan cut after a step, with one more that brings the foot that would step next beside the other.
+        """Return the plan cut after a step, with one more step that brings the other foot beside the last one.
 
         Args:
             index: Last step to walk; −1 walks none.

@@ -90,27 +90,28 @@ GRID = {name: 0.01 for name in (*TIMINGS, "takeoff_time", "landing_time")}
 
 @settings
 class Gait:
-    """Sizes and timings of steps as far as they are given.
+    """Sizes and timings of steps; each can be left open.
 
-    What is None fits the robot's size (`sized`) and, where a velocity is commanded, the velocity (`for_speed`); else it
-    is as in `StepGait`. What is given stays.
+    A value that is None is chosen by the size of the robot (`sized`) and, for a commanded velocity, by the velocity
+    (`for_speed`); otherwise it is that of `StepGait`. Given values do not change.
 
     Attributes:
-        step_length: Greatest forward distance from stance foot to landing, m.
+        step_length: Largest forward distance from the stance foot to the landing, m.
         feet_spacing: Lateral distance between the sole centres, m; the robot's own when None.
         single_support: Time on one foot, s.
         double_support: Time on both feet between steps, s.
         initial_double_support: Time to shift the weight before the first step, s.
         final_double_support: Time to come to rest after the last step, s.
-        swing_height: Highest point of the swing foot over the higher of its two ends, m.
-        apex: Time of the highest point over that of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
-        takeoff_time: Time in which the foot only rises after lift-off, s.
-        landing_time: Time in which the foot only sinks before touch-down, s.
+        swing_height: Height of the highest point of the swing above the lift-off or the landing, whichever is higher,
+            m.
+        apex: Time of the highest point as a share of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
+        takeoff_time: Time after lift-off in which the foot only rises, s.
+        landing_time: Time before touch-down in which the foot only sinks, s.
         landing_speed: Downward speed at touch-down, m/s; half of it in a plan with stairs.
-        landing_height: Height over the landing below which the foot sinks at `landing_speed`, m, so that ground that
-            comes early is met gently as well; 0 in a plan with stairs, whose heights are known.
-        search_depth: Depth below the landing to which the foot searches for ground that comes late, m.
-        search_time: Time from touch-down as planned until the foot is at that depth, s.
+        landing_height: Height above the landing below which the foot sinks at `landing_speed`, m, so that higher ground
+            is also met gently. 0 in a plan with stairs, whose heights are known.
+        search_depth: Depth below the landing to which the foot searches for lower ground, m.
+        search_time: Time from the planned touch-down until the foot is at that depth, s.
     """
 
     step_length: Annotated[Size, "m"] | None = None
@@ -138,12 +139,12 @@ class Gait:
 
     @cached_property
     def full(self) -> StepGait:
-        """The gait with a number for every value: the default of each that is not given."""
+        """Gait with a number for every value; values that are not given have their defaults."""
         return self if isinstance(self, StepGait) else StepGait(**self.given)
 
     @property
     def given(self) -> dict[str, Any]:
-        """Values that are given, by name."""
+        """Given values, by name."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
@@ -170,26 +171,26 @@ class Gait:
 
     @staticmethod
     def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> StepGait:
-        """Return the gait for a velocity: quicker steps at higher speed.
+        """Return the gait for a velocity; steps take less time at a higher velocity.
 
         Values between the rows of `SPEEDS` are interpolated; the timings are multiples of 10 ms.
 
         Args:
             velocity: Forward (m/s), left (m/s) and turn (rad/s).
-            gait: Gait whose given values stay.
+            gait: Gait whose given values do not change.
         """
         what = "velocity (forward m/s, left m/s, turn rad/s)"
         return Gait.at_speed(pace(finite_array(what, velocity, (3,)).tolist()), gait)
 
     @staticmethod
     def at_speed(speed: float, gait: Gait | None = None) -> StepGait:
-        """Return the gait of a speed of the table (m/s); see `for_speed`."""
+        """Return the gait for a speed, m/s; see `for_speed`."""
         return _at_speed(round(speed, 2), gait or Gait())
 
 
 @settings
 class StepGait(Gait):
-    """Gait with a number for every value: that of which steps are made.
+    """Gait with a number for every value.
 
     The defaults are those of the soft-footed robot of Frizza et al., Humanoids 2022 (the authors' published plan:
     0.8 s / 0.3 s, 60 mm swing); 0.145 m per step makes 22 steps of 3 m.
@@ -224,7 +225,7 @@ class StepGait(Gait):
         )
 
     def for_stairs(self) -> StepGait:
-        """Return the gait for stairs of known heights: highest half way, slow at the very end alone."""
+        """Return the gait for stairs of known heights: the swing is highest half way and slow only at its end."""
         return replace(self, apex=0.5, landing_speed=0.5 * self.landing_speed, landing_height=0.0)
 
 

@@ -36,12 +36,12 @@ MOST_STEPS = 10_000
 def walk_distance(
     start: FootstepPlan, distance: Annotated[Number, "m"], *, first: str | None = None
 ) -> FootstepPlan:
-    """Walk straight on with equal steps and close up at the end.
+    """Plan a walk straight on, with equal steps and the feet side by side at the end.
 
     Args:
-        start: Feet and gait, or a plan, whose steps come before.
-        distance: Displacement of the feet, m; negative walks backwards.
-        first: Side that steps first; when None the left one, or after steps the one that has not stepped last.
+        start: Feet and gait at the start, or a plan that the new steps extend.
+        distance: Displacement of the feet, m; negative for backwards.
+        first: Side that steps first. When None: the left side, or after a plan the side that has not stepped last.
     """
     if abs(distance) < 1e-6:
         raise InputError("distance (m) must not be zero; a plan without steps stands")
@@ -54,14 +54,15 @@ def walk_distance(
 def walk_velocity(
     start: FootstepPlan, velocity: Velocity, steps: Count, *, first: str | None = None
 ) -> FootstepPlan:
-    """Walk with a velocity, in the time that steps take in the gait; `Gait.for_speed` gives the gait of a velocity.
+    """Plan a walk with a velocity; `Gait.for_speed` returns a gait with step times for a velocity.
 
-    Sideways and turning, the foot on the side of the motion opens by two steps' worth and the other closes.
+    To walk sideways or to turn, the foot on the side of the motion moves by twice the motion of a step, and the other
+    foot follows.
 
     Args:
-        start: Feet and gait, or a plan, whose steps come before.
-        velocity: Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle, shape (3,).
-        steps: Number of steps, before the one that closes up.
+        start: Feet and gait at the start, or a plan that the new steps extend.
+        velocity: Velocity of the robot, shape (3,): forward (m/s), to the left (m/s) and turn (rad/s).
+        steps: Number of steps before the last one, which brings the feet side by side.
         first: Side that steps first; the side of the motion when None.
     """
     vx, vy, turn = map(float, velocity)
@@ -84,14 +85,14 @@ def walk_velocity(
 def turn_in_place(
     start: FootstepPlan, angle: Angle, *, per_step: Turn = 0.25, ahead: Annotated[NonNegative, "m"] = 0.0
 ) -> FootstepPlan:
-    """Turn on the spot, or about a point ahead.
+    """Plan a turn on the spot, or about a point ahead.
 
     Args:
-        start: Feet and gait, or a plan, whose steps come before.
-        angle: To the left, rad.
-        per_step: Greatest turn from one foot to the other, rad.
-        ahead: Distance of that point before the middle of the feet, m: the robot walks round it and faces it, the outer
-            foot opens aside and turns, the other one closes.
+        start: Feet and gait at the start, or a plan that the new steps extend.
+        angle: Angle of the turn, rad; positive to the left.
+        per_step: Largest turn from one foot to the other, rad.
+        ahead: Distance of the point in front of the middle of the feet, m. The robot walks around the point and faces
+            it: one foot steps aside and turns, the other foot follows.
     """
     if angle == 0.0:
         raise InputError("angle (rad) must not be zero")
@@ -114,12 +115,12 @@ def walk_path(
     *,
     first: str | None = None,
 ) -> FootstepPlan:
-    """Place the feet beside a middle that moves, and close up.
+    """Plan steps on both sides of a moving middle, with the feet side by side at the end.
 
     Args:
-        start: Feet and gait, or a plan, whose steps come before.
-        moves: Motion of the middle in each step: forward (m), left (m), turn (rad).
-        first: Side that steps first; when None the left one, or after steps the one that has not stepped last.
+        start: Feet and gait at the start, or a plan that the new steps extend.
+        moves: Motion of the middle in each step: forward (m), to the left (m), turn (rad).
+        first: Side that steps first. When None: the left side, or after a plan the side that has not stepped last.
     """
     return _path(start, moves, _first_side(start, first), lambda _side, _y, _yaw: (1.0, 1.0))
 
@@ -201,16 +202,16 @@ def climb_stairs(
     together: bool = True,
     first: str | None = None,
 ) -> FootstepPlan:
-    """Climb a stair that is known, or descend it with a negative rise.
+    """Plan steps up known stairs, or, with a negative rise, down.
 
     Args:
-        start: Feet and gait, or a plan, whose steps come before.
+        start: Feet and gait at the start, or a plan that the new steps extend.
         rise: Height of a stair, m.
         tread: Depth of a stair, m.
         count: Number of stairs.
         first_edge: Distance from the middle of the feet to the first edge, m.
-        together: Bring both feet onto each stair; one foot a stair when False.
-        first: Side that steps first; when None the left one, or after steps the one that has not stepped last.
+        together: Bring both feet onto each stair; with False one foot onto each stair.
+        first: Side that steps first. When None: the left side, or after a plan the side that has not stepped last.
     """
     if rise == 0.0:
         raise InputError("rise (m) must not be zero; walk_distance walks on the level")

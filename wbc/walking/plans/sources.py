@@ -37,7 +37,7 @@ further step; greatest number of these."""
 
 
 class VelocityLimits(NamedTuple):
-    """Greatest velocities that are granted."""
+    """Largest velocities that the walk accepts without limiting them."""
 
     forward: float  # m/s
     back: float  # m/s
@@ -68,7 +68,7 @@ class DriveSettings:
 
     @property
     def limits(self) -> VelocityLimits:
-        """Greatest velocities that are granted."""
+        """Largest velocities that the walk accepts without limiting them."""
         (forward, aside, turn), back = self.fastest, self.fastest_back
         return VelocityLimits(forward, back, aside, turn)
 

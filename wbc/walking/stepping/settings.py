@@ -69,26 +69,28 @@ T = TypeVar("T")
 
 @settings
 class SteppingSettings:
-    """Settings of the stepping walk; its constants are those of `wbc.walking.stepping.law`.
+    """Settings of free steps, in units of the robot; the constants of the law are in `wbc.walking.stepping.law`.
+
+    h is the height of the CoM, ω its natural frequency √(g / h), and g the gravity, 9.81 m/s².
 
     Attributes:
-        bend: Distance of the CoM below its height on straight legs, leg lengths.
-        step_time: Time T of a step at low speed on feet that hold at a point, 1/ω.
-        slow_time: The same on soles that have held across their width, 1/ω.
+        bend: Distance by which the CoM is lower than on straight legs, leg lengths.
+        step_time: Time T of a step at low speed on feet that are supported at one point, 1/ω.
+        slow_time: Time T of a step at low speed on soles that are supported across their width, 1/ω.
         shortest: Shortest time of a step, 1/ω.
-        longest: Longest time of a step, and longest wait after an early contact, over the time T.
-        width: Distance w between the feet while nothing disturbs them, h; greater where the soles need it.
-        gap: Least distance between the inner edges of the soles, h.
-        widest: Greatest distance between the feet, h.
-        reach: Greatest length of a step, forward or back, h.
-        swing_height: Height of the swing above the higher of foot and ground, h.
+        longest: Longest time of a step, and longest wait after an early contact, as a multiple of T.
+        width: Distance w between the feet without disturbances, h; larger if the width of the soles requires it.
+        gap: Smallest distance between the inner edges of the soles, h.
+        widest: Largest distance between the feet, h.
+        reach: Largest length of a step, forward or back, h.
+        swing_height: Height of the swing above the lift-off or the landing, whichever is higher, h.
         friction: Coulomb coefficient of the ground.
-        acceleration: Greatest change of the walking velocity, g.
-        stride: Longest step that a velocity may ask for: legs that swing further lack torque, leg lengths.
-        fastest: Greatest velocity forward, hω; less where the stride ends before.
-        fastest_back: Greatest velocity back, hω.
-        fastest_aside: Greatest velocity to the side, hω; less where the feet stand close.
-        fastest_turn: Greatest turn, ω.
+        acceleration: Largest rate of the walking velocity, g.
+        stride: Longest step of a commanded velocity, leg lengths; for longer ones legs lack torque.
+        fastest: Largest velocity forward, hω; `stride` may limit it further.
+        fastest_back: Largest velocity back, hω.
+        fastest_aside: Largest velocity to the side, hω; smaller if the feet are close together.
+        fastest_turn: Largest turn rate, ω.
         cruise: Velocity to a goal, hω.
     """
 
@@ -112,7 +114,7 @@ class SteppingSettings:
     cruise: Annotated[Positive, "hω"] = 0.12
 
     def in_si(self, scale: RobotSize) -> SteppingSettings:
-        """Return the settings of one robot in SI units; an `InputError` for steps that cannot be walked."""
+        """Return the settings for one robot in SI units; raise an `InputError` if such steps cannot be walked."""
         si = in_si(self, scale)
         inside = 2.0 * scale.sole[1] + si.gap  # distance of the feet whose soles are a gap apart
         si = dataclasses.replace(si, width=max(si.width, 1.25 * inside), gap=inside)

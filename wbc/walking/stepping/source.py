@@ -84,7 +84,7 @@ class SteppingWalk(ReferenceSource):
         )
 
     def progress(self, last: Reference | None) -> Progress:
-        """Return phase and steps now."""
+        """Return the present phase and the number of steps."""
         swing = self.gait.swing
         return self.gait.progress(() if swing is None else (swing.landing,), self.gait.settings.step_time)
 
