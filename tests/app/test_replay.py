@@ -21,7 +21,8 @@ from wbc.app import Log, Player, Recorder, Replay, convert_log, render_video
 from wbc.app.cli import main
 from wbc.app.drift import Drift
 from wbc.app.replay.film import Marks, RenderError, renderer
-from wbc.app.view.marks import Mark, stiffness_colour
+from wbc.app.view.marks import Mark, Picture, stiffness_colour
+from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
 
@@ -53,14 +54,18 @@ def named(replay: Replay, tick: int, prefix: str) -> list[Mark]:
 # ---- pictures -------------------------------------------------------------------------------------------------------
 
 
-def test_bodies_are_where_they_were(tmp_path: Path) -> None:
+SAME = ("com", "ZMP planned", "DCM planned")
+"""Marks that a live view and a replay take from the same values."""
+
+
+def test_a_replay_shows_what_the_live_view_showed(tmp_path: Path) -> None:
     plant, walk = make_walk()
+    stage, shown = SimulatedStage(plant, walk), list[Picture]()
     seen: list[np.ndarray] = []
-    coms: list[np.ndarray] = []
 
     def watch(plant: wbc.Plant, *rest: object) -> None:
         seen.append(np.concatenate([plant.data.xpos, plant.data.xmat], axis=1))
-        coms.append(plant.truth().com)
+        shown.append(stage.picture())
 
     with Recorder(tmp_path / "walk.arrow") as record:
         run(plant, walk, 1.0, record, watch)
@@ -70,8 +75,13 @@ def test_bodies_are_where_they_were(tmp_path: Path) -> None:
         picture = replay.picture(tick)
         poses = np.concatenate([replay.data.xpos, replay.data.xmat], axis=1)
         np.testing.assert_allclose(poses, seen[tick], atol=2e-6)  # soles as they were bent, too
-        np.testing.assert_allclose(picture.marks[0].points[0], coms[tick], atol=1e-6)
-        assert picture.time == replay.log.time[tick]
+        assert picture.time == shown[tick].time == replay.log.time[tick]
+        assert {*shown[tick].text} <= {*picture.text}  # which has the last event, too
+        marks, live = ({mark.name: mark for mark in each.marks} for each in (picture, shown[tick]))
+        assert {*SAME} <= marks.keys() <= live.keys() | {f"planned step {i}" for i in range(9)}
+        for name in SAME:
+            assert marks[name].meaning == live[name].meaning and marks[name].colour == live[name].colour
+            np.testing.assert_allclose(marks[name].points, live[name].points, atol=1e-6)
     assert np.ptp([poses[:, :3] for poses in seen], axis=0).max() > 0.05
 
 

@@ -15,16 +15,16 @@ from wbc.app.log.sources import position_signal
 from wbc.app.log.stances import stances
 from wbc.app.view.marks import (
     Force,
+    Instant,
     Mark,
     Picture,
-    balance_marks,
-    force_marks,
+    Walking,
+    draw,
     ground_mark,
     planned_step,
     real_step,
     scan_mark,
     sole_force,
-    walk_text,
 )
 from wbc.app.view.stage import DescribedStage, SimulatedStage, sole_bodies
 from wbc.app.view.walk_marks import sole_poses
@@ -84,6 +84,7 @@ class Replay:
             self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
             self._zmp = drift(log["zmp/measured"]) if "zmp/measured/x" in log else None
             self._dcm = drift(log["dcm/estimated"]) if "dcm/estimated/x" in log else None
+            self._planned = dict(_planned(log, drift))
             self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
             push = "truth/push/point/x" in log
             self._push = (log["truth/push/point"], log["truth/push/force"]) if push else None
@@ -134,35 +135,43 @@ class Replay:
         level = float(zmp[2]) if zmp is not None and np.isfinite(zmp[2]) else self.floor
         standing = [foot.corners for foot in self._stances if foot.start <= tick < foot.end]
         support = np.concatenate(standing) if standing else None
-        marks = balance_marks(self.scale, self._com[tick], zmp, dcm, level, support)
-        marks += force_marks(self.scale, forces)
-        marks += [mark for start, end, mark in self._marks if start <= tick < end]
-        picture = Picture(float(self.log.time[tick]), marks, self._text(tick), self.base_places[tick])
+        now = Instant(float(self.log.time[tick]), self._com[tick], level, zmp, dcm, support, forces)
+        now.planned = {name: points[tick] for name, points in self._planned.items()}
+        now.marks = [mark for start, end, mark in self._marks if start <= tick < end]
+        now.target = self.base_places[tick]
         if any(self._soles):
-            stiffness = [float(self.log[f"foot/{side}/stiffness"][tick]) for side in SIDES]
-            picture.colour_soles(self._soles, stiffness)
-        return picture
+            now.soles = self._soles
+            now.stiffness = [float(self.log[f"foot/{side}/stiffness"][tick]) for side in SIDES]
+        self._tell(now, tick)
+        return draw(self.scale, now)
 
-    def _text(self, tick: int) -> list[str]:
-        """Return the lines of text at a tick: program, phase, drift and last event."""
+    def _tell(self, now: Instant, tick: int) -> None:
+        """Add to an instant what is said of its tick: program, phase, drift and last event."""
         state, phase, side = (
             self._texts[name][tick] if name in self._texts else None
             for name in ("program/state", "walk/phase", "step/side")
         )
-        lines = [] if state is None else [str(state)]
+        now.program = None if state is None else str(state)
         if phase is not None:
-            lines.append(walk_text(phase, side, int(np.nan_to_num(self.log["walk/steps_done"][tick]))))
+            now.walking = Walking(phase, side, int(np.nan_to_num(self.log["walk/steps_done"][tick])))
         if self._marks and "truth/com/x" in self.log:
-            lines.append(self._drift.text(tick))
-        now = float(self.log.time[tick])
-        return lines + [text for time, text in self.log.events if now - EVENT_TIME <= time <= now][-1:]
+            now.text.append(self._drift.text(tick))
+        now.text += [text for time, text in self.log.events if now.time - EVENT_TIME <= time <= now.time][-1:]
+
+
+def _planned(log: Log, drift: Drift) -> Iterator[tuple[str, Array]]:
+    """Yield name and places of the points that a walk plans, in the true world, shape (ticks, 3), m."""
+    if "zmp/reference/x" in log and "dcm/reference/x" in log:
+        zmp = log["zmp/reference"]
+        yield "ZMP", drift(zmp)
+        yield "DCM", drift(np.column_stack([log["dcm/reference"], zmp[:, 2]]))
 
 
 def _walk_marks(log: Log, drift: Drift) -> Iterator[tuple[int, int, Mark]]:
     """Yield first tick, tick after the last one and mark of footsteps, scans and maps of a walk; none of other runs."""
     end = len(log)
     if "foot/left/contact" in log and "dcm/reference/x" in log:
-        for k, stance in enumerate(stances(log)):
+        for k, stance in enumerate(stance for stance in stances(log) if stance.start > 0):
             yield 0, end, planned_step(k, stance.side, stance.corners)
         for k, stance in enumerate(stances(log, "truth")):
             yield stance.start, end, real_step(k, stance.side, stance.corners)

@@ -1,7 +1,8 @@
 """Marks: everything that is drawn beside the model, as one list for each picture.
 
-Live views, replays and films draw the same marks, made by the functions of this module from the values of a run
-(`stage`, `walk_marks`) or of a log (`wbc.app.replay.replay`). Pages and Rerun draw the triangles of a mark.
+Live views, replays and films draw the same picture, which `draw` makes from an `Instant`: the values of a run at one
+time, read from the run itself (`stage`, `walk_marks`) or from a row of its log (`wbc.app.replay.replay`). Pages and
+Rerun draw the triangles of a mark.
 """
 
 from __future__ import annotations
@@ -23,6 +24,9 @@ from wbc.tasks.stabilizer.zmp import cop
 COM_COLOUR: Colour = (0.95, 0.60, 0.10, 1.0)
 ZMP_COLOUR: Colour = (0.75, 0.15, 0.75, 1.0)
 DCM_COLOUR: Colour = (0.34, 0.71, 0.91, 1.0)
+PLANNED: dict[str, Colour] = {"ZMP": ZMP_COLOUR, "DCM": DCM_COLOUR}
+"""Planned points that are drawn as rings, in the colours of the true ones."""
+
 FORCES: dict[str, tuple[Colour, str]] = {
     "ground": ((0.10, 0.60, 0.25, 0.9), "contact force"),
     "push": ((0.85, 0.15, 0.10, 0.9), "push"),
@@ -101,14 +105,6 @@ class Picture:
     target: Array = field(default_factory=lambda: np.zeros(3))
     colours: dict[int, Colour] = field(default_factory=dict)
 
-    def colour_soles(self, bodies: Sequence[Sequence[int]], stiffness: Sequence[float]) -> None:
-        """Colour the bodies of each sole by its stiffness (Nm/rad), which becomes a line of text; NaN is none."""
-        for sole, value in zip(bodies, stiffness, strict=True):
-            if math.isfinite(value):
-                self.colours |= dict.fromkeys(sole, stiffness_colour(value))
-        if self.colours:
-            self.text.append("soles " + " and ".join(f"{value:.1f}" for value in stiffness) + " Nm/rad")
-
 
 class Force(NamedTuple):
     """A force: one of `FORCES`, point of attack (world, m) and force (world, N), both of shape (3,)."""
@@ -123,6 +119,77 @@ class Scale(NamedTuple):
 
     height: float
     weight: float
+
+
+class Walking(NamedTuple):
+    """Phase of a walk, the foot that swings or swings next, and the number of steps done."""
+
+    phase: str
+    swing: str | None
+    steps_done: int
+
+
+@dataclass(eq=False)
+class Instant:
+    """Values of a run at one time, from which its picture is drawn; points in the true world, m.
+
+    Attributes:
+        time: s.
+        com: Centre of mass, shape (3,).
+        level: Height of the ground under the robot, m.
+        zmp: ZMP, shape (3,); None or NaN without contact.
+        dcm: DCM, shape (2,) or (3,); None or NaN if unknown.
+        support: Points that bear the robot, shape (n, 3).
+        forces: Forces to draw.
+        planned: Planned points by their name, "ZMP" and "DCM", shape (3,).
+        marks: Marks of footsteps, scans and maps.
+        target: Point that the camera follows, shape (3,); the centre of mass when None.
+        soles: Bodies of each sole on hinges of variable stiffness.
+        stiffness: Stiffness of each of these soles, Nm/rad; NaN for none.
+        program: State of the program that runs.
+        walking: Phase of the walk; None of other runs.
+        text: Further lines of text.
+    """
+
+    time: float
+    com: Array
+    level: float
+    zmp: Array | None = None
+    dcm: Array | None = None
+    support: Array | None = None
+    forces: list[Force] = field(default_factory=list)
+    planned: dict[str, Array] = field(default_factory=dict)
+    marks: list[Mark] = field(default_factory=list)
+    target: Array | None = None
+    soles: Sequence[Sequence[int]] = ()
+    stiffness: Sequence[float] = ()
+    program: str | None = None
+    walking: Walking | None = None
+    text: list[str] = field(default_factory=list)
+
+
+def draw(scale: Scale, now: Instant) -> Picture:
+    """Return the picture of an instant."""
+    picture = Picture(now.time, target=now.com if now.target is None else now.target)
+    picture.marks += balance_marks(scale, now.com, now.zmp, now.dcm, now.level, now.support)
+    picture.marks += force_marks(scale, now.forces)
+    picture.marks += [
+        ring(name, PLANNED[name], point, scale)
+        for name, point in now.planned.items()
+        if np.isfinite(point).all()
+    ]
+    picture.marks += now.marks
+    if now.program is not None:
+        picture.text.append(now.program)
+    if now.walking is not None:
+        picture.text.append(walk_text(*now.walking))
+    picture.text += now.text
+    for bodies, value in zip(now.soles, now.stiffness, strict=True):
+        if math.isfinite(value):
+            picture.colours |= dict.fromkeys(bodies, stiffness_colour(value))
+    if picture.colours:
+        picture.text.append("soles " + " and ".join(f"{value:.1f}" for value in now.stiffness) + " Nm/rad")
+    return picture
 
 
 def balance_marks(

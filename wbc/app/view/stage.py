@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.view.marks import Force, Picture, Scale, balance_marks, force_marks, sole_force
+from wbc.app.view.marks import Force, Instant, Picture, Scale, draw, sole_force
 from wbc.app.view.walk_marks import WalkMarks
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
@@ -56,7 +56,7 @@ class SimulatedStage:
         self.title, self.model, self.data = robot.description.name, robot.model, robot.data
         self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
         self.scale = Scale(float(robot.truth().com[2]) - self.floor, robot.robot.mass * GRAVITY)
-        self._marks = None if walking is None else WalkMarks(robot, walking, self.scale)
+        self._marks = None if walking is None else WalkMarks(robot, walking)
         self._soles = sole_bodies(robot)
         self._springs: list[int] = []
         if isinstance(robot, Plant) and all(self._soles):
@@ -83,14 +83,13 @@ class SimulatedStage:
         omega = natural_frequency(self.scale.height) if reference is None else reference.pendulum.omega
         dcm = truth.com + truth.com_velocity / omega
         support = position[force[:, 2] > MIN_LOAD_SHARE * self.scale.weight]
-        marks = balance_marks(self.scale, truth.com, zmp_of(wrench, level), dcm, level, support)
-        picture = Picture(robot.time, marks, target=truth.com)
+        now = Instant(robot.time, truth.com, level, zmp_of(wrench, level), dcm, support, forces)
         if self._marks is not None:
-            self._marks.draw(picture, forces)
-        picture.marks += force_marks(self.scale, forces)
+            self._marks.add(now)
         if self._springs:
-            picture.colour_soles(self._soles, [float(self.model.jnt_stiffness[k]) for k in self._springs])
-        return picture
+            now.soles = self._soles
+            now.stiffness = [float(self.model.jnt_stiffness[k]) for k in self._springs]
+        return draw(self.scale, now)
 
 
 class DescribedStage:
@@ -127,10 +126,10 @@ class DescribedStage:
                 total += place.act(pin.Force(wrench)).vector
                 forces += sole_force(place.translation, place.rotation, wrench)
             level = min(float(place.translation[2]) for place in places)
-        com = np.array(robot.com)
-        marks = balance_marks(self.scale, com, zmp_of(total, level), None, level)
-        marks += force_marks(self.scale, forces)
-        return Picture(0.0 if read is None else read.time, marks, target=com)
+        time = 0.0 if read is None else read.time
+        return draw(
+            self.scale, Instant(time, np.array(robot.com), level, zmp_of(total, level), forces=forces)
+        )
 
 
 def sole_bodies(robot: SimulatedRobot) -> list[list[int]]:

@@ -10,18 +10,14 @@ import numpy as np
 
 from wbc.app.drift import Drift
 from wbc.app.view.marks import (
-    DCM_COLOUR,
-    ZMP_COLOUR,
     Force,
+    Instant,
     Mark,
-    Picture,
-    Scale,
+    Walking,
     ground_mark,
     planned_step,
     real_step,
-    ring,
     scan_mark,
-    walk_text,
 )
 from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY, SIDES
@@ -43,8 +39,8 @@ MAP_PERIOD = 0.5
 class WalkMarks:
     """Marks of a walk, in the true world; footsteps, scans and map are kept from picture to picture."""
 
-    def __init__(self, robot: SimulatedRobot, walking: WalkingControl, scale: Scale) -> None:
-        self._robot, self._walking, self._scale = robot, walking, scale
+    def __init__(self, robot: SimulatedRobot, walking: WalkingControl) -> None:
+        self._robot, self._walking = robot, walking
         feet = robot.feet if isinstance(robot, Plant) else ()
         self._sizes = [(s.length, s.width) for s in [f.fit.sole for f in feet] or robot.robot.soles]
         self._planned: dict[int, Mark] = {}
@@ -55,27 +51,26 @@ class WalkMarks:
         self._scanned: object = None  # last step of the scheduler that has been looked at
         self._map_version, self._map_time, self._map = -1, -math.inf, np.empty((0, 3))
 
-    def draw(self, picture: Picture, forces: list[Force]) -> None:
-        """Add marks and lines of text to a picture, and the estimated force on the hands to its forces."""
+    def add(self, now: Instant) -> None:
+        """Add the walk to an instant: phase, plans, footsteps, scans, map, and the estimated force on the hands."""
         walking = self._walking
         drift = drift_of(self._robot, walking)
-        self._draw_footsteps(picture, drift)
+        self._add_footsteps(now, drift)
         if walking.reference is not None:
             pendulum = walking.reference.pendulum
             dcm = np.array([*pendulum.dcm[:2], pendulum.zmp[2]])
-            for name, point, colour in (("ZMP", pendulum.zmp, ZMP_COLOUR), ("DCM", dcm, DCM_COLOUR)):
-                picture.marks.append(ring(name, colour, drift(point, 0), self._scale))
-        self._draw_ground(picture, drift)
+            now.planned = {"ZMP": drift(pendulum.zmp, 0), "DCM": drift(dcm, 0)}
+        self._add_ground(now, drift)
         force, start = outside_force(walking)
         if force is not None:
             ends = drift(np.stack([start, start + force]), 0)
-            forces.append(Force("outside", ends[0], ends[1] - ends[0]))
+            now.forces.append(Force("outside", ends[0], ends[1] - ends[0]))
         progress = walking.progress
-        picture.text.append(walk_text(progress.phase.value, progress.swing_side, progress.steps_done))
-        picture.text.append(drift.text(0))
+        now.walking = Walking(progress.phase.value, progress.swing_side, progress.steps_done)
+        now.text.append(drift.text(0))
 
-    def _draw_footsteps(self, picture: Picture, drift: Drift) -> None:
-        """Draw outlines of the planned footsteps, adjusted until they land, and areas of the real ones."""
+    def _add_footsteps(self, now: Instant, drift: Drift) -> None:
+        """Add outlines of the planned footsteps, adjusted until they land, and areas of the real ones."""
         progress, soles = self._walking.progress, sole_poses(self._robot.places, self._robot.data)
         done = progress.steps_done
         self._planned = {i: mark for i, mark in self._planned.items() if done - MAX_STEPS <= i < done}
@@ -87,29 +82,29 @@ class WalkMarks:
                 self._standing.pop(side, None)
                 continue
             if side not in self._standing:
-                self._stances += 1
                 self._standing[side] = self._stances
+                self._stances += 1
             number = self._standing[side]
             self._real[number] = real_step(number, side, sole_corners(*size, pose))
         while len(self._real) > MAX_STEPS:
             del self._real[next(iter(self._real))]
-        picture.marks += [*self._planned.values(), *self._real.values()]
+        now.marks += [*self._planned.values(), *self._real.values()]
 
-    def _draw_ground(self, picture: Picture, drift: Drift) -> None:
-        """Draw what range sensors have scanned in each swing, and the cells of the ground that are known."""
+    def _add_ground(self, now: Instant, drift: Drift) -> None:
+        """Add what range sensors have scanned in each swing, and the cells of the ground that are known."""
         soles, ground = self._walking.stiffness, self._walking.ground
         if soles is not None and soles.steps and soles.steps[-1] is not self._scanned:
             self._scanned, profile = soles.steps[-1], soles.steps[-1].profile
             if profile is not None:
                 self._scans.append(scan_mark(len(self._scans), drift(profile.points, 0)))
-        picture.marks += self._scans[-MAX_STEPS:]
+        now.marks += self._scans[-MAX_STEPS:]
         if ground is None:
             return
-        if ground.version != self._map_version and not 0.0 <= picture.time - self._map_time < MAP_PERIOD:
-            self._map_version, self._map_time = ground.version, picture.time
+        if ground.version != self._map_version and not 0.0 <= now.time - self._map_time < MAP_PERIOD:
+            self._map_version, self._map_time = ground.version, now.time
             self._map = drift(ground.map.known()[0], 0)
         if len(self._map):
-            picture.marks.append(ground_mark(self._map))
+            now.marks.append(ground_mark(self._map))
 
 
 def outside_force(walking: WalkingControl) -> tuple[Array | None, Array]:
