@@ -53,7 +53,6 @@ from wbc.walking.plans.footsteps import FootstepPlan, heading
 from wbc.walking.plans.sources import FootstepSource, Velocity, VelocityLimits, checked_velocity
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.stepping.source import SteppingWalk
 from wbc.walking.steps import Steps, com_height, drive_of, steps_of
 
 logger = logging.getLogger(__name__)
@@ -128,20 +127,16 @@ class WalkingControl:
         self.control, self.dt = drive_of(controller, observer, s), dt
         self.arms = Arms(controller, dt, s.arms)
         self._kinds = steps_of(self.control, self.arms, source, s, extent)
-        self._free: SteppingWalk | None = None
-        if "free" in self._kinds and isinstance(walk := self._kinds["free"].source, SteppingWalk):
-            self._free = walk
         plan = source if isinstance(source, FootstepPlan) and source.steps else None
-        if plan is not None and "planned" in self._kinds:
-            first: Kind = "planned"
-        else:
-            first = "free" if self._free is not None else "planned"
+        first: Kind = "planned"
+        if "free" in self._kinds and (plan is None or len(self._kinds) == 1):
+            first = "free"
         steps = self._kinds[first]
         self.body = Body(
             controller,
             com_height(robot, steps.source),
             dt,
-            most_turn=math.inf if self._free is None else STEPPING_TURN,
+            most_turn=STEPPING_TURN if "free" in self._kinds else math.inf,
             lift=self._lift,
             reaching=steps.tasks.reaching,
         )
@@ -261,13 +256,12 @@ class WalkingControl:
 
     def _choose(self, state: State) -> None:
         """Change the steps of a robot that stands for hands, for a push, for a plan that waits, and once it is calm."""
-        assert self._free is not None
         hands = None if self._planned is None else self._planned.hands
         at_hand = hands is not None and (hands.wanted or self._pressing)
         calm = self.stands and self.source.finished
         if self._kind == "free" and at_hand and self.stands:
             self._change("planned")
-        elif calm and self._kind == "planned" and self._free.leaves(state, HOLDS):
+        elif calm and self._kind == "planned" and self._kinds["free"].source.leaves(state, HOLDS):
             self._change("free")  # which steps out in this tick
         elif calm and self._waiting is not None:
             plan, self._waiting = self._waiting, None

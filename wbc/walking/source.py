@@ -180,6 +180,10 @@ class ReferenceSource(ABC):
         cycle = last.duration or 1.0
         return Progress(last.phase, swing, stance, last.step, last.elapsed, last.duration, upcoming, cycle)
 
+    def leaves(self, state: State, share: float) -> bool:
+        """Return True if the DCM of a robot that stands has left a share of what it can hold, so that it must step."""
+        return False
+
     def lift(self) -> float:
         """Return the present height of the swing, m; zero once all orders are done."""
         return 0.0 if self.finished else self.swing_height
