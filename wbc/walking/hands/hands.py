@@ -404,7 +404,7 @@ class Hands:
         size = math.hypot(missing[0], missing[1])
         least = HELP_FROM * self._robot.force_scale
         lacks = missing * (max(0.0, 1.0 - least / size) if size > 0.0 else 0.0)
-        self._missing += -math.expm1(-dt / HELP_TIME) * (lacks - self._missing)
+        self._missing += lag_gain(dt, HELP_TIME) * (lacks - self._missing)
         square = levers @ levers.T + 1e-3 * np.eye(2)
         wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)
         for hand, force in zip(pressing, wanted.tolist(), strict=True):
