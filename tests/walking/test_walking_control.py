@@ -8,10 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import wbc
 from wbc.core.drive.control import Mode
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
+from wbc.sim import Plant
 from wbc.tasks import OrientationTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.control import WalkingControl
@@ -217,3 +219,32 @@ def test_the_lean_turns_the_trunk_as_its_velocity_says() -> None:
                 most = max(most, float(np.abs(velocity).max()))
         before = now
     assert most > 0.1
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_hand_that_would_go_into_a_thigh_stays_beside_it_with_a_limit_on_collisions(mode: Mode) -> None:
+    """The hand is sent into the middle of the thigh: without the limit it goes there, with it it stops before."""
+    description = wbc.load_robot("hrp4_class")
+    pair = ("left_hand", "left_thigh")
+    shapes = {link: shape for link, shape in description.collision_shapes().items() if link in pair}
+    least = {}
+    for kept in (False, True):
+        limit = wbc.CollisionLimit([pair], shapes=shapes, margin=0.02)
+        robot, plant = description.robot(), Plant(description, control_period=0.005)
+        settings = WalkingControlSettings(mode=mode)
+        walking = WalkingControl(robot, None, 0.005, settings, limits=[limit] if kept else ())
+        if not kept:
+            limit.bind(robot)
+        thigh = shapes["left_thigh"][0]
+        assert isinstance(thigh, wbc.CollisionCapsule)
+        middle = 0.5 * (np.array(thigh.start) + thigh.end)
+        walking.arms["left_hand"].reach(robot.placement("left_thigh").act(middle))
+        rows, bounds = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim)
+        near = []
+        while plant.time < 0.8:
+            plant.step(walking.command(plant.measure()))
+            limit.write(0.005, rows, bounds, np.zeros(limit.dim))
+            near.append(limit.distances[pair])
+        assert walking.control.failures == 0
+        least[kept] = min(near)
+    assert least[False] < -0.05 and 0.018 < least[True] < 0.03

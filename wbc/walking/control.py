@@ -32,6 +32,7 @@ from wbc.base.settings import Angle, NonNegative, Number, Period
 from wbc.core.drive.control import State
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
+from wbc.core.limits.base import Limit
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
@@ -102,6 +103,7 @@ class WalkingControl:
         stiffness: StiffnessScheduler | None = None,
         extent: tuple[float, float, float, float] | None = None,
         ground: KnownGround | None = None,
+        limits: Sequence[Limit] = (),
     ) -> None:
         """Make all parts for a robot that stands; the walk begins with the first tick.
 
@@ -118,6 +120,8 @@ class WalkingControl:
             extent: Smallest and largest x, smallest and largest y of the ground, m; endless when None. Only for a plan.
             ground: Known ground, made with a robot of the same description that stands at the start; None for a robot
                 that walks blind.
+            limits: Further limits of the QP, such as a `CollisionLimit`. They hold in both kinds of steps. Limits on the
+                positions, velocities, accelerations and torques of joints are there already.
         """
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
@@ -125,6 +129,8 @@ class WalkingControl:
         self.controller = controller = Controller(robot, dt, settings=s.solver)
         observer = observer or Observer(robot, adopt=s.mode != "position")
         self.control, self.dt = drive_of(controller, observer, s), dt
+        for limit in limits:
+            controller.add(limit)
         self.arms = Arms(controller, dt, s.arms)
         self._kinds = steps_of(self.control, self.arms, source, s, extent)
         plan = source if isinstance(source, FootstepPlan) and source.steps else None
