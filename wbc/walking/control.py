@@ -120,7 +120,7 @@ class WalkingControl:
             extent: Smallest and largest x, smallest and largest y of the ground, m; endless when None. Only for a plan.
             ground: Known ground, made with a robot of the same description that stands at the start; None for a robot
                 that walks blind.
-            limits: Further limits of the QP, such as a `CollisionLimit`. They hold in both kinds of steps. Limits on the
+            limits: Further limits of the QP, such as a `CollisionLimit`. They hold in both kinds of steps. Limits on
                 positions, velocities, accelerations and torques of joints are there already.
         """
         if len(robot.soles) != 2:
