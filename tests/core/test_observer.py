@@ -322,8 +322,8 @@ def test_feet_that_turn_slowly_turn_the_world_and_the_gyroscope_tells_by_how_muc
     robot, dt, rate, bias = biped(), 0.005, 0.03, np.array([0.0, 0.0, 0.004])
     weight = robot.mass * GRAVITY
     observer, total = Observer(robot), 0.0
-    for k in range(8000):
-        turning = rate if 6000 <= k < 7000 else 0.0
+    for k in range(5000):
+        turning = rate if 3500 <= k < 4500 else 0.0
         wrench = np.zeros((2, 6))
         wrench[:, 2] = 0.5 * weight
         joints = np.array(robot.half_sitting[7:])
@@ -331,7 +331,7 @@ def test_feet_that_turn_slowly_turn_the_world_and_the_gyroscope_tells_by_how_muc
         observer.update(
             Measurement(k * dt, joints, np.zeros(robot.na), gyro, GRAVITY * UP, wrench), plausible=True
         )
-        if k < 6000:
+        if k < 3500:
             observer.inertial.rest()
         else:
             total += observer.inertial.turned

@@ -102,7 +102,7 @@ def test_a_camera_looks_at_any_model_with_a_robot_in_it() -> None:
     assert (points[ahead, 2] < near.max(axis=1) + 1e-3).all()
 
 
-@pytest.mark.parametrize("name", ["hrp4_class", "g1"])
+@pytest.mark.parametrize("name", ["hrp4_class", pytest.param("g1", marks=pytest.mark.slow)])
 def test_points_on_the_robots_own_body_are_left_out_by_its_pose(name: str) -> None:
     """A sensor before the robot sees its legs and feet and, beside them, the ground."""
     plant = Plant(load(name))
