@@ -98,7 +98,7 @@ class JointActuators:
         if actuator.gain is None:
             raise ModelError(
                 f"{what} must be a motor, a servo of position or velocity, a general one with a fixed gain, or a pid "
-                f"without integral and bound of its speed; it is another one: {actuator.kind}"
+                f"without an integral term and without a bound of its speed; got {actuator.kind}"
             )
         if actuator.gain == 0.0 or actuator.gear == 0.0:
             raise ModelError(f"{what} has a gain or a gear of zero")

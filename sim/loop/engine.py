@@ -281,9 +281,9 @@ class EngineLoop(ABC):
         if not (abs(off[worst]) < SAME_PLACE and moving < SAME_PLACE):
             parts = (*("x", "y", "z"), *(f"quaternion {i}" for i in "xyzw"), *robot.joint_names)
             raise InputError(
-                f"{name}.state must return what place was given, at rest: {parts[worst]} is {there[worst]:.6g} in "
-                f"place of {q[worst]:.6g}, and the greatest speed is {moving:.3g}; the base is the origin of its link, "
-                "not its centre of mass, and joints come in the robot's order"
+                f"{name}.state must return the configuration that place was given, at rest: {parts[worst]} is "
+                f"{there[worst]:.6g} instead of {q[worst]:.6g}, and the largest velocity is {moving:.3g}; the position of "
+                "the base is the origin of its link, not its centre of mass, and joints are in the robot's order"
             )
 
     def hold(self) -> Command:

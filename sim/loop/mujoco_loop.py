@@ -115,8 +115,8 @@ class MujocoLoop(SimulatedRobot):
         machine = machine or Machine(torque_sensors=True)
         if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
             raise InputError(
-                "friction and payload of a MuJoCo model of one's own are those of the model, and its hands are not "
-                "measured: leave friction, payload and hand_sensors of the machine alone"
+                "a MujocoLoop takes friction and payload from the MuJoCo model, and has no force sensors at the wrists: "
+                "leave friction, payload and hand_sensors of the machine at their defaults"
             )
         description = as_description(description)
         description.needs_feet("a loop with sensors of a humanoid")

@@ -106,7 +106,7 @@ class KnownGround:
                 Points on them and on the feet are left out. None if the clouds contain no points on the robot.
         """
         if not robot.soles:
-            raise InputError(f"what is known of the ground is asked for soles; '{robot.name}' has none")
+            raise InputError(f"a KnownGround needs a robot with soles, '{robot.name}' has none")
         self.settings = s = settings or GroundSettings()
         base = robot.placement(robot.base_frame)
         yaw = math.atan2(base.rotation[1, 0], base.rotation[0, 0])
@@ -156,7 +156,7 @@ class KnownGround:
             self.elevation, self._raised = seen, 0.0
             self.version += 1
         else:
-            raise InputError(f"the ground is known by a PointCloud or an ElevationMap, got {shown(seen)}")
+            raise InputError(f"a KnownGround takes a PointCloud or an ElevationMap, got {shown(seen)}")
 
     def update(self, robot: Robot, time: float) -> None:
         """Store the pose of the estimated robot at a time of its measurements, s, and fuse the new clouds."""

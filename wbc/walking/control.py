@@ -429,7 +429,7 @@ class WalkingControl:
 
         Raises:
             UnknownNameError: The robot has no such joint.
-            InputError: A joint is in a leg, is given twice, or is in an arm whose hand has a target, presses or grips.
+            InputError: A joint is in a leg or given twice, or all joints of an arm are given whose hand is at work.
         """
         robot, names = self.controller.robot, names_in("joints to release", joints)
         gone = {robot.joint_index(joint) for joint in names}

@@ -155,7 +155,7 @@ class ReferenceSource(ABC):
         Args:
             heading: Heading of the stand, rad.
         """
-        raise InputError(f"{type(self).__name__} begins once")
+        raise InputError(f"{type(self).__name__} can begin only once: make another one")
 
     @abstractmethod
     def update(self, state: State) -> Reference:
@@ -251,7 +251,7 @@ class ReferenceSource(ABC):
             ground: Known ground; the control keeps it up to date.
         """
         if self.ground is None:
-            raise InputError(f"{type(self).__name__} puts no feet by what is known of the ground")
+            raise InputError(f"{type(self).__name__} does not place feet by a known ground")
         self.ground.sight = ground
 
 

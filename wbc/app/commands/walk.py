@@ -105,7 +105,9 @@ def walk(
     if options.repeat is not None and (
         given or options != WalkOptions(repeat=options.repeat, record=options.record)
     ):
-        raise InputError("a walk is repeated as its log says: --repeat takes --record and the views alone")
+        raise InputError(
+            "--repeat takes the walk from its log: of the other options only --record and the views can be given"
+        )
     target = None
     if options.record is not None:
         named = (

@@ -37,7 +37,7 @@ def _robot_of(log: Log) -> Mapping[str, Any]:
     if robot is None or len(robot["soles"]) != len(SIDES):
         soles = "no robot" if robot is None else f"a robot with {len(robot['soles'])} soles"
         raise InputError(
-            f"{log.path} is of {soles}; where it stands is known of robots with a left and a right sole"
+            f"{log.path} is of {soles}; stances can be read for a robot with a left and a right sole"
         )
     return robot
 

@@ -51,7 +51,7 @@ class ViserPage:
         if not guard.stands:
             self.close()
             raise ViewError(
-                f"viser {viser.__version__} serves its page by other means than those that are guarded"
+                f"the page cannot be protected from other programs with viser {viser.__version__}: install viser 1.1"
             )
         self.server.gui.configure_theme(show_share_button=False, show_logo=False)
         self.url = f"http://{LOCAL}:{self.server.get_port()}/{guard.secret}/"

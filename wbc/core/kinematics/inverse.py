@@ -99,7 +99,7 @@ class InverseKinematics(Items):
         whole_number("level of a task", level, low=0)
         for each in (item, *items):
             if level and (not isinstance(each, Task) or each.hard):
-                raise InputError(f"{each!r} holds at every level: add it without one")
+                raise InputError(f"{each!r} holds at every level: add it without `level`")
         added = super().add(item, *items)
         if level:
             self._levels |= {id(each): level for each in (item, *items)}

@@ -293,8 +293,9 @@ class Hands:
         if force > most:
             moved = 1e3 * math.hypot(*(held + force * own))
             raise InputError(
-                f"{hand} may press with {max(most, 0.0):.0f} N there on what may give way: a sudden loss of {force:g} "
-                f"N would move the ZMP by {moved:.0f} mm, beyond the edge of the soles (firm=True for what cannot)"
+                f"{hand} may press with at most {max(most, 0.0):.0f} N there, since the surface may give way: a sudden loss of "
+                f"{force:g} N would move the ZMP by {moved:.0f} mm, beyond the edge of the soles; give firm=True for a "
+                "surface that cannot give way"
             )
 
     # ---- in a tick ------------------------------------------------------------------------------------------------
