@@ -282,8 +282,8 @@ class EngineLoop(ABC):
             parts = (*("x", "y", "z"), *(f"quaternion {i}" for i in "xyzw"), *robot.joint_names)
             raise InputError(
                 f"{name}.state must return the configuration that place was given, at rest: {parts[worst]} is "
-                f"{there[worst]:.6g} instead of {q[worst]:.6g}, and the largest velocity is {moving:.3g}; the position of "
-                "the base is the origin of its link, not its centre of mass, and joints are in the robot's order"
+                f"{there[worst]:.6g} instead of {q[worst]:.6g}, and the largest velocity is {moving:.3g}; the place "
+                "of the base is the origin of its link, not its centre of mass, and joints are in the robot's order"
             )
 
     def hold(self) -> Command:

@@ -115,7 +115,7 @@ class MujocoLoop(SimulatedRobot):
         machine = machine or Machine(torque_sensors=True)
         if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
             raise InputError(
-                "a MujocoLoop takes friction and payload from the MuJoCo model, and has no force sensors at the wrists: "
+                "a MujocoLoop takes friction and payload from the MuJoCo model, and has no force sensors at wrists: "
                 "leave friction, payload and hand_sensors of the machine at their defaults"
             )
         description = as_description(description)

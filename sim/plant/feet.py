@@ -116,7 +116,7 @@ def _add_mass(robot: Element, name: str, ankle: str, inertia: pin.Inertia) -> No
             has = 0.0 if worn is None else float(worn.get("value", "0"))
             if abs(has - inertia.mass) > ROUNDING:
                 raise InputError(
-                    f"the description wears other feet already: '{name}' has {has:g} kg in place of {inertia.mass:g} kg; "
+                    f"the description wears other feet already: '{name}' has {has:g} kg, not {inertia.mass:g} kg; "
                     "give the description of the robot with its own soles"
                 )
             return

@@ -105,9 +105,7 @@ def walk(
     if options.repeat is not None and (
         given or options != WalkOptions(repeat=options.repeat, record=options.record)
     ):
-        raise InputError(
-            "--repeat takes the walk from its log: of the other options only --record and the views can be given"
-        )
+        raise InputError("--repeat takes the walk from its log: only --record and the views go with it")
     target = None
     if options.record is not None:
         named = (

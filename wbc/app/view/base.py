@@ -186,7 +186,7 @@ class View(ABC):
         stage = self.stage
         if isinstance(stage, SimulatedStage) is not (state is None):
             raise InputError(
-                "a view of a simulation reads its state itself: call update(); a view of a description needs update(robot)"
+                "a view of a simulation reads its state itself: update(); a view of a description needs update(robot)"
             )
         now = self._time if measurement is None else measurement.time
         if isinstance(stage, SimulatedStage):
