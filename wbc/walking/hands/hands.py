@@ -294,8 +294,8 @@ class Hands:
             moved = 1e3 * math.hypot(*(held + force * own))
             raise InputError(
                 f"{hand} may press with at most {max(most, 0.0):.0f} N there, as the surface may give way: a sudden "
-                f"loss of {force:g} N would move the ZMP by {moved:.0f} mm, beyond the edge of the soles; give firm=True "
-                "for a surface that cannot give way"
+                f"loss of {force:g} N would move the ZMP by {moved:.0f} mm, beyond the edge of the soles; give "
+                "firm=True for a surface that cannot give way"
             )
 
     # ---- in a tick ------------------------------------------------------------------------------------------------
