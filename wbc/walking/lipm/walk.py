@@ -102,12 +102,10 @@ class Walk(GaitMachine):
     Attributes:
         plan: Footstep plan as it is now; landings move, and the walk may be steered or stopped.
         step: Index of the step that swings, or that swings next; the number of steps at the end.
-        notes: One message for each timing of the plan that was rounded to the control period.
         period: Control period, s.
         reach: Reach of the robot's legs.
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
-        com_height: Height of the CoM over the support while walking, m.
         drift_correction: Yaw-drift correction of the remaining footsteps: their motion since it was set, for soles that
             have turned on the ground, which the estimated world follows.
     """
@@ -128,8 +126,8 @@ class Walk(GaitMachine):
         self.settings = s = settings or WalkSettings()
         self.period = period
         self.reach = reach or Reach.of(robot, com_height)
-        gait, self.notes = plan.gait.full.on_grid(period)
-        for note in self.notes:
+        gait, notes = plan.gait.full.on_grid(period)
+        for note in notes:
             logger.warning("%s", note)
         plan = replace(plan, gait=_checked(gait))
         check_plan(plan, robot, self.reach, extent)
@@ -151,7 +149,7 @@ class Walk(GaitMachine):
         inward = max(-most, min(most, inward))
         preview = replace(preview, target=replace(preview.target, inward=inward))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
-        self.omega, self.com_height = self._preview.omega, com_height
+        self.omega = self._preview.omega
         self._adjuster: StepAdjuster | None = None
         if adjustment is not None:
             sizes, target = self.sole_sizes, preview.target
