@@ -524,6 +524,19 @@ def test_bad_input_is_refused_by_name(case: str) -> None:
     assert ik.solve().shape == (ik.robot.nv,)
 
 
+@pytest.mark.parametrize("hard", [False, True])
+def test_a_search_names_targets_that_contradict_each_other(hard: bool) -> None:
+    """Each of two points can be reached by the hand, and not both; a point that nobody can reach is not among these."""
+    for far, held in ((0.3, {"here", "there"}), (0.0, set())):
+        ik = wbc.InverseKinematics(wbc.load_robot("panda").robot(), 0.01)
+        ik.add(wbc.JointLimits())
+        for name, y in (("here", 0.0), ("there", far)):
+            ik.add(wbc.PositionTask("panda_hand", [0.5, y, 0.5], hard=hard, name=name))
+        found = ik.reach()
+        assert found.reached is not bool(held) and set(found.held_by) == held == set(found.missed)
+        assert "out of reach" not in str(found)
+
+
 def test_gaze_and_relative_tasks_are_reached() -> None:
     ik = solver("g1")
     robot = ik.robot

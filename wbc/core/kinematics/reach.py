@@ -148,12 +148,17 @@ class Search:
         return missed
 
     def _pulling(self, missed: Mapping[str, str]) -> tuple[str, ...]:
-        """Return the names of soft tasks that hold what is missed, where joints could lessen its error."""
+        """Return the names of tasks that hold what is missed, where joints could lessen its error.
+
+        Where no other task pulls, those that are missed pull against each other.
+        """
         pulls = {task.name: self.assembly.pull(task) for task in self.tasks}
-        if not any(pulls[name][1] > PULLS for name in missed if name in pulls):
+        against = tuple(name for name in missed if name in pulls and pulls[name][1] > PULLS)
+        if not against:
             return ()
         most = max(pull for pull, _ in pulls.values())
-        return tuple(name for name, (pull, _) in pulls.items() if name not in missed and pull > 0.01 * most)
+        others = tuple(name for name, (pull, _) in pulls.items() if name not in missed and pull > 0.01 * most)
+        return others or (against if len(against) > 1 else ())
 
 
 def _counts(task: Task) -> bool:
