@@ -157,12 +157,23 @@ def run_child(path: Path, end: str, ticks: str = "3 * ROWS + 50") -> subprocess.
     return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
 
 
-def test_an_old_log_stays_until_the_first_batch_of_the_new_one(log_file: Path) -> None:
-    """A recording that fails, is given up or is killed before it has kept anything replaces nothing."""
+@pytest.mark.slow  # processes that import the library
+def test_a_process_that_ends_before_the_first_batch_replaces_no_log(log_file: Path) -> None:
+    """Killed or left; and a process that finds the log being written is refused."""
     old = log_file.read_bytes()
     for end in ("os.kill(os.getpid(), signal.SIGKILL)", "sys.exit()"):
         run_child(log_file, end, ticks="ROWS - 1")
         assert log_file.read_bytes() == old
+    first = write(log_file, ROWS + 10)
+    done = run_child(log_file, "writer.close()")
+    assert done.returncode != 0 and b"is being written" in done.stderr
+    first.close()
+    assert len(Log.open(log_file)) == ROWS + 10 and Log.open(log_file).broken is None
+
+
+def test_an_old_log_stays_until_the_first_batch_of_the_new_one(log_file: Path) -> None:
+    """A recording that fails or is given up before it has kept anything replaces nothing."""
+    old = log_file.read_bytes()
     LogWriter(log_file).close()  # nothing was recorded
     assert log_file.read_bytes() == old
     write(log_file, 5)  # never closed
@@ -183,9 +194,6 @@ def test_of_two_recordings_of_one_log_the_second_is_refused(log_file: Path, tick
     first = write(log_file, ticks)
     with pytest.raises(InputError, match=r"log\.arrow is being written"):
         LogWriter(log_file)
-    if ticks:  # another process
-        done = run_child(log_file, "writer.close()")
-        assert done.returncode != 0 and b"is being written" in done.stderr
     first.close()
     assert len(Log.open(log_file)) == ticks and Log.open(log_file).broken is None
     LogWriter(log_file).close()
