@@ -37,7 +37,7 @@ FEW = 8
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A mean with its confidence interval."""
+    """Mean with its confidence interval."""
 
     n: int
     mean: float | None  # None without values
@@ -46,7 +46,7 @@ class Estimate:
     layouts: int  # number of layouts that the values come from
 
     def text(self, digits: int = 3) -> str:
-        """Return a text such as "20.4 [18.2, 21.7]"; without the interval of a few layouts."""
+        """Return a text such as "20.4 [18.2, 21.7]"; too few layouts give no interval."""
         if self.mean is None:
             return "–"
         if self.low is None or self.high is None or self.layouts < FEW:
@@ -56,10 +56,12 @@ class Estimate:
 
 @checked
 def mean_interval(values: Sequence[Number], layouts: Sequence[Hashable] | None = None) -> Estimate:
-    """Return the mean with its cluster bootstrap interval, bias-corrected and accelerated; the normal one of many.
+    """Return the mean with its cluster bootstrap interval, bias-corrected and accelerated.
 
-    `layouts` names the layout of each trial; trials are on layouts of their own when None. The same values give the
-    same interval, in any order. Values that are all equal have an interval of no width.
+    For many clusters it is the normal interval.
+
+    `layouts` has the layout of each trial; when None, each trial has a layout of its own. The order of the values does
+    not matter. Equal values have an interval of zero width.
 
     Source: B. Efron, "Better bootstrap confidence intervals", JASA 82(397), 1987; clusters: A. Davison, D. Hinkley,
     "Bootstrap methods and their application", 1997, section 3.8; `scipy.stats.bootstrap`.
@@ -131,10 +133,10 @@ def _standard_error(sums: Array, counts: Array) -> float:
 
 @checked
 def sign_flip_p(differences: Sequence[Number], layouts: Sequence[Hashable] | None = None) -> float | None:
-    """Return the two-sided p-value of a mean difference of zero, by flipping the signs of whole layouts; None with one.
+    """Return the two-sided p-value of a mean difference of zero, by flipping signs of layouts; None for one layout.
 
-    Source: R. Fisher, "The design of experiments", 1935, section 21; `scipy.stats.permutation_test`: all patterns where
-    few layouts differ, a random part of them for more, their normal limit for many.
+    Source: R. Fisher, "The design of experiments", 1935, section 21; `scipy.stats.permutation_test`: all patterns of
+        signs for few layouts, a random part of them for more, and the normal limit for many.
     """
     from scipy.stats import permutation_test  # noqa: PLC0415 - slow to import
 
@@ -160,7 +162,7 @@ def sign_flip_p(differences: Sequence[Number], layouts: Sequence[Hashable] | Non
 
 @checked
 def holm(p_values: Sequence[Share | None]) -> list[float | None]:
-    """Return p-values corrected for their number, in the same order; None stays None and is not counted.
+    """Return p-values corrected for their number, in the same order; None stays None and does not count.
 
     Source: S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Statist. 6(2), 1979.
     """
@@ -175,7 +177,7 @@ def holm(p_values: Sequence[Share | None]) -> list[float | None]:
 
 @checked
 def share_interval(successes: Annotated[int, Field(ge=0)], trials: Count) -> tuple[float, float]:
-    """Return the exact interval of a share of successes; one-sided where all or none succeeded.
+    """Return the exact interval of a share of successes; one-sided if all or none succeeded.
 
     20 of 20 is "at least 86 %".
 
@@ -192,7 +194,7 @@ def share_interval(successes: Annotated[int, Field(ge=0)], trials: Count) -> tup
 
 @checked
 def rate_interval(events: Annotated[int, Field(ge=0)], time: Positive) -> tuple[float, float]:
-    """Return the exact interval of a rate of independent events in the unit of `time`; one-sided where there were none.
+    """Return the exact interval of a rate of independent events per unit of `time`; one-sided if there were none.
 
     No event in half an hour is "at most 6 an hour".
 

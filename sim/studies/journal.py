@@ -58,7 +58,7 @@ _log = logging.getLogger(__name__)
 
 
 class JournalError(WbcError):
-    """A journal that cannot be read or written."""
+    """Failure to read or write a journal."""
 
 
 def _now() -> str:
@@ -171,13 +171,15 @@ def _finite(value: Any) -> Any:
 
 
 def read_journal(path: Path | str, *, any_code: bool = False) -> dict[str, Entry]:
-    """Return all entries of a journal, by key; the last one of each.
+    """Return all entries of a journal by key; of entries with the same key, the last one.
 
-    Lines that are torn or damaged are skipped, and their number is logged.
+    Incomplete and damaged lines are skipped, and their number is logged.
 
     Args:
-        path: The file; one that does not exist is empty, one whose name ends in .xz is compressed.
-        any_code: Take results of other versions of the code for those of this one: by the keys of their specs with it.
+        path: The file. A file that does not exist counts as empty; a name that ends in .xz is that of a compressed
+            file.
+        any_code: Count results of other versions of the code as results of this one: the keys are computed with the
+            present version.
 
     Raises:
         JournalError: The file cannot be read, or is no journal.
@@ -242,7 +244,7 @@ def _as_own(entries: Mapping[str, Entry]) -> dict[str, Entry]:
 
 
 class Journal:
-    """A journal open for writing.
+    """Journal that is open for writing.
 
         with Journal("sweep.jsonl") as journal:
             if key not in journal:
@@ -250,18 +252,18 @@ class Journal:
 
     Attributes:
         path: The file.
-        entries: Its entries, by key.
+        entries: Entries of the journal, by key.
     """
 
     def __init__(self, path: Path | str, *, any_code: bool = False) -> None:
-        """Open or begin a journal, lock it, and cut off a torn last line.
+        """Open a journal or start a new one, lock it, and cut off an incomplete last line.
 
         Args:
-            path: The file; folders on the way are made.
-            any_code: Take results of other versions of the code for those of this one, see `read_journal`.
+            path: The file; missing folders are made.
+            any_code: Count results of other versions of the code as results of this one; see `read_journal`.
 
         Raises:
-            JournalError: Another process writes into it, or the file is no journal or cannot be written.
+            JournalError: Another process writes to the file, or the file is no journal or cannot be written.
         """
         self.path = check_journal_path(path)
         self._synced = -math.inf
@@ -300,7 +302,7 @@ class Journal:
         """Append an entry.
 
         Raises:
-            JournalError: The disk is full, or the journal is closed; nothing of the entry is left then.
+            JournalError: The disk is full, or the journal is closed; no part of the entry is in the file then.
         """
         if self._file < 0:
             raise JournalError(f"journal {self.path} is closed")

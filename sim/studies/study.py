@@ -33,13 +33,13 @@ Parts = Mapping[str, Any]
 
 @settings
 class Cell:
-    """One row of a study.
+    """Row of a study: a part of the specs, for example a ground.
 
     Attributes:
         name: Name.
-        values: Parts of the specs.
-        arms: Arms that are tried here; all when None.
-        arm_values: Parts of the specs that an arm has in this cell alone: arm → parts.
+        values: Parts of the specs of all trials in this cell.
+        arms: Arms that are tried in this cell; all when None.
+        arm_values: Parts of the specs that an arm has only in this cell: arm → parts.
     """
 
     name: str
@@ -74,19 +74,19 @@ class SeedRange:
 
 @settings(kw_only=True)
 class Study:
-    """The trials that answer a question.
+    """Study: trials that answer a question, in cells (rows) and arms (columns).
 
     Attributes:
         name: Name.
-        about: The question.
-        kind: Kind of its trials.
+        about: Question that the study answers.
+        kind: Kind of the trials.
         base: Parts of a spec that all trials share.
         cells: Rows.
         arms: Columns: name → parts of the specs.
-        seeds: Seeds that every arm is tried with in every cell.
-        metric: Part of a result that the table is about, such as "zmp_error.mean"; that of its kind when None.
-        reference: Arm that the others are compared with; the first one when None.
-        decision: Rule by which the walks decide, written before they are walked; None for an exploratory study.
+        seeds: Seeds of the trials of every arm in every cell.
+        metric: Part of the results that the table shows, such as "zmp_error.mean"; that of the kind when None.
+        reference: Arm with which the other arms are compared; the first one when None.
+        decision: Rule that turns the results into an answer, written before the walks; None for an exploratory study.
     """
 
     name: str
@@ -129,21 +129,21 @@ class Study:
 
     @property
     def measured(self) -> str:
-        """Part of a result that the table is about: `metric`, or that of the kind of trial."""
+        """Part of the results that the table shows: `metric`, or that of the kind of trial."""
         return self.metric or KINDS[self.kind].metric
 
     def titled(self, part: str) -> str:
-        """Return a part of the results with its unit, "zmp_error.mean (m)"; alone where it has none."""
+        """Return a part of the results with its unit, such as "zmp_error.mean (m)"."""
         unit = KINDS[self.kind].units.get(part)
         return part if unit is None else f"{part} ({unit})"
 
     @property
     def size(self) -> int:
-        """Number of trials; their specs are not made for it."""
+        """Number of trials, counted without making their specs."""
         return len(self.seeds) * sum(len(cell.arms or self.arms) for cell in self.cells)
 
     def trials(self) -> Iterator[StudyTrial]:
-        """Yield all trials, seed by seed: a sweep that is stopped has tried all arms on the same grounds."""
+        """Yield all trials, seed by seed, so that a stopped sweep has tried all arms on the same grounds."""
         first: dict[tuple[str, str], tuple[AnyTrialSpec, dict[str, Any]]] = {}
         for seed in self.seeds:
             last = {"seed": seed, "kind": self.kind}
@@ -168,9 +168,10 @@ class Study:
         """Return a part of the study.
 
         Args:
-            cells: Names of cells, or beginnings of names; what is a name stands for no other. All when none is given.
+            cells: Names of cells, or beginnings of names; a whole name stands only for its own cell. All when none is
+                given.
             arms: Names of arms; all when none is given.
-            seeds: Number of seeds, the first ones; all when None.
+            seeds: Number of seeds, of which the first ones are taken; all when None.
         """
         names, columns, rows = [cell.name for cell in self.cells], tuple(arms), set[str]()
         for given in cells:
@@ -193,7 +194,7 @@ class Study:
         return replace(self, cells=tuple(part), arms=chosen, seeds=self.seeds[:seeds], reference=reference)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the study as plain values; cells are an object of names, with "arms" and "own" among their parts."""
+        """Return the study as plain values, as in its JSON file."""
         cells = {}
         for cell in self.cells:
             arms = {} if cell.arms is None else {"arms": cell.arms}
@@ -234,7 +235,7 @@ def merged(*parts: Parts) -> dict[str, Any]:
 
 
 def study_entries(study: Study, entries: Mapping[str, Entry]) -> Iterator[tuple[StudyTrial, Entry | None]]:
-    """Yield all trials of a study, each with its entry in a journal; None where it has not been run."""
+    """Yield all trials of a study, each with its entry in a journal, or None if it has not been run."""
     for trial in study.trials():
         yield trial, entries.get(trial_key(trial.plain))
 

@@ -76,7 +76,7 @@ class TableCell:
 
 @dataclass(frozen=True)
 class StudyTable:
-    """The table of a study."""
+    """Table of a study."""
 
     study: Study  # the study
     metric: str  # part of the results that the table is about
@@ -99,7 +99,7 @@ class StudyTable:
         return {(cell.row, cell.arm): cell for cell in self.cells}
 
     def markdown(self) -> str:
-        """Return the rule of decision and three tables: means, paired differences, falls by cause and loads."""
+        """Return the rule of decision and three tables: means, paired differences, and falls by cause with loads."""
         arms, cells, last = list(self.study.arms), self.by_name, self.rows[-1]
         which = ", completed walks alone" if self.completed_only else ""
         over = cells[last, arms[0]].clusters if (last, arms[0]) in cells else "layouts"
@@ -119,7 +119,7 @@ class StudyTable:
         return "\n\n".join([*parts, self.ends()])
 
     def ends(self) -> str:
-        """Return how the walks of each arm ended: completed, falls per 1,000 steps by cause, loads; what was lost."""
+        """Return how the walks of each arm ended: completed, falls per 1,000 steps by cause, loads, lost trials."""
         cells = self.by_name
         arms = {arm: cells[self.rows[-1], arm] for arm in self.study.arms if (self.rows[-1], arm) in cells}
         beside = [name for name in BESIDE if any(name in cell.beside for cell in arms.values())]
@@ -177,8 +177,8 @@ def cause_of(result: Mapping[str, Any]) -> str | None:
 def study_frame(study: Study, entries: Mapping[str, Entry]) -> pd.DataFrame:
     """Return all trials of a study as rows of a data frame.
 
-    Columns are cell, arm, seed, status ("missing" for a trial that has not been run), and every part of the results
-    that is no list, such as "zmp_error.mean"; NaN or None where a trial does not have it.
+    The columns are cell, arm, seed, status ("missing" for a trial that has not been run), and every part of the results
+    that is not a list, such as "zmp_error.mean". Missing values are NaN or None.
     """
     import pandas as pd  # noqa: PLC0415 - slow to import
 
@@ -204,18 +204,20 @@ def study_table(
 ) -> StudyTable:
     """Make the table of a study.
 
-    Trials that diverged, crashed or timed out are counted, and enter no mean. In a row of several cells, means are over
-    the grounds (cell and seed) that all its arms have, so that missing walks favour no arm; differences are over the
-    grounds that an arm and the reference have. Intervals are over the layouts: cells that differ in the gait, say, walk
-    the same layouts, which are drawn together. In a row of eight families or more the families are drawn, each with
-    all of its layouts: what holds on these grounds is one question, what holds on grounds another.
+    Trials that diverged, crashed or timed out are counted, but are not part of any mean. In a row of several cells, a
+    mean is taken over the grounds (cell and seed) that all arms have, so that missing walks favour no arm. A difference
+    is taken over the grounds that the arm and the reference have.
+
+    The bootstrap of the intervals draws layouts. Cells that differ only in the gait, for example, have the same
+    layouts, and these are drawn together. In a row of eight families or more the bootstrap draws families, each with
+    all of its layouts, because the question is then what holds on other grounds.
 
     Args:
         study: The study.
         entries: Entries of a journal, by key.
-        metric: Part of the results; that of the study when None.
-        completed_only: Leave out walks that were not completed, and their pairs.
-        by: Parts of the specs, such as "terrain" or "gait.swing_height": cells that agree in them are one row. Without
+        metric: Part of the results that the table shows; that of the study when None.
+        completed_only: Leave out walks that were not completed, and the walks of other arms on the same grounds.
+        by: Parts of the specs, such as "terrain" or "gait.swing_height"; cells with equal parts become one row. Without
             any, each cell is a row.
     """
     import pandas as pd  # noqa: PLC0415 - slow to import

@@ -46,7 +46,7 @@ loky and Python start their processes by `python -m` and `python -c`, which look
 
 
 class SweepError(WbcError):
-    """A sweep that cannot go on; trials that have ended are in the journal."""
+    """Failure of a sweep, which cannot go on; trials that have ended are in the journal."""
 
 
 @dataclass
@@ -54,7 +54,7 @@ class SweepSummary:
     """Progress of a sweep.
 
     Attributes:
-        counts: Trials that are in the journal now: status → number.
+        counts: Number of trials in the journal by status.
     """
 
     total: int  # number of different trials
@@ -65,11 +65,11 @@ class SweepSummary:
 
     @property
     def per_hour(self) -> float | None:
-        """Trials per hour of wall time; None before the first."""
+        """Trials per hour of wall time; None before the first trial has ended."""
         return 3600.0 * self.run / self.seconds if self.run and self.seconds > 0.0 else None
 
     def count(self, status: str) -> None:
-        """Count a trial that is in the journal now."""
+        """Count a trial that has been added to the journal."""
         self.counts[status] = self.counts.get(status, 0) + 1
 
     def to_json(self) -> dict[str, Any]:
@@ -98,19 +98,19 @@ def sweep(
     """Run all trials that the journal does not have.
 
     Args:
-        specs: The trials; equal ones are run once.
-        journal: Journal to which each trial is written as soon as it has ended. One that was opened with `any_code` has
-            results of other versions of the code, too.
-        executor: Executor that runs them; local processes when None.
+        specs: Specs of the trials; equal specs are run once.
+        journal: Journal to which each trial is written as soon as it has ended. A journal that was opened with
+            `any_code` also counts results of other versions of the code.
+        executor: Executor that runs the trials; local processes when None.
         workers: Number of local processes.
-        timeout: Wall time that a trial may take, s; unlimited when None.
-        retry: Run trials again that crashed or timed out.
-        progress: Called when the sweep begins and after each trial.
+        timeout: Longest wall time of a trial, s; unlimited when None.
+        retry: Run trials again that have crashed or timed out.
+        progress: Function that is called at the beginning and after each trial.
 
     Raises:
         JournalError: The journal cannot be written.
-        SweepError: The executor has broken down, has cancelled trials or could not run one, or its processes have
-            other code than this one.
+        SweepError: The executor has broken down, has cancelled trials or could not run a trial, or its processes have
+            another version of the code.
     """
     begin = time.perf_counter()
     trials = {}
@@ -223,7 +223,7 @@ def _feed(
 
 @contextlib.contextmanager
 def local_executor(workers: int) -> Iterator[Executor]:
-    """Make an executor of local processes with one thread for linear algebra each; they import the script that runs."""
+    """Make an executor of local processes, each with one thread for linear algebra; they import the running script."""
     from joblib.externals import loky  # noqa: PLC0415 - only sweeps need it
 
     with _environment(ONE_THREAD | SAFE_PATH):  # processes of this context take no variables of their own

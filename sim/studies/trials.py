@@ -78,13 +78,13 @@ def register_trial(name: str, kind: TrialKind) -> None:
 
     Args:
         name: The `kind` of its specs.
-        kind: Functions that read and run them.
+        kind: Functions that read and run specs of this kind.
     """
     KINDS.add(name, kind)
 
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
-    """Return the spec that its `to_json` wrote, of any kind; a walk without a kind."""
+    """Return a spec of any kind that its `to_json` wrote; without "kind" it is that of a walk."""
     return KINDS[data.get("kind", "walk")].read(data)
 
 
@@ -98,10 +98,10 @@ def with_seed(spec: Any, seed: int) -> Any:
 def run_trial(
     spec: AnyTrialSpec, timeout: Annotated[Positive, "s"] | None = None, *, exit_when_stuck: bool = False
 ) -> Outcome:
-    """Run a trial, for `timeout` seconds of wall time at the most. Nothing is raised: an error is an outcome.
+    """Run a trial for at most `timeout` seconds of wall time; an error is an outcome, and is not raised.
 
-    `exit_when_stuck` ends the process when a call into a library does not return for twice that time and half a minute:
-    in local processes, which are started again.
+    `exit_when_stuck` ends the process if a call into a library does not return within twice `timeout` plus 30 s. It is
+    for local processes, which are started again.
     """
     stop = math.inf if timeout is None else time.monotonic() + timeout
 

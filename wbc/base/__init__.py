@@ -1,4 +1,4 @@
 """Base: errors, settings, registries, files and small mathematics, which every room uses.
 
-Nothing here knows of robots or imports another room. What only one room uses stays in that room.
+Nothing here knows robots or imports another room. A helper that only one room uses stays in that room.
 """

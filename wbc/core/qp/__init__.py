@@ -1,4 +1,4 @@
 """The quadratic program (QP) of the controller: tasks, contacts, assembly, solver.
 
-A new kind of task or contact (a base class) goes here; a task itself goes to `wbc.tasks`.
+A new kind of task or contact (a base class) goes here; a single task goes into `wbc.tasks`.
 """

@@ -1,1 +1,1 @@
-"""Hands of a robot that walks: targets that they go to, what they press on or grip, and arms that swing."""
+"""Hands of a robot that walks: their targets, pressing and gripping, and swinging arms."""

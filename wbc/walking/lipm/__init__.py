@@ -1,5 +1,5 @@
 """Planned steps: phases by contact and time, preview control of the ZMP, step adjustment.
 
-`source` is what a control follows, `walk` puts the parts together. A rule for when feet lift or land goes into `walk`;
-a pattern generator: beside `preview`.
+`source` is followed by a control, and `walk` connects the parts. A rule for the times of lift-off and touch-down goes
+into `walk`, a pattern generator into a file beside `preview`.
 """

@@ -1,4 +1,4 @@
 """Footsteps: plans, their gait, the reach of the legs, and sources that plan them while the robot walks.
 
-A new way to lay footsteps goes into `planners`, one that a steered robot is asked by into `sources`.
+A new plan of footsteps goes into `planners`; a planner for a steered robot goes into `sources`.
 """

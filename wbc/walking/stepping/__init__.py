@@ -1,4 +1,4 @@
-"""Walk that balances by its steps: place and time of every step are decided at every tick.
+"""Free steps, which balance the robot: place and time of each step are decided while the robot goes.
 
-A rule for where or when to step goes into `law`, what the robot does between two steps into `gait`.
+A rule for the place or the time of steps goes into `law`.
 """
