@@ -116,6 +116,7 @@ class PositionControl(DriveControl):
         """Send gains with the command: the machine's stiffness would hold the joints against the ground."""
         robot, (position, velocity) = self.controller.robot, self.plausibility.joints(state.received)
         position = np.where(np.isnan(position), self.q[7:], position)
+        position = np.clip(position, robot.position_lower, robot.position_upper)
         none, damping = np.zeros(robot.na), self.policy.joint_damping * robot.torque_limit
         self.gate.reset(position)  # the reference is where the joint is, however fast it moves
         return self.gate.pass_on_with_gains(none, position, none, (none, damping), (position, velocity))
