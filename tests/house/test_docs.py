@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import copy
 import importlib
 import io
 import json
@@ -11,6 +10,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -84,15 +84,17 @@ def programs(page: Path, *, slow: bool = True) -> list[tuple[int, str, str | Non
 
 
 @pytest.fixture
-def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with the examples in it, and registers that nobody else sees."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
     matplotlib.use("Agg")
-    for module, name in REGISTERS:
-        place = importlib.import_module(module)
-        monkeypatch.setattr(place, name, copy.copy(getattr(place, name)))
-    return tmp_path
+    registries = [getattr(importlib.import_module(module), name) for module, name in REGISTERS]
+    before = [dict(registry) for registry in registries]
+    yield tmp_path
+    for registry, entries in zip(registries, before, strict=True):
+        dict.clear(registry)
+        dict.update(registry, entries)
 
 
 @pytest.mark.parametrize(
