@@ -616,6 +616,15 @@ def test_a_chain_of_a_urdf_is_closed_by_a_pair_of_frames() -> None:
         RobotDescription.from_urdf(own.urdf, base="fixed", closures=own.closures, passive=["wheel"])
 
 
+def test_joints_that_are_locked_are_told_with_those_that_they_lead() -> None:
+    xml = mimic(ARMED, "right_shoulder", "left_shoulder", -1.0, 0.2)
+    description = RobotDescription.from_urdf(xml, lock={"left_shoulder": 0.3}, **FEET)
+    assert dict(description.locked) == pytest.approx({"left_shoulder": 0.3, "right_shoulder": -0.1})
+    described = RobotDescription.from_mjcf(biped(), lock={"waist": 0.1})
+    assert described.locked["waist"] == 0.1 and "waist" not in described.joint_names
+    assert not RobotDescription.from_urdf(ARMED, **FEET).locked
+
+
 # ---- SDF ------------------------------------------------------------------------------------------------------------
 
 BAR = """<link name="{name}"><pose>{x} 0 {z} 0.1 {turn} 0.2</pose><inertial><pose>0 0 0.05 0 0 0.3</pose>
