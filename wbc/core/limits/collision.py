@@ -58,41 +58,44 @@ def _xml(source: str | Path, what: str) -> ET.Element:
         raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
 
 
-Body = tuple[Array, list[float], Array]
 Lever = tuple[float, float, float, float, float, float]
 
 _NOT_CLOSING = scalar(0.0)
 
-
-def _body(robot: Robot, joint: int) -> Body:
-    """Return origin, angular velocity and acceleration of the body behind a joint, in the world."""
-    model, data, world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
-    return (
-        data.oMi[joint].translation,
-        pin.getVelocity(model, data, joint, world).angular.tolist(),
-        pin.getClassicalAcceleration(model, data, joint, world).vector,
-    )
+YZX, ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""Axes of the factors of a cross product."""
 
 
-def _centripetal(body: Body, point: Array, direction: Array) -> float:
-    """Return the acceleration of a point of a body along a direction, at no acceleration of the joints, m/s²."""
-    origin, (wx, wy, wz), acceleration = body
-    nx, ny, nz = direction.tolist()
-    rx, ry, rz = (point - origin).tolist()
-    lever = np.array([nx, ny, nz, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx])
-    along, square = wx * rx + wy * ry + wz * rz, wx * wx + wy * wy + wz * wz
-    centripetal = along * (nx * wx + ny * wy + nz * wz) - square * (nx * rx + ny * ry + nz * rz)
-    return float(np.dot(lever, acceleration) + centripetal)
+def _body(robot: Robot, joint: int) -> Array:
+    """Return origin, angular velocity and acceleration of the body behind a joint, in the world; zeros of the world."""
+    values = np.zeros(12)
+    if joint > 0:
+        model, data, world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
+        values[:3] = data.oMi[joint].translation
+        values[3:6] = pin.getVelocity(model, data, joint, world).angular
+        values[6:] = pin.getClassicalAcceleration(model, data, joint, world).vector
+    return values
 
 
 @dataclass(slots=True)
 class _Near:
-    """Pairs that are near: their rows, distances less the margin, closing speeds by obstacles, and coal's results."""
+    """Pairs that are near.
+
+    Attributes:
+        rows: Their rows.
+        distances: Their distances, m.
+        room: The same less the margin, m.
+        closing: Speeds at which obstacles come closer, m/s.
+        normals: Directions from the first shape to the second one, shape (n, 3).
+        points: Nearest points of the first shape in the world, shape (n, 3), m.
+    """
 
     rows: NDArray[np.intp]
+    distances: Array
     room: Array
     closing: Array
-    results: list[Any]
+    normals: Array
+    points: Array
 
 
 @dataclass(slots=True)
@@ -286,6 +289,8 @@ class CollisionLimit(Limit):
         self._leaders = _leaders(robot)
         # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
         carried = {joint: _carrying(robot, joint) for row in self._rows for joint in row[:2]}
+        self._ends = np.array([row[:2] for row in self._rows], dtype=np.intp)  # joints of each pair
+        self._round = np.array([row[2:] for row in self._rows])  # radii of round shapes, m
         self._moves = np.array([carried[row[1]] - carried[row[0]] for row in self._rows])
         self._distance = np.full(self.dim, np.inf)
         self._filled: NDArray[np.intp] = np.zeros(0, dtype=np.intp)  # rows that are not zero
@@ -409,7 +414,7 @@ class CollisionLimit(Limit):
         first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
         [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
-        near, distances, levers, found = self._measure(influence)
+        near, distances, levers, points, found = self._measure(influence)
         if rows is self._written:
             rows[self._filled] = 0.0
         else:
@@ -417,8 +422,9 @@ class CollisionLimit(Limit):
             upper[:] = np.inf
         lower[:] = -np.inf
         self._filled = numbers = np.array(near, dtype=np.intp)
+        lever, distance = np.array(levers).reshape(-1, 6), np.array(distances)
         if near:
-            moved = np.array(levers).dot(self._robot.data.J)
+            moved = lever.dot(self._robot.data.J)
             moved *= self._moves[numbers]
             rows[numbers] = moved if self._leaders is None else moved.dot(self._leaders)
         closing = np.zeros(len(near)) if self.obstacles else _NOT_CLOSING
@@ -428,30 +434,34 @@ class CollisionLimit(Limit):
                 arm = found[place].getNearestPoint2() - obstacle._placement.translation
                 speed = obstacle._velocity[:3] + np.cross(obstacle._velocity[3:], arm)
                 closing[place] = found[place].normal.dot(speed)
-        return _Near(numbers, np.array(distances) - self._margin, closing, found)
+        nearest = np.array(points).reshape(-1, 3)
+        return _Near(numbers, distance, distance - self._margin, closing, lever[:, :3], nearest)
 
     def _drift(self, near: _Near) -> Array:
         """Return the acceleration of the distances at no acceleration of the joints, m/s².
 
         Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
         """
-        bodies, drift = dict[int, Any](), np.zeros(near.rows.size)
-        for place, (row, result) in enumerate(zip(near.rows.tolist(), near.results, strict=True)):
-            one, other, radius, other_radius = self._rows[row]
-            normal = result.normal
-            first = result.getNearestPoint1() - radius * normal
-            second = result.getNearestPoint2() + other_radius * normal
-            for joint, point, sign in ((one, first, -1.0), (other, second, 1.0)):
-                if joint > 0:
-                    if joint not in bodies:
-                        bodies[joint] = _body(self._robot, joint)
-                    drift[place] += sign * _centripetal(bodies[joint], point, normal)
-        return drift
+        normals, (inner, outer) = near.normals, self._round[near.rows].T[..., None]
+        first = near.points - inner * normals
+        second = near.points + (near.distances[:, None] + outer) * normals
+        joints, of_end = np.unique(self._ends[near.rows].T.ravel(), return_inverse=True)
+        bodies = np.array([_body(self._robot, joint) for joint in joints.tolist()])[of_end]
+        normal, spin = np.concatenate((normals, normals)), bodies[:, 3:6]
+        arm = np.concatenate((first, second)) - bodies[:, :3]
+        lever = arm[:, YZX] * normal[:, ZXY] - arm[:, ZXY] * normal[:, YZX]
+        along = (normal * bodies[:, 6:9]).sum(axis=1) + (lever * bodies[:, 9:]).sum(axis=1)
+        along += (spin * arm).sum(axis=1) * (spin * normal).sum(axis=1)
+        along -= (spin * spin).sum(axis=1) * (normal * arm).sum(axis=1)
+        return np.asarray(along[len(near.rows) :] - along[: len(near.rows)])
 
-    def _measure(self, influence: float) -> tuple[list[int], list[float], list[Lever], list[Any]]:
+    def _measure(
+        self, influence: float
+    ) -> tuple[list[int], list[float], list[Lever], list[tuple[float, float, float]], list[Any]]:
         """Measure the pairs whose bounding spheres are within a distance, m; of the others `_distance` is a bound.
 
-        Returned are the pairs that are within that distance, their distances, [n, p₁ × n] of each, and coal's results.
+        Returned are the pairs that are within that distance, and of each its distance, [n, p₁ × n], p₁, and coal's
+        result.
         """
         robot, geometry, data = self._robot, self._geometry, self._geometry_data
         for place in self._places:
@@ -463,6 +473,7 @@ class CollisionLimit(Limit):
         bounds -= self._reach
         self._distance = bounds
         near, distances, levers, found = list[int](), list[float](), list[Lever](), list[Any]()
+        points: list[tuple[float, float, float]] = []
         for row in (~(bounds > influence)).nonzero()[0].tolist():
             ground = self._grounds[row]
             if ground is None:
@@ -475,8 +486,9 @@ class CollisionLimit(Limit):
                 near.append(row)
                 distances.append(distance)
                 levers.append((nx, ny, nz, y * nz - z * ny, z * nx - x * nz, x * ny - y * nx))
+                points.append((x, y, z))
                 found.append(result)
-        return near, distances, levers, found
+        return near, distances, levers, points, found
 
     def _check_separable(self) -> None:
         """Refuse a pair that is in collision in half-sitting, or closer than the margin wherever its joints are."""
