@@ -119,7 +119,7 @@ class SteppingConstants:
     # Time at which the sole is level: one that is still tilted rubs at edges.
     level: float = 0.3
     # Greatest acceleration over the ground: a long step takes its time.
-    swing_push: Annotated[float, "g"] = 4.5
+    swing_push: Annotated[float, "g"] = 6.5
     # Stiffness and damping of the task of the swing foot's place.
     swing_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (30.6, 9.9)
     lift_speed: Annotated[float, "hω"] = 0.206
