@@ -102,34 +102,47 @@ def test_waves_in_all_directions_begin_and_end_level() -> None:
         assert edge < 5e-4 and within > 4e-3
 
 
-# Rounded heights of every family with a sharp edge and seed 1: they must never change, on any machine.
-FINGERPRINTS = {
-    "boards": "1a0cd832708847a8",
-    "cobble_stones": "e7c0cb369d55eb55",
-    "cylinder_obstacles": "f06642d3e6138c95",
-    "ellipsoids": "00ae8e876182d1ad",
-    "flat": "946cc2661d32ad83",
-    "floor_tiles": "6bb5f47deb0a86ff",
-    "iso8608": "6aa26cc0e4a1a01f",
-    "large_floor_tiles": "b862efc5c9140eb5",
-    "metal_sheets": "95d71afc24552452",
-    "patchwork": "ceacb15f2a133143",
-    "pyramidal_stones": "530118c5606fe34f",
-    "random": "c8e1febb233b7f24",
-    "roof_tiles": "e826a3c4e83ae718",
-    "slats": "0269908684f2b09a",
-    "slope": "c73a9a59d1ecad3e",
-    "small_stones": "85455678ec9659b4",
-    "steps": "a81e03a762c3be6e",
-    "sticks": "2891961873e9a668",
-    "stone_bricks": "da2dbe3405c9ce8f",
-    "stones": "75b382fc30482f54",
+def moments(t: Terrain) -> list[float]:
+    """Return mean and deviation of the heights on a grid, and means weighted along and across the track, mm."""
+    x0, x1, y0, y1 = t.extent
+    x, y = (np.arange(400) + 0.3183) / 400, (np.arange(100) + 0.3183) / 100  # off the edges
+    z = 1e3 * t.height(x0 + (x1 - x0) * x[None, :], y0 + (y1 - y0) * y[:, None])
+    return [float(value) for value in (z.mean(), z.std(), (z * x).mean(), (z.T * y).mean())]
+
+
+MOMENTS = {
+    "boards": (3.291, 8.938, 1.949, 1.546),
+    "cobble_stones": (5.406, 7.905, 2.701, 2.680),
+    "cylinder_obstacles": (0.728, 3.701, 0.375, 0.363),
+    "ellipsoids": (4.356, 7.812, 2.167, 2.176),
+    "flat": (0.000, 0.000, 0.000, 0.000),
+    "floor_tiles": (3.565, 5.749, 1.777, 1.757),
+    "iso8608": (-11.172, 7.348, -6.496, -5.566),
+    "large_floor_tiles": (8.165, 9.452, 4.179, 3.999),
+    "metal_sheets": (-9.913, 8.295, -6.543, -4.939),
+    "patchwork": (4.510, 10.440, 2.261, 2.199),
+    "pyramidal_stones": (0.041, 0.655, 0.016, 0.025),
+    "random": (6.952, 6.670, 5.034, 3.463),
+    "roof_tiles": (4.567, 6.615, 2.300, 2.254),
+    "slats": (-24.663, 23.734, -12.313, -12.259),
+    "slope": (36.000, 38.781, 18.000, 17.935),
+    "small_stones": (1.629, 3.971, 0.818, 0.812),
+    "steps": (21.600, 32.333, 10.790, 10.761),
+    "sticks": (1.287, 5.234, 0.609, 0.692),
+    "stone_bricks": (9.802, 10.361, 4.901, 4.884),
+    "stones": (4.209, 7.629, 2.127, 2.082),
 }
+"""Moments of every family with a sharp edge and seed 1: studies of different machines walk on the same grounds."""
 
 
 @pytest.mark.parametrize("name", [*NAMES, "flat"])
 def test_the_ground_is_the_same_on_every_machine(name: str) -> None:
-    assert terrain(name, seed=1, ramp=0.0).fingerprint() == FINGERPRINTS[name]
+    """Within 2 µm: a point of 40,000 at an edge of 40 mm may fall on either side; another seed differs by far more."""
+    sharp = terrain(name, seed=1, ramp=0.0)
+    np.testing.assert_allclose(moments(sharp), MOMENTS[name], rtol=0.0, atol=2e-3)
+    if sharp.amplitude:
+        other = moments(terrain(name, seed=2, ramp=0.0))
+        assert name in ("slope", "steps") or np.abs(np.subtract(other, MOMENTS[name])).max() > 0.01
 
 
 @pytest.mark.parametrize("name", ["pyramidal_stones", "random", "slats", "stones"])
