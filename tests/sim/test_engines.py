@@ -206,7 +206,7 @@ class HalfTouching(InAir):
     ("kind", "message"),
     [
         (AtItsCentre, "[xyz] is .* not its centre of mass"),
-        (InAnotherOrder, "joints come in the robot's order"),
+        (InAnotherOrder, "joints are in the robot's order"),
         (TooShort, r"shapes \(41,\) and \(40,\)"),
     ],
 )

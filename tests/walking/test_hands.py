@@ -226,13 +226,13 @@ def test_the_bound_is_what_a_sudden_loss_leaves() -> None:
     hands.press("left_hand", moment / here - 1.0, AHEAD)
     for height in (1.05, 0.9, 0.75):
         bound, at = moment / height, (0.3, 0.2, height)
-        with pytest.raises(InputError, match=f"may press with {bound:.0f} N"):
+        with pytest.raises(InputError, match=f"may press with at most {bound:.0f} N"):
             hands.press("left_hand", bound + 1.0, AHEAD, at=at)
         hands.press("left_hand", bound - 1.0, AHEAD, at=at)
     # The left hand is on its way to 0.75 m, and counts there.
     left = bound - 1.0
     rest = (moment - 0.75 * left) / 1.05
-    with pytest.raises(InputError, match=f"right_hand may press with {rest:.0f} N"):
+    with pytest.raises(InputError, match=f"right_hand may press with at most {rest:.0f} N"):
         hands.press("right_hand", 20.0, AHEAD, at=(0.3, -0.2, 1.05))
 
 

@@ -1,7 +1,7 @@
 """Preview control: a motion of the ZMP inside the supports that takes the DCM to the plan.
 
 The ZMP is a broken line with knots z_k: the first one is where it is now, the others are the ends of the next supports,
-and some within the present one. The pendulum over it is known in closed form, so that the DCM now is linear in them,
+some within the present one, and the middle of the next. The pendulum over it is known in closed form, so that the DCM now is linear in them,
 
     ξ_0 = Σ_k w_k z_k + e^{−ω T} ξ_N,
 
@@ -112,7 +112,7 @@ class PreviewController:
             zip(supports, zmp_reference(supports, self.settings.target), strict=True)
         ):
             span = max(support.duration, ROUNDING)
-            parts = min(PARTS, max(1, math.ceil(span / INTERVAL - 1e-6))) if i == 0 else 1
+            parts = min((PARTS, 2)[i], max(1, math.ceil(span / INTERVAL - 1e-6))) if i < 2 else 1
             begin, point = times[-1], points[-1]
             times += [begin + span * k / parts for k in range(1, parts + 1)]
             points += [point + (end - point) * k / parts for k in range(1, parts + 1)]
