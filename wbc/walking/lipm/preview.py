@@ -1,7 +1,8 @@
 """Preview control: a motion of the ZMP inside the supports that takes the DCM to the plan.
 
 The ZMP is a broken line with knots z_k: the first one is where it is now, the others are the ends of the next supports,
-some within the present one, and the middle of the next. The pendulum over it is known in closed form, so that the DCM now is linear in them,
+some within the present one, and the middle of the next. The pendulum over it is known in closed form, so that the DCM
+now is linear in them,
 
     ξ_0 = Σ_k w_k z_k + e^{−ω T} ξ_N,
 
