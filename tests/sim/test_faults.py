@@ -66,7 +66,6 @@ def test_faulty_ticks_do_no_harm(task: str, mode: str, number: int) -> None:
 
 UNNAMED = {
     ("gyroscope off by 0.1 rad/s", "stand", "position"): "it falls 0.9 s later",
-    ("gyroscope off by 0.1 rad/s", "stand", "torque"): "named after 0.46 s",
     ("gyroscope off by 0.1 rad/s", "stand", "hybrid"): "named after 0.46 s",
     ("right force sensor dead", "walk", "torque"): "named once the balance is lost",
     ("force sensors swapped", "walk", "position"): "it falls, and nothing names the sensors",

@@ -40,9 +40,9 @@ from wbc.walking.lipm.pattern import Pattern, dcm_backwards
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, zmp_reference
 from wbc.walking.plans.footsteps import Footstep, SoleSizes
 
-SUPPORTS, PARTS, INTERVAL, REST = 8, 4, 0.1, 0.5
-"""Supports after the present one whose ends are knots, of four steps; greatest number of parts of the present one, and
-their least time, s; time of the last piece where the walk ends within the horizon, s."""
+SUPPORTS, PARTS, INTERVAL, REST = 8, (4, 2), 0.1, 0.5
+"""Supports after the present one whose ends are knots, of four steps; greatest numbers of parts of the present and of
+the next one, and their least time, s; time of the last piece where the walk ends within the horizon, s."""
 
 DCM_WEIGHT = 1e6
 """Cost s of a DCM that no ZMP inside the supports takes to the plan, s: it is met unless it cannot be."""
@@ -113,7 +113,7 @@ class PreviewController:
             zip(supports, zmp_reference(supports, self.settings.target), strict=True)
         ):
             span = max(support.duration, ROUNDING)
-            parts = min((PARTS, 2)[i], max(1, math.ceil(span / INTERVAL - 1e-6))) if i < 2 else 1
+            parts = min(PARTS[i], max(1, math.ceil(span / INTERVAL - 1e-6))) if i < len(PARTS) else 1
             begin, point = times[-1], points[-1]
             times += [begin + span * k / parts for k in range(1, parts + 1)]
             points += [point + (end - point) * k / parts for k in range(1, parts + 1)]
