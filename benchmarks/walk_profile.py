@@ -19,7 +19,7 @@ from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
-from wbc.walking.lipm.source import LipmWalk
+from wbc.walking.lipm.walk import LipmWalk
 
 HOOKS = {"Recorder": "recording", "WatchWalk": "live view"}
 """Names of hooks that the commands use; another one is called after its class."""

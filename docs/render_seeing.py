@@ -32,7 +32,7 @@ class Seen(TrialHook):
 
     def start(self, trial: Any) -> None:
         """Keep the plan."""
-        self.walk = trial.walking.source.walk
+        self.walk = trial.walking.source
         self.plan, self.done = self.walk.plan, 0
         self.chosen: Any = None
 

@@ -19,7 +19,7 @@ from wbc.base.numbers import Array
 from wbc.sim import make_terrain
 from wbc.walking import WalkingControl, WalkingControlSettings
 from wbc.walking.contact import Event
-from wbc.walking.stepping.source import SteppingWalk
+from wbc.walking.stepping.gait import SteppingWalk
 
 SEED, AMPLITUDE, SPEED = 7, 0.04, 0.4
 """Of the ground, highest stone (m) and commanded velocity (m/s)."""
@@ -85,7 +85,7 @@ def steps_of_a_walk(count: int) -> list[Step]:
             rows, planned = [], []
         elif now.landing is not None:
             assert isinstance(walking.source, SteppingWalk)
-            gait = walking.source.gait
+            gait = walking.source
             rows.append((*gait.dcm[:2], *gait.contact[:2], now.landing.x, now.landing.y))
             planned.append(now.duration)
     return steps

@@ -26,7 +26,7 @@ from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import check_plan
 from wbc.walking.plans.size import sized
-from wbc.walking.stepping.source import SteppingWalk
+from wbc.walking.stepping.gait import SteppingWalk
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,8 +133,7 @@ def _orders(
     plan: WalkPlan, way: FootstepPlan, source: SteppingWalk
 ) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
     """Return the velocities of a walk with free steps, None for the goal at the end of `way`, and its time, s."""
-    gait = source.gait
-    s, shift = gait.settings, gait.constants.shift_time
+    s, shift = source.settings, source.constants.shift_time
     pause = shift + 8.0 * s.slow_time  # to set off and to stop
     orders = plan.drive
     if plan.velocity is not None and plan.steps is not None:

@@ -234,7 +234,7 @@ def test_a_stepping_walk_lands_on_what_it_sees_and_is_blind_where_it_sees_nothin
         landings: list[float] = []
 
         def listen(trial: WalkTrial, landings=landings) -> None:
-            ground = trial.walking.source.gait.ground
+            ground = trial.walking.source.ground
             if trial.walking.time == 0.0:
                 land = ground.land
                 ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
@@ -291,7 +291,7 @@ def test_feet_land_where_the_ground_is() -> None:
         landings: list[float] = []
 
         def listen(trial: WalkTrial, landings=landings) -> None:
-            ground = trial.walking.source.walk.ground
+            ground = trial.walking.source.ground
             if trial.walking.time == 0.0:
                 land = ground.land
                 ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]

@@ -17,7 +17,7 @@ from pendulum import com_after
 from wbc.base.numbers import Array
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
-from wbc.walking.stepping.gait import BodyState, SteppingGait
+from wbc.walking.stepping.gait import BodyState, SteppingWalk
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 SCALE = RobotSize(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035)
@@ -58,7 +58,7 @@ class PointMass:
     ) -> None:
         """Stand at the origin, heading along x."""
         self.scale, self.dt = scale, dt
-        self.gait = SteppingGait(settings or SteppingSettings(), scale, 0.0, dt)
+        self.gait = SteppingWalk(settings or SteppingSettings(), scale, 0.0, dt)
         self.com = np.array([0.0, 0.0, scale.height])
         self.speed = np.zeros(2)
         self.time = 0.0
@@ -94,7 +94,7 @@ class PointMass:
             (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
             wrenches,
         )
-        reference = gait.update(state, frames)
+        reference = gait.advance(state, frames)
         self._move(reference)
         return Tick(self.time, state, frames, reference)
 

@@ -18,7 +18,6 @@ from wbc.base.settings import from_json, to_json
 from wbc.robots import load
 from wbc.walking import FootstepPlan, Gait, StepGait, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase
-from wbc.walking.lipm.source import LipmWalk
 from wbc.walking.lipm.walk import TURNED, WalkSettings
 from wbc.walking.plans.reach import Reach, bent_height, check_plan
 from wbc.walking.plans.sources import (
@@ -32,6 +31,7 @@ from wbc.walking.plans.sources import (
 )
 from wbc.walking.source import Reference
 from wbc.walking.steering import SteeredSteps
+from wbc.walking.steps import planned_walk
 
 DT = 0.005
 ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}
@@ -48,8 +48,8 @@ class Stage:
         robot = ROBOTS[name]
         start = FootstepPlan.standing(robot) if plan is None else plan
         settings = WalkSettings(phases=BY_TIME, adjustment=None)
-        self.source = LipmWalk(robot, start, DT, WalkingControlSettings(walk=settings))
-        self.walk = self.source.walk
+        control = WalkingControlSettings(walk=settings)
+        self.source = self.walk = planned_walk(robot, start, DT, control, None)
         self.time = 0.0
         self.references: list[Reference] = []
 
@@ -59,8 +59,7 @@ class Stage:
     def run(self, seconds: float, turning: float = 0.0) -> None:
         for _ in range(round(seconds / DT)):
             self.time += DT
-            self.source.plan_steps(self.time)
-            self.references.append(self.walk.update([0.0, 0.0], turned=DT * turning))
+            self.references.append(self.walk.advance([0.0, 0.0], turned=DT * turning))
 
     def run_until_it_stands(self, longest: float) -> None:
         begin = self.time

@@ -18,6 +18,7 @@ from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.plans.reach import Reach, check_plan, hip_height, leg_geometry
+from wbc.walking.plans.sources import close_up
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 ROBOT = load("hrp4_class").robot()
@@ -137,8 +138,7 @@ def test_stance_and_lift_off() -> None:
 def test_a_foot_closes_up_unless_it_stands_beside_the_other_already(name: str, bound: float) -> None:
     for off, steps in ((0.9 * bound, 0), (1.1 * bound, 1)):
         left = replace(START.left, **{name: getattr(START.left, name) + off})
-        walk = walk_distance(replace(START, left=left), 0.5, first="left")
-        assert len(walk.stopping_after(-1)) == steps
+        assert len(close_up(replace(START, left=left), "left")) == steps
 
 
 def test_a_ground_that_is_known_lifts_the_steps() -> None:

@@ -17,7 +17,7 @@ from wbc.ground.cloud import ElevationMap
 from wbc.ground.footprint import FootprintSettings
 from wbc.ground.known import GroundSettings
 from wbc.robots import load
-from wbc.walking.lipm.walk import Walk
+from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import walk_distance
 
@@ -37,10 +37,10 @@ def standing(turn: pin.SE3 | None = None):
 
 def walk(
     robot, heights: np.ndarray | None, turn: pin.SE3 | None = None, plan=None, true: float | None = None
-) -> tuple[Walk, list[Footstep]]:
+) -> tuple[LipmWalk, list[Footstep]]:
     """Walk with perfect contacts over what is known, or a level that is the true one; return where feet landed, too."""
     plan = walk_distance(FootstepPlan.standing(robot), 0.9) if plan is None else plan
-    walking = Walk(robot, plan, HEIGHT, DT)
+    walking = LipmWalk(robot, plan, HEIGHT, DT)
     ground = KnownGround(robot)
     yaw, at = 0.0, np.zeros(3)
     if turn is not None:
@@ -55,7 +55,7 @@ def walk(
     for k in range(6000):
         ground.update(robot, DT * k)
         before = walking.steps_done
-        reference = walking.update([weight * share for share in loads], soles)
+        reference = walking.advance([weight * share for share in loads], soles)
         if walking.steps_done > before:
             landed.append(walking.plan.steps[walking.step - 1])
         if walking.finished:

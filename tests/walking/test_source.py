@@ -18,7 +18,7 @@ from wbc.robots import load
 from wbc.walking import Reference, StandSource, State, WalkingControl
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Progress, WholeBody
-from wbc.walking.stepping.source import SteppingWalk
+from wbc.walking.stepping.gait import SteppingWalk
 
 DESCRIPTION = load("hrp4_class")
 
@@ -99,4 +99,4 @@ def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> N
 def test_sources_that_the_stabilizer_cannot_follow_are_refused() -> None:
     robot = DESCRIPTION.robot()
     with pytest.raises(InputError, match="balance"):
-        WalkingControl(robot, SteppingWalk(robot, 0.005), 0.005)
+        WalkingControl(robot, SteppingWalk.of(robot, 0.005), 0.005)

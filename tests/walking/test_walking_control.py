@@ -164,11 +164,11 @@ def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: p
     assert walking.balance is not None
     bias = walking.balance.bias
     assert bias is not None
-    update = walking.walk.update
+    advance = walking.walk.advance
     monkeypatch.setattr(
         walking.walk,
-        "update",
-        lambda loads, soles, dcm, turned: given.append(dcm) or update(loads, soles, dcm, turned),
+        "advance",
+        lambda loads, soles, dcm, turned: given.append(dcm) or advance(loads, soles, dcm, turned),
     )
     speed = np.zeros(robot.na)
     for joint, sign in (("hip_pitch", -1.0), ("ankle_pitch", 1.0)):

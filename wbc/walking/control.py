@@ -47,8 +47,7 @@ from wbc.walking.body import STEPPING_TURN, Body
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.lipm.source import LipmWalk
-from wbc.walking.lipm.walk import Walk
+from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.load import HeldLoad
 from wbc.walking.plans.footsteps import FootstepPlan, heading
 from wbc.walking.plans.sources import FootstepSource, Velocity, VelocityLimits, checked_velocity
@@ -363,11 +362,11 @@ class WalkingControl:
         return (self.source.finished and self._waiting is None) or self.fallen is not None
 
     @property
-    def walk(self) -> Walk:
+    def walk(self) -> LipmWalk:
         """Phases, pattern and footsteps of planned steps."""
         if not isinstance(self.source, LipmWalk):
             raise InputError(f"only planned steps have phases and a pattern, got {shown(self.source)}")
-        return self.source.walk
+        return self.source
 
     @property
     def _planned(self) -> Balance | None:

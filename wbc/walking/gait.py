@@ -2,8 +2,8 @@
 
     STANDING ── sets off ──▶ DOUBLE ── lift-off ──▶ SINGLE ── touch-down ──▶ DOUBLE or SINGLE ── … ──▶ STANDING
 
-Planned steps (`wbc.walking.lipm.walk`) and free steps (`wbc.walking.stepping.gait`) are planners on top of it: they say
-when a foot lifts, where and when it lands, when it takes over, and how the pendulum moves until then.
+Planned steps (`wbc.walking.lipm.walk`) and free steps (`wbc.walking.stepping.gait`) say when a foot lifts, where and
+when it lands, when it takes over, and how the pendulum moves until then.
 """
 
 from __future__ import annotations
@@ -19,14 +19,16 @@ from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import SwingShape
-from wbc.walking.source import Progress, Reference
+from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.swing import FootMotion, SwingFoot
 
 
-class GaitMachine:
+class GaitMachine(ReferenceSource):
     """State machine of a robot that stands, shifts its weight, steps and stands.
 
     Attributes:
+        dt: Control period, s.
+        time: Time since the gait began, s.
         phase: Phase now.
         stance: Foot that carries while the present or next step swings: 0 left, 1 right.
         elapsed: Time since the start of this phase, s.
@@ -37,14 +39,21 @@ class GaitMachine:
         ground: What is known of the ground.
     """
 
+    ground: GroundEstimate
+
     def __init__(self, dt: float, ground: GroundEstimate, lasting: float = 0.0) -> None:
-        """Stand; a touch-down is a load that lasts for a time, s."""
+        """Take a period, s, and an estimate of the ground; a touch-down is a load that lasts for a time, s."""
+        self.ground, self.dt, self._lasting = ground, dt, lasting
+
+    def begin(self, heading: float) -> None:
+        """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
         self.phase, self.stance, self.steps_done = GaitPhase.STANDING, 1, 0
-        self.elapsed = self.duration = 0.0
+        self.time = self.elapsed = self.duration = 0.0
         self.swing: SwingFoot | None = None
         self.met: float | None = None
-        self.ground, self._dt, self._lasting = ground, dt, lasting
         self._loaded = 0.0  # time for which the swing foot has borne the load of a contact, s
+        self.planner, self.reason = None, ""
+        self.ground.forget()
 
     @property
     def air(self) -> int | None:
@@ -59,7 +68,7 @@ class GaitMachine:
 
     def _touches(self, loaded: bool) -> bool:
         """Return True if the swing foot has met the ground; it bears the load of a contact in this tick, or not."""
-        self._loaded = self._loaded + self._dt if loaded else 0.0
+        self._loaded = self._loaded + self.dt if loaded else 0.0
         return loaded and self._loaded >= self._lasting - ROUNDING
 
     def _begin_swing(
@@ -110,7 +119,7 @@ class GaitMachine:
             cop,
         )
 
-    def progress(self, upcoming: tuple[Footstep, ...], cycle: float) -> Progress:
+    def _progress(self, upcoming: tuple[Footstep, ...], cycle: float) -> Progress:
         """Return phase and steps now, with the landings to come and the time of a step, s."""
         swing = 1 - self.stance if self.phase is GaitPhase.SINGLE else None
         return Progress(

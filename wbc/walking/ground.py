@@ -57,11 +57,15 @@ class GroundEstimate:
         counts as unknown.
         """
         self._height_share, self._rise_share, self._most = height_share, rise_share, most
+        self.sight: KnownGround | None = None
+        self.forget()
+
+    def forget(self) -> None:
+        """Expect the ground where the next plan has it; `sight` stays."""
         self._stands = 0.0  # height of the foot that stands, m
         self._unexpected = 0.0  # height of the last landing over the expected one, m
         self._looked = -1  # version of what was seen
         self.height = self.rise = self.uneven = self.raised = 0.0
-        self.sight: KnownGround | None = None
 
     def expect(self, planned: Footstep, allowed: Callable[[float, float], bool] | None = None) -> Footstep:
         """Return the landing of a swing that begins, on the ground that is expected or seen.

@@ -2,8 +2,8 @@
 
     reference = source.update(state)
 
-A source knows neither the QP nor the drives. Laws of a walk are in `wbc.walking.lipm.source` and
-`wbc.walking.stepping.source`, a clip in `wbc.motion.source`; `StandSource` is the smallest one.
+A source knows neither the QP nor the drives. Walks are in `wbc.walking.lipm.walk` and
+`wbc.walking.stepping.gait`, a clip in `wbc.motion.source`; `StandSource` is the smallest one.
 """
 
 from __future__ import annotations

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import fields, replace
 from typing import NamedTuple
 
+import numpy as np
+
 from wbc.base.errors import InputError, shown
 from wbc.core.drive.control import FEET_AS_PLANNED, FEET_STEP, DriveControl
 from wbc.core.drive.hybrid import HybridControl
@@ -19,12 +21,12 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.walking.balance import Balance
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.lipm.source import LipmWalk
-from wbc.walking.plans.footsteps import FootstepPlan
-from wbc.walking.plans.reach import Extent
+from wbc.walking.lipm.walk import LipmWalk
+from wbc.walking.plans.footsteps import FootstepPlan, check_start
+from wbc.walking.plans.reach import Extent, Reach, bent_height
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import ReferenceSource
-from wbc.walking.stepping.source import SteppingWalk
+from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.table import free_table, planned_table
 from wbc.walking.tasks import WalkTasks
 
@@ -88,10 +90,32 @@ def steps_of(
         return {"planned": _planned(control, arms, source, s)}
     plan, steps = source or FootstepPlan.standing(robot), dict[Kind, Steps]()
     if "free" in s.kinds:
-        steps["free"] = _free(control, SteppingWalk(robot, dt, s.stepping, s.com_height))
+        steps["free"] = _free(control, SteppingWalk.of(robot, dt, s.stepping, s.com_height))
     if "planned" in s.kinds:
-        steps["planned"] = _planned(control, arms, LipmWalk(robot, plan, dt, s, extent), s)
+        steps["planned"] = _planned(control, arms, planned_walk(robot, plan, dt, s, extent), s)
     return steps
+
+
+def planned_walk(
+    robot: Robot, plan: FootstepPlan, dt: float, settings: WalkingControlSettings, extent: Extent | None
+) -> LipmWalk:
+    """Return a walk along a plan, which stands until it is steered where the plan has no steps.
+
+    Raises:
+        InputError: A plan that cannot be walked or begins elsewhere.
+    """
+    check_start(robot, plan)
+    s, reach = settings, None
+    height = (
+        float(robot.com[2]) - 0.5 * (plan.left.z + plan.right.z) if s.com_height is None else s.com_height
+    )
+    if not plan.steps:
+        if s.com_height is None:
+            height = min(height, bent_height(robot, s.drive.stretch))
+        # Bent knees reach further ahead; to the side ankles must roll by what the robot sways.
+        reach = replace(Reach.of(robot, height), max_spacing=Reach.of(robot).max_spacing)
+    com = np.array(robot.com)
+    return LipmWalk(robot, plan, height, dt, s.walk, drive=s.drive, reach=reach, extent=extent, com=com)
 
 
 def _planned(
@@ -111,7 +135,7 @@ def _planned(
 def _free(control: DriveControl, source: SteppingWalk) -> Steps:
     """Return the parts of free steps, which balance the robot."""
     controller, given = control.controller, control.observer.inertial.settings
-    tasks = WalkTasks(controller, free_table(controller.robot, source.gait))
+    tasks = WalkTasks(controller, free_table(controller.robot, source))
     tasks.leave()
     return Steps(source, tasks, None, _tuned(ON_POINTS, given), FEET_STEP)
 

@@ -21,7 +21,7 @@ from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.task import StabilizerTask
-from wbc.walking.stepping.gait import SteppingGait
+from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.rise import RiseLimit
 from wbc.walking.tasks import StanceContacts, TaskTable
 
@@ -144,7 +144,7 @@ FORCE, MOMENT = 1.1e-3, 2.0
 times half of the width of the sole."""
 
 
-def free_table(robot: Robot, gait: SteppingGait) -> TaskTable:
+def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     """Return the table of free steps, which balance the robot."""
     scale, law = gait.scale, gait.constants
     omega, square = scale.omega, scale.omega**2

@@ -22,7 +22,7 @@ from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.plans.sources import PlanSource
 from wbc.walking.source import Reference
-from wbc.walking.stepping.gait import BodyState, SteppingGait
+from wbc.walking.stepping.gait import BodyState, SteppingWalk
 from wbc.walking.stepping.law import SteppingConstants
 from wbc.walking.stepping.settings import SteppingSettings, in_si
 
@@ -49,13 +49,13 @@ def replay(
     inputs: list[tuple[BodyState, Frames]], heading: float, velocity: tuple[float, float, float]
 ) -> list[Reference]:
     """References of another gait for the inputs of `pushed_aside`, steered at the same ticks."""
-    gait, references = SteppingGait(SteppingSettings(), SCALE, heading, DT), []
+    gait, references = SteppingWalk(SteppingSettings(), SCALE, heading, DT), []
     for tick, (state, frames) in enumerate(inputs):
         if tick == round(0.8 / DT):
             gait.steering.command(velocity)
         elif tick == round(3.3 / DT):
             gait.steering.command(None)
-        references.append(gait.update(state, frames))
+        references.append(gait.advance(state, frames))
     return references
 
 
@@ -157,7 +157,7 @@ def test_a_steered_walk_has_the_velocity_that_is_asked_for(velocity: tuple[float
 def test_phases_follow_each_other_and_steps_are_counted() -> None:
     body = PointMass()
     body.run(0.6)
-    assert body.gait.stands and body.gait.steps_done == 0
+    assert body.gait.finished and body.gait.steps_done == 0
     body.gait.steering.command((0.2, 0.0, 0.0))
     assert [tick.reference.phase for tick in body.run(0.1)][-1] is GaitPhase.DOUBLE
     body.run(4.0)
@@ -175,7 +175,7 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     assert supports[0].stance == 1, "the right foot"
     seen = lifts[0].frames[1].actInv(np.array(lifts[0].state.com))
     assert seen[1] == pytest.approx(c.shift * s.width / (1.0 + math.exp(SCALE.omega * s.step_time)), abs=0.01)
-    assert body.gait.stands
+    assert body.gait.finished
     place = body.com[:2].copy()
     body.run(2.0)
     np.testing.assert_allclose(body.com[:2], place, atol=5e-3)
@@ -237,7 +237,7 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
         first = next(tick for tick in body.run(1.0) if tick.reference.swing is not None)
         assert first.reference.swing == foot
         body.run(2.0)
-        assert body.gait.stands and abs(body.com[1]) < 0.5
+        assert body.gait.finished and abs(body.com[1]) < 0.5
     body = PointMass()  # while its weight shifts, too
     body.run(0.7)
     body.gait.steering.command((0.2, 0.0, 0.0))
@@ -263,7 +263,7 @@ def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(s
     stopped = next(tick for tick in ticks if Event.STOPPED in tick.reference.events)
     left, right = (frame.translation for frame in stopped.frames)
     assert np.linalg.norm(left - right) <= body.gait.constants.stop_length
-    assert body.gait.stands
+    assert body.gait.finished
 
 
 @pytest.mark.parametrize(
@@ -287,7 +287,7 @@ def test_a_step_is_about_the_centre_of_pressure_of_its_stance_foot(
     stance, wrenches = tick.reference.stance, [[0.0] * 6, [0.0] * 6]
     wrenches[stance] = [0.0, 0.0, force, cop[1] * force, -cop[0] * force, 0.0]
     for _ in range(25):  # five times the lag of the measured pressure
-        reference = body.gait.update(tick.state._replace(wrenches=wrenches), tick.frames)
+        reference = body.gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
     assert reference.stance == stance
     place = tick.frames[stance].actInv(np.array(body.gait.contact))
     assert tuple(place[:2]) == pytest.approx(expected, abs=2e-3)
@@ -338,7 +338,7 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
         assert reference.most_force[reference.stance] == settings.most_force
 
 
-def first_wait() -> tuple[Tick, SteppingGait]:
+def first_wait() -> tuple[Tick, SteppingWalk]:
     """Return the first tick in which a foot has landed and waits for the end of its step, and the gait."""
     body = PointMass()
     body.run(0.6)
@@ -357,7 +357,7 @@ def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> N
         wrenches = [[0.0] * 6, [0.0] * 6]
         wrenches[stance][2], wrenches[1 - stance][2] = held, load
         for _ in range(round(seconds / DT)):
-            reference = gait.update(tick.state._replace(wrenches=wrenches), tick.frames)
+            reference = gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
         return bool(reference.swing == 1 - stance)
 
     assert not swings(1.1 * s.lost, 2.0 * s.held, s.lost_time + 4 * DT), "it carries a little"
@@ -371,9 +371,9 @@ def test_a_foot_in_contact_carries_at_once_where_the_one_that_stood_no_longer_do
     s, stance = gait.constants, tick.reference.stance
     wrenches = [[0.0] * 6, [0.0] * 6]
     wrenches[stance][2], wrenches[1 - stance][2] = 1.1 * s.held, 1.1 * s.held
-    assert gait.update(tick.state._replace(wrenches=wrenches), tick.frames).stance == stance
+    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).stance == stance
     wrenches[stance][2] = 0.9 * s.held
-    assert gait.update(tick.state._replace(wrenches=wrenches), tick.frames).stance == 1 - stance
+    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).stance == 1 - stance
 
 
 class EdgeFirst(PointMass):
@@ -410,7 +410,7 @@ def test_a_goal_is_reached_and_stood_at(goal: tuple[float, float, float]) -> Non
     body.run(0.6)
     body.gait.steering.go_to(*goal)
     body.run(14.0)
-    assert body.gait.stands and not body.gait.steering.pending
+    assert body.gait.finished
     assert math.dist(body.com[:2], goal[:2]) < 0.15
     assert angle(body.gait.steering.heading, goal[2]) == pytest.approx(0.0, abs=0.2)
 
@@ -426,11 +426,11 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     )
     plan = walk_distance(FootstepPlan(left, right, (), Gait(step_length=0.12)), 1.0)
     planner = PlanSource(plan)
-    body.gait.plan = lambda now: planner.footsteps(now).steps
+    body.gait.take(planner)
     body.run(2.0)
     body.speed += [0.0, push]
     body.run(9.0)
-    assert body.gait.stands and body.gait.steps_done == len(plan)
+    assert body.gait.finished and body.gait.steps_done == len(plan)
     landed = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.events][1:] + body.ticks[-1:]
     errors = [
         math.dist(tick.frames[SIDES.index(step.side)].translation[:2], step.position[:2])
@@ -449,7 +449,7 @@ def test_a_foot_that_has_been_kicked_away_is_not_stepped_onto() -> None:
         wrenches = [[0.0] * 6, [0.0] * 6]
         wrenches[1 - kicked][2] = SCALE.weight
         fast = tick.state._replace(velocity=(0.0, sign * 0.9, 0.0), wrenches=wrenches)
-        reference = gait.update(fast, tick.frames)
+        reference = gait.advance(fast, tick.frames)
         assert Event.LIFT_OFF in reference.events and reference.swing == kicked
 
 

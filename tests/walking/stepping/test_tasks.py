@@ -15,7 +15,7 @@ from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.walking.body import Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
-from wbc.walking.stepping.gait import BodyState, SteppingGait
+from wbc.walking.stepping.gait import BodyState, SteppingWalk
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 from wbc.walking.table import free_table
 from wbc.walking.tasks import WalkTasks
@@ -30,7 +30,7 @@ def standing() -> tuple[Controller, WalkTasks, Reference]:
     """Controller and tasks of a robot that stands, and the reference of its stand."""
     robot = make_robot("g1")
     scale = RobotSize.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
-    gait = SteppingGait(SteppingSettings(), scale, 0.0, DT)
+    gait = SteppingWalk(SteppingSettings(), scale, 0.0, DT)
     controller = Controller(robot, DT)
     tasks = WalkTasks(controller, free_table(robot, gait))
     frames = tuple(robot.placement(sole.frame) for sole in robot.soles)
@@ -39,7 +39,7 @@ def standing() -> tuple[Controller, WalkTasks, Reference]:
     state = BodyState(
         robot.com.tolist(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tuple(places), tuple(turns), wrenches
     )
-    return controller, tasks, gait.update(state, frames)
+    return controller, tasks, gait.advance(state, frames)
 
 
 # Contacts, greatest forces, stance and swing foot.

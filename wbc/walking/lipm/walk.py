@@ -1,10 +1,15 @@
 """Planned steps: places and times are fixed ahead; phases change by contact and by time, not by time alone.
 
+    planner  →  steps from where the feet stand  →  check
     foot loads, DCM, soles  →  phases  →  (events: swing, landing)  →  pattern  →  references for this tick
+
+On both feet the steps are planned anew every tenth of a second, those of a plan at each landing; with a foot in the air
+only when the planner or its command has changed, and not while the last foot is about to land. A planner that fails, or
+asks for a step that the robot cannot take, is dropped: the robot comes to a stand, and the reason is logged.
 
 Lift-off waits until the foot that leaves has given its load to the foot that stays. Touch-down is the first load on
 the swing foot: early (the swing ends, and the weight may come over at once), on time, or late (the foot reaches on
-down, and the pendulum is held meanwhile). Everything that could be wrong with a plan is refused when the walk is made.
+down, and the pendulum is held meanwhile).
 """
 
 from __future__ import annotations
@@ -15,13 +20,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from typing import Annotated
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Share, in_units, settings
+from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, SIDES, Robot
-from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.gait import GaitMachine
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
@@ -29,10 +36,21 @@ from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, heading, mean_heading, other
-from wbc.walking.plans.gait import Gait, StepGait
-from wbc.walking.plans.reach import Reach, check_plan
-from wbc.walking.plans.sources import Standing
-from wbc.walking.source import Reference
+from wbc.walking.plans.gait import StepGait
+from wbc.walking.plans.reach import Extent, Reach, check_plan
+from wbc.walking.plans.sources import (
+    AT_REST,
+    DriveSettings,
+    FootstepSource,
+    PlanSource,
+    Standing,
+    Velocity,
+    close_up,
+    dropped,
+    next_steps,
+)
+from wbc.walking.source import Progress, Reference
+from wbc.walking.steering import PLANNED_NEAR, SteeredSteps, Steering
 from wbc.walking.swing import SwingFoot
 
 logger = logging.getLogger(__name__)
@@ -48,9 +66,9 @@ TURNED, MOST_TURN = 0.02, 0.04
 """Angle by which soles have turned on the ground from which on the landings to come are turned back, and greatest angle
 of that in a step, rad."""
 
-DEBOUNCE, HOLD = 0.01, 0.05
+DEBOUNCE, HOLD, REPLAN = 0.01, 0.05, 0.1
 """Time that the load of a touch-down must last; remaining time that the pattern plans with while a phase waits for a
-foot, s."""
+foot; time between plans of the footsteps on both feet, s."""
 
 
 @settings
@@ -96,88 +114,264 @@ class WalkSettings:
     rise_memory: Share = 0.1
 
 
-class Walk(GaitMachine):
-    """Walk of one robot along planned steps.
+class LipmWalk(GaitMachine):
+    """Walk of one robot along planned steps: those of a plan, a velocity, a goal or a planner.
 
     Attributes:
-        plan: Footstep plan as it is now; landings move, and the walk may be steered or stopped.
+        settings: Settings.
+        plan: Steps from the one that swings or swings next on, as they are now; landings move.
         step: Index of the step that swings, or that swings next; the number of steps at the end.
-        period: Control period, s.
         reach: Reach of the robot's legs.
-        sole_sizes: (length, width) of the left and of the right sole, m.
+        com_height: Height of the CoM over the support while walking, m.
         omega: Natural frequency of the pendulum, 1/s.
-        drift_correction: Yaw-drift correction of the remaining footsteps: their motion since it was set, for soles that
-            have turned on the ground, which the estimated world follows.
+        drift_correction: Yaw-drift correction of the remaining footsteps: their motion since the planner was taken, for
+            soles that have turned on the ground, which the estimated world follows.
     """
+
+    com_height: float
+    steering: Steering
 
     def __init__(
         self,
         robot: Robot,
         plan: FootstepPlan,
         com_height: float,
-        period: float,
+        dt: float,
         settings: WalkSettings | None = None,
         *,
+        drive: DriveSettings | None = None,
         reach: Reach | None = None,
-        extent: tuple[float, float, float, float] | None = None,
+        extent: Extent | None = None,
         com: Array | None = None,
     ) -> None:
-        """Check a plan, stand at its start, with the CoM at `com` if it is not over the feet, and walk from there."""
+        """Stand at the start of a plan, with the CoM at `com` if it is not over the feet, and walk from there.
+
+        An `InputError` for a plan that cannot be walked on a ground of an extent, m; None is endless.
+        """
         self.settings = s = settings or WalkSettings()
-        self.period = period
-        self.reach = reach or Reach.of(robot, com_height)
-        gait, notes = plan.gait.full.on_grid(period)
+        self.com_height, self.omega = com_height, natural_frequency(com_height)
+        self.reach, self._robot, self._extent = reach or Reach.of(robot, com_height), robot, extent
+        full, notes = plan.gait.full.on_grid(dt)
         for note in notes:
             logger.warning("%s", note)
-        plan = replace(plan, gait=_checked(gait))
-        check_plan(plan, robot, self.reach, extent)
-        super().__init__(
-            period, GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height), DEBOUNCE
-        )
+        check_plan(replace(plan, gait=_checked(full)), robot, self.reach, extent)
+        self.swing_height = full.swing_height
+        self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)  # of plans to come
+        self._drive = drive or DriveSettings()
+        self.steering = Steering(self._drive.limits, PLANNED_NEAR)
+        ground = GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
+        super().__init__(dt, ground, DEBOUNCE)
         left, right = robot.soles[:2]
-        self.sole_sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
-        lengths, self._swing_gait = {"m": robot.length_scale}, gait  # a small robot has its share of each
+        self._sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
+        self._laws = [self._law(climbs) for climbs in (False, True)]
+        if com is None:
+            com = 0.5 * (plan.left.position + plan.right.position) + (0.0, 0.0, com_height)
+        self._first: FootstepSource | None = None  # from the start on
+        self._stand(replace(plan, steps=()), com)
+        if plan.steps:
+            self.take(PlanSource(plan))
+            self._first = self.planner
+            self.plan_steps()
+
+    def _law(self, climbs: bool) -> tuple[PreviewController, StepAdjuster | None]:
+        """Return preview and step adjustment, those of a plan that climbs or not."""
+        s, robot = self.settings, self._robot
+        lengths = {"m": robot.length_scale}  # a small robot has its share of each
         preview, adjustment = in_units(s.preview, lengths), s.adjustment and in_units(s.adjustment, lengths)
         margin, inward = preview.margin, preview.target.inward
-        if plan.climbs:  # as planned: on rough ground, landings make a plan that climbs, too
-            self._swing_gait = gait.for_stairs()
+        if climbs:  # as planned: on rough ground, landings make a plan that climbs, too
             inward = min(inward, CLIMBING_INWARD)
         most = _most_inward(
-            0.5 * min(left.width, right.width),
+            0.5 * min(width for _, width in self._sizes),
             margin if adjustment is None else max(margin, adjustment.margin),
         )
-        inward = max(-most, min(most, inward))
-        preview = replace(preview, target=replace(preview.target, inward=inward))
-        self._preview = PreviewController(self.sole_sizes, com_height, preview)
-        self.omega = self._preview.omega
-        self._adjuster: StepAdjuster | None = None
-        if adjustment is not None:
-            sizes, target = self.sole_sizes, preview.target
-            self._adjuster = StepAdjuster(com_height, self.reach, sizes, target, adjustment)
-        self._planned_swing: PlannedSwing | None = None
+        target = replace(preview.target, inward=max(-most, min(most, inward)))
+        planner = PreviewController(self._sizes, self.com_height, replace(preview, target=target))
+        if adjustment is None:
+            return planner, None
+        return planner, StepAdjuster(self.com_height, self.reach, self._sizes, target, adjustment)
 
-        self._robot = robot
-        self.plan, self.step, self._stopping = plan, 0, False
+    def begin(self, heading: float) -> None:
+        """Stand where the robot stands now, with the heading of its feet; steps and orders before are forgotten."""
+        del heading
+        self._stand(FootstepPlan.standing(self._robot, self._gait), np.array(self._robot.com))
+
+    def _stand(self, feet: FootstepPlan, com: Array) -> None:
+        """Stand on feet, with the CoM at a place, m."""
+        super().begin(0.0)
+        self.plan, self.step = replace(feet, gait=feet.gait.full.on_grid(self.dt)[0]), 0
+        self.steering.command(None)
+        self._pace = 0.0  # of the last plan, m/s
+        self._next = 0.0  # time of the next plan of the footsteps, s
+        self._asked: tuple[FootstepSource | None, object] = (None, None)  # planner and order of the last plan
+        self._landed = False
+        self._planned_swing: PlannedSwing | None = None
         self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
-        self._places = [plan.left.placement, plan.right.placement]
+        self._places = [foot.placement for foot in self.plan.final]
         self._yaws = [heading(place.rotation) for place in self._places]
-        middle = 0.5 * (plan.left.position + plan.right.position)
-        if com is None:
-            com = middle + (0.0, 0.0, com_height)
         self._begun: tuple[Event, ...] = ()  # events before the next update
-        if plan.steps:
-            self._start()
-        self._time = 0.0  # since the pattern was planned, s
-        self._pattern = self._preview.plan(self.supports(), Pendulum.at_rest(com, float(middle[2])))
         self.drift_correction = pin.SE3.Identity()
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
+        self._preview, self._adjuster = self._laws[False]
+        self._since = 0.0  # the pattern was planned, s
+        start = Pendulum.at_rest(com, float(0.5 * sum(place.translation[2] for place in self._places)))
+        self._pattern = self._preview.plan(self.supports(), start)
 
-    # ---- phases -------------------------------------------------------------------------------------------------
+    # ---- what is asked for --------------------------------------------------------------------------------------
 
     @property
     def finished(self) -> bool:
-        """True when all steps are done and the robot stands."""
+        """True when what a planner has asked for is walked and the robot stands."""
+        planner = self.planner
+        return self._rests and (planner is None or self._asked == (planner, planner.order))
+
+    @property
+    def _rests(self) -> bool:
+        """True while the robot stands and has no step to take."""
         return self.phase is GaitPhase.STANDING and self.step >= len(self.plan)
+
+    @property
+    def steered(self) -> bool:
+        """True if footsteps come, or may come, from another planner; False for a walk along its first plan."""
+        return self._first is None or self.planner is not self._first
+
+    @property
+    def granted(self) -> Velocity:
+        """Velocity of the present plan: forward (m/s), left (m/s) and turn (rad/s)."""
+        granted = None if self.planner is None else self.planner.granted
+        if granted is None:
+            return self._mean_velocity()
+        return AT_REST if self._rests else granted
+
+    def _mean_velocity(self) -> Velocity:
+        """Return the mean velocity over the next two steps, seen from the foot that stands."""
+        plan, step = self.plan, self.step
+        if step + 2 > len(plan):
+            return AT_REST
+        forward, left, _, turn = plan.steps[step + 1].seen_from(plan.stance(step))
+        two = 2.0 * self._cycle
+        return forward / two, left / two, turn / two
+
+    @property
+    def _cycle(self) -> float:
+        """Time of a step, s."""
+        gait = self.plan.gait.full
+        return gait.single_support + gait.double_support
+
+    def progress(self, last: Reference | None) -> Progress:
+        """Return the present phase and the number of steps."""
+        return self._progress(self.plan.steps[self.step :], self._cycle)
+
+    def take(self, planner: FootstepSource | None) -> None:
+        """Take footsteps from a planner, from the next tick on; None for those of the steering."""
+        before = self.planner
+        if planner is None:
+            goes_on = isinstance(before, SteeredSteps) and self.steering.goal is None
+            planner = before if goes_on else self._steered_steps()
+        super().take(planner)
+        if planner is not before:
+            self._next, self._landed, self.drift_correction = 0.0, True, pin.SE3.Identity()
+            self._preview, self._adjuster = self._laws[
+                isinstance(planner, PlanSource) and planner.plan.climbs
+            ]
+
+    def _steered_steps(self) -> SteeredSteps:
+        """Return a planner that is steered, and goes on from the velocity granted now; to stop on a plan, from rest."""
+        pace, granted = 0.0 if self._rests else self._pace, self.granted
+        if isinstance(self.planner, PlanSource) and not self.steering.pending:
+            granted = AT_REST
+        return SteeredSteps(self.reach, self._sizes, self._drive, self.steering, granted, pace)
+
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""
+        if self._extent is not None:
+            low_x, high_x, low_y, high_y = self._extent
+            if not (low_x <= x <= high_x and low_y <= y <= high_y):
+                raise InputError(
+                    f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
+                    f"got the goal ({x:g}, {y:g})"
+                )
+        super().go_to(x, y, yaw)
+
+    def plan_steps(self) -> None:
+        """Plan the footsteps anew if it is time to."""
+        planner, time = self.planner, self.time
+        if planner is None:
+            return
+        if self.phase is GaitPhase.SINGLE:
+            if (planner, planner.order) == self._asked or time < self._next or self._comes_to_rest:
+                self._landed = True
+                return
+        elif not self._landed and (time < self._next or isinstance(planner, PlanSource)):
+            return
+        self._landed = False
+        self._next = time + REPLAN
+        self._asked = planner, planner.order
+        now, drift = self._standing(), self.drift_correction
+        turns = not drift.isIdentity(0.0)  # then the planner sees the feet in the world that it was taken in
+        seen = now._replace(start=now.start.moved(drift.inverse())) if turns else now
+        try:
+            plan = next_steps(planner, seen, self._robot, self.reach, self._extent)
+            self._steer(plan.moved(drift) if turns else plan)
+            self._pace, self._asked = planner.pace, (planner, planner.order)
+        except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
+            self._drop(error, now)
+
+    def _standing(self) -> Standing:
+        """Return the feet as they stand now, with the gait of the plans that begin there."""
+        plan, step, swings = self.plan, self.step, self.phase is GaitPhase.SINGLE
+        first: str | None = None
+        if swings:
+            first = other(plan.steps[step].side)
+        elif self.phase is GaitPhase.DOUBLE and step < len(plan):
+            first = plan.steps[step].side
+        left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in plan.feet(step + swings))
+        start = FootstepPlan(left, right, (), self._gait)
+        return Standing(start, first, self.steps_done + swings, swings, self.time)
+
+    @property
+    def _comes_to_rest(self) -> bool:
+        """True in the last moments of the last step: no ZMP takes the DCM from its rest to another step that soon."""
+        return self.step + 1 >= len(self.plan) and self.duration - self.elapsed < REPLAN
+
+    def _drop(self, error: Exception, now: Standing) -> None:
+        """Come to a stand for a reason."""
+        self.reason = dropped(error)
+        self.steering.command(None)
+        self.planner = stand = self._steered_steps()
+        try:
+            self._steer(stand.footsteps(now))
+        except InputError:
+            stop = now.start if now.first is None else close_up(now.start, now.first)
+            self._steer(replace(stop, gait=self.plan.gait))
+
+    def _steer(self, plan: FootstepPlan) -> None:
+        """Replace all steps that have not begun, by none for a stand; a robot that stands sets off."""
+        if not plan.steps and self.step >= len(self.plan):
+            return  # it stands, or comes to rest
+        full = plan.gait.full
+        if full is not self.plan.gait:
+            full = _checked(full.on_grid(self.dt)[0])
+        swings, waited = self.phase is GaitPhase.SINGLE, self.step < len(self.plan)
+        steps = self.ground.settled(plan.steps, swings=swings)
+        self.ground.height = 0.0
+        left, right = self.plan.feet(self.step)
+        begun = self.plan.steps[self.step : self.step + 1] if swings else ()
+        self.plan, self.step = FootstepPlan(left, right, (*begun, *steps), full), 0
+        if self.phase is GaitPhase.STANDING and steps:
+            self._begun = (Event.STARTED,)
+            self._enter(GaitPhase.DOUBLE, full.initial_double_support)
+        elif self.phase is GaitPhase.DOUBLE and waited and not steps:
+            self.duration = self.elapsed + full.final_double_support
+        elif self.phase is GaitPhase.DOUBLE and steps and not waited:
+            # Off again before the robot stood: the weight has yet to come over.
+            self.duration = self.elapsed + full.initial_double_support
+        self._replan()
+        if self.swing is not None:
+            self._plan_swing(self.swing.landing)
+
+    # ---- phases -------------------------------------------------------------------------------------------------
 
     @property
     def remaining(self) -> float:
@@ -209,72 +403,12 @@ class Walk(GaitMachine):
         left = max(self.remaining, 1e-3)
         return (SupportPhase(left, now.feet, now.step, max(now.total, left)), *whole[index + 1 :])
 
-    def _start(self) -> None:
-        """Begin to walk with the next update."""
-        self._begun = (Event.STARTED,)
-        self._enter(GaitPhase.DOUBLE, self.plan.gait.full.initial_double_support)
-
-    def stop(self) -> None:
-        """Land, bring the other foot beside, and stand; a walk that stands, or stops already, is left alone."""
-        if self.phase is GaitPhase.STANDING or self._stopping:
-            return
-        self._stopping = True
-        last = self.step if self.phase is GaitPhase.SINGLE else self.step - 1
-        self.plan = plan = self.plan.stopping_after(last)
-        if len(plan) > last + 1:
-            # The height of the last landing, at which the other foot closes up, contains that of the ground.
-            closing = plan.steps[-1]
-            self.plan = plan.with_step(len(plan) - 1, replace(closing, z=closing.z - self.ground.height))
-        if self.step >= len(plan):
-            self.duration = self.elapsed + plan.gait.full.final_double_support
-        self._plan_again()
-
-    def steer(self, steps: Sequence[Footstep], gait: StepGait | None = None) -> None:
-        """Replace all steps that have not begun, by none for a stand; the gait is as before when None.
-
-        A robot that stands sets off with the next update.
-        """
-        full = self.plan.gait.full if gait is None else _checked(gait)
-        self._swing_gait = self._swing_gait if gait is None else gait
-        swings, waited = self.phase is GaitPhase.SINGLE, self.step < len(self.plan)
-        steps = self.ground.settled(steps, swings=swings)
-        self.ground.height = 0.0
-        left, right = self.plan.feet(self.step)
-        begun = self.plan.steps[self.step : self.step + 1] if swings else ()
-        self.plan = FootstepPlan(left, right, (*begun, *steps), full)
-        self.step, self._stopping = 0, False
-        if self.phase is GaitPhase.STANDING and steps:
-            self._start()
-        elif self.phase is GaitPhase.DOUBLE and waited and not steps:
-            self.duration = self.elapsed + full.final_double_support
-        elif self.phase is GaitPhase.DOUBLE and steps and not waited:
-            # Off again before the robot stood: the weight has yet to come over.
-            self.duration = self.elapsed + full.initial_double_support
-        self._plan_again()
-
-    def _plan_again(self) -> None:
-        """Plan pattern and swing anew for steps that have changed."""
-        self._replan()
-        if self.swing is not None:
-            self._plan_swing(self.swing.landing)
-
     def set_landing(self, step: Footstep, *, carry: bool = True) -> None:
         """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`."""
         index = self.step if self.phase is GaitPhase.SINGLE else self.step - 1
         self.plan = self.plan.with_step(index, step, carry=carry)
 
-    def standing(self, gait: Gait, time: float) -> Standing:
-        """Return the feet as they stand now, with the gait of the plans that begin there, at a time, s."""
-        plan, step, swings = self.plan, self.step, self.phase is GaitPhase.SINGLE
-        first: str | None = None
-        if swings:
-            first = other(plan.steps[step].side)
-        elif self.phase is GaitPhase.DOUBLE and step < len(plan):
-            first = plan.steps[step].side
-        left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in plan.feet(step + swings))
-        return Standing(FootstepPlan(left, right, (), gait), first, self.steps_done + swings, swings, time)
-
-    def _advance(self, loads: Sequence[float]) -> tuple[Event, ...]:
+    def _phases(self, loads: Sequence[float]) -> tuple[Event, ...]:
         """Change the phase where contact, by the normal force on left and right foot, N, and time say so."""
         weight = self._robot.mass * GRAVITY
         if self.phase is GaitPhase.SINGLE:
@@ -314,7 +448,12 @@ class Walk(GaitMachine):
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
-    def update(
+    def update(self, state: State) -> Reference:
+        """Plan the footsteps anew if it is time to, and return the references of the walk."""
+        # Filtered loads: a foot that has just met the ground presses in jerks.
+        return self.advance(state.load.tolist(), self._soles, state.dcm, state.turned)
+
+    def advance(
         self,
         loads: Sequence[float],
         soles: Sequence[pin.SE3] | None = None,
@@ -329,12 +468,14 @@ class Walk(GaitMachine):
             dcm: Measured DCM, m; None leaves landings as planned.
             turned: Angle by which soles have turned on the ground in the last period, rad.
         """
-        self._time += self.period
-        self.elapsed += self.period
+        self.plan_steps()
+        self.time += self.dt
+        self._since += self.dt
+        self.elapsed += self.dt
         if self.phase is not GaitPhase.STANDING:
             self._turned += turned
         flown, places = self.swing, self._places if soles is None else soles
-        events = self._begun + self._advance(loads)
+        events = self._begun + self._phases(loads)
         self._begun = ()
         steps = self.plan.steps
         self.stance = 1 - SIDES.index(steps[min(self.step, len(steps) - 1)].side) if steps else 0
@@ -344,8 +485,8 @@ class Walk(GaitMachine):
             elif event in TOUCH_DOWNS and flown is not None:
                 self._land(places, flown.landing)
         overdue, swing = self.overdue, self.swing
-        if events or (overdue and self._time >= 0.5 * HOLD - ROUNDING):
-            if self._time > 0.0:  # a swing that begins has planned already
+        if events or (overdue and self._since >= 0.5 * HOLD - ROUNDING):
+            if self._since > 0.0:  # a swing that begins has planned already
                 self._replan()
         elif dcm is not None and self._adjuster and swing is not None and not overdue:
             self._adjust(dcm, self._adjuster, swing)
@@ -354,7 +495,7 @@ class Walk(GaitMachine):
                 self._look(swing)
             self._yaws[1 - self.stance] = swing.heading(self.elapsed)
         reference = self._reference(
-            self._pattern.at(self._time), self._places, mean_heading(*self._yaws), events
+            self._pattern.at(self._since), self._places, mean_heading(*self._yaws), events
         )
         if swing is not None:
             self._places[1 - self.stance] = reference.feet[1 - self.stance].placement
@@ -363,7 +504,7 @@ class Walk(GaitMachine):
     def _lift(self, places: Sequence[pin.SE3]) -> None:
         """Start a swing from the foot's placement."""
         self._turn_back(places[self.stance])
-        step, shape = self.plan.steps[self.step], self._swing_gait.swing
+        step, shape = self.plan.steps[self.step], self.plan.gait.full.swing
         self.ground.lift(self.stance, places[self.stance])
         landing = self.ground.expect(step, self._near(step))
         self.set_landing(landing, carry=False)
@@ -426,8 +567,8 @@ class Walk(GaitMachine):
 
     def _replan(self) -> None:
         """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
-        self._pattern = self._preview.plan(self.supports(), self._pattern.at(self._time))
-        self._time = 0.0
+        self._pattern = self._preview.plan(self.supports(), self._pattern.at(self._since))
+        self._since = 0.0
 
     def _plan_swing(self, landing: Footstep) -> None:
         """Keep the swing as it is planned now: adjustments are made against it."""
@@ -446,9 +587,9 @@ class Walk(GaitMachine):
         threshold, elapsed = adjuster.settings.threshold, self.elapsed
         landing, time = adjuster.adjust(self._planned_swing, elapsed, complex(*dcm[:2].tolist()))
         now = self.plan.steps[self.step]
-        time = max(self.period, round(time / self.period) * self.period)
+        time = max(self.dt, round(time / self.dt) * self.dt)
         moved = math.hypot(landing.x - now.x, landing.y - now.y)
-        if moved < 0.5 * threshold and abs(time - self.remaining) < 2.5 * self.period:
+        if moved < 0.5 * threshold and abs(time - self.remaining) < 2.5 * self.dt:
             return
         if self.ground.sight is not None:
             landing = self.ground.under(replace(landing, z=now.z))

@@ -251,18 +251,6 @@ class FootstepPlan:
             later = tuple(step.moved(move) for step in later)
         return replace(self, steps=(*self.steps[:index], step, *later))
 
-    def stopping_after(self, index: int) -> FootstepPlan:
-        """Return the plan cut after a step, with one more step that brings the other foot beside the last one.
-
-        Args:
-            index: Last step to walk; −1 walks none.
-        """
-        cut = replace(self, steps=self.steps[: index + 1])
-        left, right = cut.final
-        stands = self.stance(index + 1).side if self.steps else "right"
-        stance, mate = (left, right) if stands == "left" else (right, left)
-        return replace(cut, steps=(*cut.steps, *closing_step(stance, mate, self.spacing)))
-
     @staticmethod
     @checked
     def standing(robot: Robot, gait: Gait | None = None) -> FootstepPlan:

@@ -126,7 +126,13 @@ class PlanSource(FootstepSource):
     The steps stay where they are planned, at the height at which the last landing has found the ground: the estimate of
     the height drifts by millimetres a step. Feet that a push has put elsewhere go back to them: a step that is out of
     reach from there goes as far as it can, and a robot whose feet end beside their places takes further steps.
+
+    Attributes:
+        plan: Plan; a step that a foot takes out of turn becomes a part of it.
+        checked: True once all steps were found within reach, so that the next two are looked at from then on.
     """
+
+    checked = False
 
     def __init__(self, plan: FootstepPlan) -> None:
         """Begin with the first step of a plan; its feet at the start are not looked at."""
@@ -221,7 +227,12 @@ def next_steps(
             f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
         )
     if not planner.within_reach or extent is not None:
-        check_plan(replace(plan, left=now.start.left, right=now.start.right), robot, reach, extent)
+        steps = plan.steps[:2] if isinstance(planner, PlanSource) and planner.checked else plan.steps
+        check_plan(
+            replace(plan, left=now.start.left, right=now.start.right, steps=steps), robot, reach, extent
+        )
+    if isinstance(planner, PlanSource):
+        planner.checked = True
     return plan
 
 

@@ -1,4 +1,4 @@
-"""Gait of the stepping walk: from the state of the robot to the references of this tick.
+"""Free steps: place and time of every step are decided as the robot goes, from its state to the references of a tick.
 
     standing ── a velocity, a goal ──▶ shifting ── weight on one foot ──▶ stepping ── slow, feet together ──▶ standing
         └───────────────── a push: the DCM leaves both soles ────────────────▲
@@ -10,26 +10,29 @@ the figures.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.checked import checked
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING
 from wbc.base.vectors import Rotation, Vector
-from wbc.core.robot import GRAVITY, SIDES
+from wbc.core.drive.control import State
+from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.gait import GaitMachine
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading, mean_heading
 from wbc.walking.plans.gait import Gait, SwingShape
-from wbc.walking.plans.sources import Standing
-from wbc.walking.source import Reference
+from wbc.walking.plans.reach import Reach
+from wbc.walking.plans.sources import Standing, Velocity, dropped, next_steps
+from wbc.walking.source import Progress, Reference
 from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.law import (
@@ -65,31 +68,41 @@ class BodyState(NamedTuple):
     wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
 
 
-class SteppingGait(GaitMachine):
-    """Gait of a walk with free steps.
+class SteppingWalk(GaitMachine):
+    """Walk with free steps, which balance the robot: it stands, walks where it is steered, and stands.
 
     Attributes:
         settings: Settings in SI units.
         constants: Constants of the law in SI units.
         scale: Size of the robot.
+        com_height: Height of the CoM over the soles while walking, m.
         steering: Velocity, goal and heading.
         decision: Decision of the step that swings.
         dcm: Divergent component of motion in the last tick, by the angular momentum about the contact.
-        plan: Asked at each lift-off for the footsteps from where the feet stand, the first one of the foot that lifts;
-            none is a stand. None for a walk that is steered.
-        footsteps: Its last answer, from the step that swings now on.
+        footsteps: Last answer of the planner, from the step that swings now on; none of a walk that is steered.
     """
 
+    by_steps = True
+    com_height: float
+    steering: PathSteering
     dcm: Divergent
-    plan: Callable[[Standing], Sequence[Footstep]] | None = None
-    footsteps: Sequence[Footstep] = ()
 
-    def __init__(self, settings: SteppingSettings, scale: RobotSize, heading: float, dt: float) -> None:
-        """Stand, with a heading (rad); an `InputError` for steps that cannot be walked."""
-        self.settings, self.scale = settings.in_si(scale), scale
+    def __init__(
+        self,
+        settings: SteppingSettings,
+        scale: RobotSize,
+        heading: float,
+        dt: float,
+        robot: Robot | None = None,
+    ) -> None:
+        """Stand, with a heading, rad; an `InputError` for steps that cannot be walked.
+
+        Without a robot, whose legs bound footsteps that are asked of a planner, these are taken as they are.
+        """
+        self.settings, self.scale, self.com_height = settings.in_si(scale), scale, scale.height
         self.constants = c = in_si(SteppingConstants(), scale)
         super().__init__(dt, GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0))
-        self.steering = PathSteering(self.settings, scale, c.brisk, heading, dt)
+        self._robot, self._reach = robot, None if robot is None else Reach.of(robot, scale.height)
         self._shape = SwingShape(
             self.settings.swing_height,
             apex=c.apex / c.touch,
@@ -107,11 +120,32 @@ class SteppingGait(GaitMachine):
             lift=c.lift,
             piece=c.piece,
         )
+        self._period = max(1, round(c.period / dt))  # of decisions, ticks
+        self._gait = Gait(feet_spacing=self.settings.width)
+        self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), dt / max(c.time_lag, dt)
+        self._level_gain = lag_gain(dt, c.level_lag)
+        self.begin(heading)
+
+    @staticmethod
+    @checked
+    def of(
+        robot: Robot, dt: float, settings: SteppingSettings | None = None, com_height: float | None = None
+    ) -> SteppingWalk:
+        """Return a walk of a robot, with the CoM at a height over its soles, m, or as far down as the settings' `bend`."""
+        s = settings or SteppingSettings()
+        towards = heading(robot.placement(robot.base_frame).rotation)
+        return SteppingWalk(s, RobotSize.of(robot, s.bend, com_height), towards, dt, robot)
+
+    def begin(self, heading: float) -> None:
+        """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
+        super().begin(heading)
+        s, c, scale, dt = self.settings, self.constants, self.scale, self.dt
+        self.steering = PathSteering(s, scale, c.brisk, heading, dt)
+        self.decision = StepDecision(s, c, scale, self.ground, dt)
+        self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
+        self.footsteps: Sequence[Footstep] = ()
         # Place of the swing foot in the last tick, and of its motion.
         self._flying: tuple[Vector, Vector] | None = None
-        self.decision = StepDecision(self.settings, c, scale, self.ground, dt)
-        self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
-        self._period = max(1, round(c.period / dt))  # of decisions, ticks
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         # CoM over the ground as planned, its velocity and acceleration; None until the step is decided.
         self._planned: tuple[float, float, float, float, float, float] | None = None
@@ -123,10 +157,71 @@ class SteppingGait(GaitMachine):
         self._from: Vector = LEVEL  # CoM at the start of the shift
         self._high: Follower[float] | None = None  # reference of the CoM's height over the feet, m
         self._ticks = 0
-        self._seconds = 0.0  # since the start
-        self._gait = Gait(feet_spacing=self.settings.width)
-        self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), dt / max(c.time_lag, dt)
-        self._level_gain = lag_gain(dt, c.level_lag)
+        self._seen_robot: Robot | None = None  # that of the state
+
+    # ---- what is asked for --------------------------------------------------------------------------------------
+
+    @property
+    def finished(self) -> bool:
+        """True when nothing asks for steps and the robot has stood for as long as a step takes."""
+        stood = self.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
+        return stood and self.planner is None and not self.steering.pending
+
+    @property
+    def granted(self) -> Velocity:
+        """Velocity of the steps now: forward (m/s), left (m/s) and turn (rad/s)."""
+        return (*self.steering.velocity, self.steering.turn)
+
+    def progress(self, last: Reference | None) -> Progress:
+        """Return the present phase and the number of steps."""
+        return self._progress(() if self.swing is None else (self.swing.landing,), self.settings.step_time)
+
+    def _ask(self, frames: Frames, first: str | None) -> None:
+        """Ask the planner for the footsteps from where the feet stand; `first` is the side that steps, None for either.
+
+        A planner that has done, raises, or asks for a step out of reach is dropped.
+        """
+        self.footsteps = ()
+        if self.planner is None:
+            return
+        left, right = (
+            replace(Footstep.of(*foot), pitch=0.0, roll=0.0) for foot in zip(SIDES, frames, strict=True)
+        )
+        now = Standing(FootstepPlan(left, right, (), self._gait), first, self.steps_done, False, self.time)
+        reason = ""
+        try:
+            if self._robot is None or self._reach is None:
+                plan = self.planner.footsteps(now)
+            else:
+                plan = next_steps(self.planner, now, self._robot, self._reach)
+            self.footsteps = plan.steps
+        except Exception as error:  # of a planner of the user's own, too
+            reason = dropped(error)
+        if not self.footsteps:
+            self.take(None)
+            self.reason = reason
+
+    # ---- the tick -----------------------------------------------------------------------------------------------
+
+    def update(self, state: State) -> Reference:
+        """Decide the step, and return where it leaves the robot."""
+        return self.advance(self._body(state), self._frames)
+
+    def _body(self, state: State) -> BodyState:
+        robot = state.robot
+        if robot is not self._seen_robot:  # in the first tick
+            self._seen_robot, (left, right) = robot, robot.soles
+            self._frames = robot.placement(left.frame), robot.placement(right.frame)
+            self._places = self._frames[0].translation, self._frames[1].translation  # views, as the next ones
+            self._turns = self._frames[0].rotation, self._frames[1].rotation
+        return BodyState(
+            robot.com.tolist(),
+            robot.com_velocity.tolist(),
+            robot.data.hg.angular.tolist(),
+            (self._places[0].tolist(), self._places[1].tolist()),
+            (self._turns[0].tolist(), self._turns[1].tolist()),
+            state.measurement.wrenches.tolist(),
+        )
 
     @property
     def contact(self) -> Vector:
@@ -134,15 +229,10 @@ class SteppingGait(GaitMachine):
         assert self._contact is not None
         return self._contact
 
-    @property
-    def stands(self) -> bool:
-        """True once the robot has stood for as long as a step takes."""
-        return self.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
-
-    def update(self, state: BodyState, frames: Frames) -> Reference:
+    def advance(self, state: BodyState, frames: Frames) -> Reference:
         """Compute one tick; feet that stand keep the placements of left and right sole."""
-        self.elapsed += self._dt
-        self._seconds += self._dt
+        self.elapsed += self.dt
+        self.time += self.dt
         dcm = self._pendulum(state)
         events: tuple[Event, ...] = ()
         if self.phase is GaitPhase.STANDING:
@@ -198,7 +288,7 @@ class SteppingGait(GaitMachine):
 
     def _stand(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
         """Set off when a velocity, a goal or footsteps ask for it, or step out of a push."""
-        if self.elapsed > self.constants.rest and (self.plan is not None or self.steering.pending):
+        if self.elapsed > self.constants.rest and (self.planner is not None or self.steering.pending):
             self._ask(frames, None)
             if self.footsteps:
                 self.stance = 1 - SIDES.index(self.footsteps[0].side)
@@ -213,17 +303,6 @@ class SteppingGait(GaitMachine):
         if self.elapsed < self.duration:
             return self._step_out(state, dcm, frames)
         return self._begin(state, frames)
-
-    def _ask(self, frames: Frames, first: str | None) -> None:
-        """Ask for the footsteps from where the feet stand; `first` is the side that steps, None for either."""
-        if self.plan is None:
-            self.footsteps = ()
-            return
-        left, right = (
-            replace(Footstep.of(*foot), pitch=0.0, roll=0.0) for foot in zip(SIDES, frames, strict=True)
-        )
-        start = FootstepPlan(left, right, (), self._gait)
-        self.footsteps = self.plan(Standing(start, first, self.steps_done, False, self._seconds))
 
     def _step_out(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
         """Step with the foot on whose side the DCM is, if it has left both soles."""
@@ -270,15 +349,16 @@ class SteppingGait(GaitMachine):
         """Move the CoM's height over the feet on by a tick, from that of the start, m, to that of the steps."""
         if self._high is None:
             self._high = Follower(1.0 / self.scale.omega, now)
-        self._high.follow(self.scale.height - self._high.value, self._dt)
+        self._high.follow(self.scale.height - self._high.value, self.dt)
         return self._high.value, self._high.velocity
 
-    def leaves(self, state: BodyState, share: float) -> bool:
+    def leaves(self, state: State, share: float) -> bool:
         """Return True if the DCM of a robot on both feet has left their standing boxes, scaled by `share`."""
-        (x, y, z), (u, v, _), (left, right) = state.com, state.velocity, state.places
+        body = self._body(state)
+        (x, y, z), (u, v, _), (left, right) = body.com, body.velocity, body.places
         height = max(z - 0.5 * (left[2] + right[2]), 0.5 * self.scale.height)
         omega = math.sqrt(GRAVITY / height)
-        return self._outside(state, Divergent(x + u / omega, y + v / omega, omega), share) > 0.0
+        return self._outside(body, Divergent(x + u / omega, y + v / omega, omega), share) > 0.0
 
     # ---- stepping ---------------------------------------------------------------------------------------------
 
@@ -380,8 +460,8 @@ class SteppingGait(GaitMachine):
         """
         here, there, dt, before = (
             state.places[1 - self.stance],
-            swing.place(self.elapsed - self._dt),
-            self._dt,
+            swing.place(self.elapsed - self.dt),
+            self.dt,
             self._flying,
         )
         self._flying = here, there
@@ -438,7 +518,7 @@ class SteppingGait(GaitMachine):
         From the state in which the step was decided it moves as the pendulum does about the commanded centre of
         pressure.
         """
-        square, dt, (ahead, aside) = self.scale.omega**2, self._dt, self.decision.cop
+        square, dt, (ahead, aside) = self.scale.omega**2, self.dt, self.decision.cop
         zx, zy, _ = _on_sole(state, self.stance, self.constants.carrying + ahead, aside)
         if self._planned is None:
             (x, y, _), (u, v, _) = state.com, state.velocity
