@@ -246,6 +246,19 @@ def test_steps_to_a_goal_are_the_same_in_a_world_that_is_moved_and_turned(
         )
 
 
+def test_a_plan_from_the_start_is_walked_as_one_that_is_given_later() -> None:
+    plan = walk_distance(FootstepPlan.standing(ROBOTS["hrp4_class"]), 0.3)
+    first, later = Stage(plan=plan), Stage()
+    later.source.follow(plan)
+    for stage in (first, later):
+        stage.run(6.0)
+        assert stage.source.finished and stage.walk.steps_done == len(plan)
+    for a, b in zip(first.references, later.references, strict=True):
+        np.testing.assert_allclose(a.pendulum.com, b.pendulum.com, atol=1e-9)
+        for one, other in zip(a.feet, b.feet, strict=True):
+            np.testing.assert_allclose(one.placement.homogeneous, other.placement.homogeneous, atol=1e-9)
+
+
 def test_sources_are_exchanged_while_it_walks() -> None:
     """A plan from the start, a velocity, another plan, a planner of one's own."""
     stage = Stage(plan=walk_distance(FootstepPlan.standing(ROBOTS["hrp4_class"]), 1.0))

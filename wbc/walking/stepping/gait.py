@@ -131,7 +131,7 @@ class SteppingWalk(GaitMachine):
     def of(
         robot: Robot, dt: float, settings: SteppingSettings | None = None, com_height: float | None = None
     ) -> SteppingWalk:
-        """Return a walk of a robot, with the CoM at a height over its soles, m, or as far down as the settings' `bend`."""
+        """Return a walk of a robot, the CoM at a height over its soles, m, or as far down as the settings' `bend`."""
         s = settings or SteppingSettings()
         towards = heading(robot.placement(robot.base_frame).rotation)
         return SteppingWalk(s, RobotSize.of(robot, s.bend, com_height), towards, dt, robot)
