@@ -1,7 +1,7 @@
 """Decision of a step: where and when it lands, and where the foot that stands presses until then.
 
 The program (`wbc.walking.stepping.program`) weighs the steps of a velocity or footsteps against the DCM; on seen ground
-the landing is then held to a quieter place nearby, at the cost that the program says.
+the landing is then held to a nearby place that tilts the foot less, at the cost that the program says.
 """
 
 from __future__ import annotations

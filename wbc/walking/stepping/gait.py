@@ -54,7 +54,7 @@ LOOKS = 2
 Frames = tuple[pin.SE3, pin.SE3]
 """Placements of the left and of the right sole."""
 
-LEVEL: Vector = (0.0, 0.0, 0.0)
+ORIGIN: Vector = (0.0, 0.0, 0.0)
 
 
 class BodyState(NamedTuple):
@@ -146,15 +146,15 @@ class SteppingWalk(GaitMachine):
         self.footsteps: Sequence[Footstep] = ()
         # Place of the swing foot in the last tick, and of its motion.
         self._flying: tuple[Vector, Vector] | None = None
-        self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
+        self._contact: Vector | None = None  # low-passed centre of pressure, in the world
         # CoM over the ground as planned, its velocity and acceleration; None until the step is decided.
         self._planned: tuple[float, float, float, float, float, float] | None = None
-        self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
+        self._carrying: Vector = ORIGIN  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
         self._pace = self.steering.step_time  # mean time of the last steps, s
         self._tilt = (0.0, 0.0)  # pitch and roll of the landing as seen, rad
         self._level = 0.0  # height of the feet that carry, low-passed, m
-        self._from: Vector = LEVEL  # CoM at the start of the shift
+        self._from: Vector = ORIGIN  # CoM at the start of the shift
         self._high: Follower[float] | None = None  # reference of the CoM's height over the feet, m
         self._ticks = 0
         self._seen_robot: Robot | None = None  # that of the state
@@ -176,7 +176,7 @@ class SteppingWalk(GaitMachine):
         """Return the present phase and the number of steps."""
         return self._progress(() if self.swing is None else (self.swing.landing,), self.settings.step_time)
 
-    def _ask(self, frames: Frames, first: str | None) -> None:
+    def _ask(self, first: str | None) -> None:
         """Ask the planner for the footsteps from where the feet stand; `first` is the side that steps, None for either.
 
         A planner that has done, raises, or asks for a step out of reach is dropped.
@@ -185,7 +185,7 @@ class SteppingWalk(GaitMachine):
         if self.planner is None:
             return
         left, right = (
-            replace(Footstep.of(*foot), pitch=0.0, roll=0.0) for foot in zip(SIDES, frames, strict=True)
+            replace(Footstep.of(*foot), pitch=0.0, roll=0.0) for foot in zip(SIDES, self._frames, strict=True)
         )
         now = Standing(FootstepPlan(left, right, (), self._gait), first, self.steps_done, False, self.time)
         reason = ""
@@ -231,106 +231,114 @@ class SteppingWalk(GaitMachine):
 
     def advance(self, state: BodyState, frames: Frames) -> Reference:
         """Compute one tick; feet that stand keep the placements of left and right sole."""
+        self._state, self._frames = state, frames
         self.elapsed += self.dt
         self.time += self.dt
-        dcm = self._pendulum(state)
+        self._follow_pendulum()
         events: tuple[Event, ...] = ()
         if self.phase is GaitPhase.STANDING:
-            events = self._stand(state, dcm, frames)
+            events = self._stand()
         elif self.phase is GaitPhase.DOUBLE:
-            events = self._shift(state, dcm, frames)
+            events = self._shift()
         if events:  # another mode begins in this tick, about its own contact
-            dcm = self._pendulum(state)
-        if self.phase is GaitPhase.SINGLE:
-            return self._step(state, dcm, frames, events)
-        return self._on_both_feet(state, dcm, frames, events)
+            self._follow_pendulum()
+        return self._step(events) if self.phase is GaitPhase.SINGLE else self._on_both_feet(events)
 
     # ---- contact and pendulum ---------------------------------------------------------------------------------
 
-    def _pendulum(self, state: BodyState) -> Divergent:
-        """Low-pass the contact point and return the DCM about it."""
-        now = self._contact_point(state)
-        self._contact = now if self._contact is None else _towards(self._contact, now, self._cop_gain)
-        if self.phase is not GaitPhase.SINGLE:  # on two feet the CoM's own velocity: ξ = c + ċ/ω
-            height = max(state.com[2] - self._contact[2], 0.5 * self.scale.height)
-            omega = math.sqrt(GRAVITY / height)
-            (x, y, _), (u, v, _) = state.com, state.velocity
-            return Divergent(x + u / omega, y + v / omega, omega)
-        return divergent_component(
-            state.com, state.velocity, state.spin, self._contact, self.scale.mass, 0.5 * self.scale.height
+    def _follow_pendulum(self) -> None:
+        """Low-pass the contact point and find the DCM about it."""
+        now, state, scale = self._contact_point(), self._state, self.scale
+        contact = now if self._contact is None else _towards(self._contact, now, self._cop_gain)
+        self._contact = contact
+        if self.phase is not GaitPhase.SINGLE:
+            self.dcm = self._own_dcm(contact[2])
+            return
+        self.dcm = divergent_component(
+            state.com, state.velocity, state.spin, contact, scale.mass, 0.5 * scale.height
         )
 
-    def _contact_point(self, state: BodyState) -> tuple[float, float, float]:
+    def _own_dcm(self, ground: float) -> Divergent:
+        """Return the DCM by the CoM's own velocity, ξ = c + ċ/ω, over a ground at a height, m."""
+        (x, y, z), (u, v, _) = self._state.com, self._state.velocity
+        omega = math.sqrt(GRAVITY / max(z - ground, 0.5 * self.scale.height))
+        return Divergent(x + u / omega, y + v / omega, omega)
+
+    def _contact_point(self) -> Vector:
         """Return the measured centre of pressure of the stance foot, of both feet in a stand, in the world, m."""
         if self.phase is GaitPhase.SINGLE:
-            return self._centre_of_pressure(state, self.stance)
-        (ax, ay, az), (bx, by, bz) = (self._centre_of_pressure(state, side) for side in (0, 1))
-        left, right = (max(row[2], 0.0) for row in state.wrenches)
+            return self._centre_of_pressure(self.stance)
+        (ax, ay, az), (bx, by, bz) = (self._centre_of_pressure(side) for side in (0, 1))
+        left, right = (max(row[2], 0.0) for row in self._state.wrenches)
         share = left / (left + right) if left + right > self.constants.least_force else 0.5
         return bx + share * (ax - bx), by + share * (ay - by), bz + share * (az - bz)
 
-    def _centre_of_pressure(self, state: BodyState, side: int) -> tuple[float, float, float]:
+    def _centre_of_pressure(self, side: int) -> Vector:
         """Return the centre of pressure of a sole within its edges, m; where it carries nothing, where it would."""
-        _, _, force, roll, pitch, _ = state.wrenches[side]
+        _, _, force, roll, pitch, _ = self._state.wrenches[side]
         if force < self.constants.least_force:
-            return self._carrying_point(state, side)
+            return self._carrying_point(side)
         length, width = self.scale.sole
         x, y = min(max(-pitch / force, -length), length), min(max(roll / force, -width), width)
-        return _on_sole(state, side, x, y)
+        return self._on_sole(side, x, y)
 
-    def _carrying_point(self, state: BodyState, side: int) -> tuple[float, float, float]:
+    def _carrying_point(self, side: int) -> Vector:
         """Return the point of a sole that carries, m."""
-        return _on_sole(
-            state, side, self.constants.carrying if self.phase is not GaitPhase.STANDING else 0.0, 0.0
+        return self._on_sole(
+            side, self.constants.carrying if self.phase is not GaitPhase.STANDING else 0.0, 0.0
         )
+
+    def _on_sole(self, side: int, x: float, y: float) -> Vector:
+        """Return a point of a sole in the world, m."""
+        (px, py, pz), ((a, b, _), (c, d, _), (e, f, _)) = self._state.places[side], self._state.turns[side]
+        return px + a * x + b * y, py + c * x + d * y, pz + e * x + f * y
 
     # ---- on both feet -----------------------------------------------------------------------------------------
 
-    def _stand(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
+    def _stand(self) -> tuple[Event, ...]:
         """Set off when a velocity, a goal or footsteps ask for it, or step out of a push."""
         if self.elapsed > self.constants.rest and (self.planner is not None or self.steering.pending):
-            self._ask(frames, None)
+            self._ask(None)
             if self.footsteps:
                 self.stance = 1 - SIDES.index(self.footsteps[0].side)
             if self.footsteps or self.steering.pending:
                 self._enter(GaitPhase.DOUBLE, self.constants.shift_time + self.constants.rest)
-                self._from = state.com
+                self._from = self._state.com
                 return (Event.STARTED,)
-        return self._step_out(state, dcm, frames)
+        return self._step_out()
 
-    def _shift(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
+    def _shift(self) -> tuple[Event, ...]:
         """Lift the first foot when the weight is on the other one, or step out of a push."""
         if self.elapsed < self.duration:
-            return self._step_out(state, dcm, frames)
-        return self._begin(state, frames)
+            return self._step_out()
+        return self._begin()
 
-    def _step_out(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
+    def _step_out(self) -> tuple[Event, ...]:
         """Step with the foot on whose side the DCM is, if it has left both soles."""
-        if self._outside(state, dcm, 1.0) <= 0.0:
+        state, dcm = self._state, self.dcm
+        if self._outside(dcm, 1.0) <= 0.0:
             return ()
         left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
         self.stance = 0 if left > right else 1
         loads = [row[2] for row in state.wrenches]
         if loads[self.stance] < self.constants.least_force < loads[1 - self.stance]:
             self.stance = 1 - self.stance  # a foot that has been kicked away carries nothing
-        return self._begin(state, frames)
+        return self._begin()
 
-    def _begin(self, state: BodyState, frames: Frames) -> tuple[Event, ...]:
+    def _begin(self) -> tuple[Event, ...]:
         """Begin to step from a stand."""
-        self._level = self.ground.height = state.places[self.stance][2]
+        self._level = self.ground.height = self._state.places[self.stance][2]
         self._since_stand, self._pace = 0, self.steering.step_time
-        self.steering.rest(self._middle(state))
-        self._lift(frames)
+        self.steering.rest(self._middle())
+        self._lift()
         return (Event.LIFT_OFF,)
 
-    def _on_both_feet(
-        self, state: BodyState, dcm: Divergent, frames: Frames, events: tuple[Event, ...]
-    ) -> Reference:
+    def _on_both_feet(self, events: tuple[Event, ...]) -> Reference:
         """References on both feet: the CoM is held over them, or shifted over one of them."""
-        s, c, omega = self.settings, self.constants, dcm.omega
-        feet = [self._carrying_point(state, side) for side in (0, 1)]
+        s, c, omega = self.settings, self.constants, self.dcm.omega
+        feet = [self._carrying_point(side) for side in (0, 1)]
         middle = [0.5 * (a + b) for a, b in zip(*feet, strict=True)]
-        high, speed = self._sink(state.com[2] - middle[2])
+        high, speed = self._com_height(self._state.com[2] - middle[2])
         if self.phase is GaitPhase.STANDING:
             course = (middle[0], middle[1], 0.0, 0.0, 0.0, 0.0)
         else:
@@ -343,10 +351,10 @@ class SteppingWalk(GaitMachine):
             u, v = goal_x - x, goal_y - y
             course = (x + rise * u, y + rise * v, rate * u, rate * v, 0.0, 0.0)
         most = c.most_force, c.most_force
-        return self._references(dcm, frames, events, most, (high + middle[2], speed), course)
+        return self._references(events, most, (high + middle[2], speed), course)
 
-    def _sink(self, now: float) -> tuple[float, float]:
-        """Move the CoM's height over the feet on by a tick, from that of the start, m, to that of the steps."""
+    def _com_height(self, now: float) -> tuple[float, float]:
+        """Move the CoM's height over the feet on by a tick, from that now, m, to that of the steps."""
         if self._high is None:
             self._high = Follower(1.0 / self.scale.omega, now)
         self._high.follow(self.scale.height - self._high.value, self.dt)
@@ -354,39 +362,32 @@ class SteppingWalk(GaitMachine):
 
     def leaves(self, state: State, share: float) -> bool:
         """Return True if the DCM of a robot on both feet has left their standing boxes, scaled by `share`."""
-        body = self._body(state)
-        (x, y, z), (u, v, _), (left, right) = body.com, body.velocity, body.places
-        height = max(z - 0.5 * (left[2] + right[2]), 0.5 * self.scale.height)
-        omega = math.sqrt(GRAVITY / height)
-        return self._outside(body, Divergent(x + u / omega, y + v / omega, omega), share) > 0.0
+        self._state = self._body(state)
+        left, right = self._state.places
+        return self._outside(self._own_dcm(0.5 * (left[2] + right[2])), share) > 0.0
 
     # ---- stepping ---------------------------------------------------------------------------------------------
 
-    def _step(
-        self,
-        state: BodyState,
-        dcm: Divergent,
-        frames: Frames,
-        events: tuple[Event, ...],
-    ) -> Reference:
+    def _step(self, events: tuple[Event, ...]) -> Reference:
         """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
-        steps = self._steer(state)
-        self._decide(state, dcm, frames, steps)
-        events = (*events, *self._meet(state, dcm, frames, steps))
-        self._carry(state, 1 - self.stance)
-        if self.met is not None and self._is_to_carry(state, dcm, steps):
-            events = (*events, *self._change_feet(state, dcm, frames, steps.go))
-            dcm = self._pendulum(state)
+        steps = self._steer()
+        self._decide(steps)
+        events = (*events, *self._meet(steps))
+        self._carry(1 - self.stance)
+        if self.met is not None and self._is_to_carry(steps):
+            events = (*events, *self._change_feet(steps.go))
+            self._follow_pendulum()
             if self.phase is GaitPhase.STANDING:
-                return self._on_both_feet(state, dcm, frames, events)
-            self._decide(state, dcm, frames, steps)
+                return self._on_both_feet(events)
+            self._decide(steps)
+        state = self._state
         self._level += self._level_gain * (state.places[self.stance][2] - self._level)
-        high, speed = self._sink(state.com[2] - self._level)
-        course, most = self._course(state), self._most_forces(state)
-        return self._references(dcm, frames, events, most, (high + self._level, speed), course)
+        high, speed = self._com_height(state.com[2] - self._level)
+        return self._references(events, self._most_forces(), (high + self._level, speed), self._course())
 
-    def _steer(self, state: BodyState) -> StepVelocity:
+    def _steer(self) -> StepVelocity:
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
+        state = self._state
         if not self.footsteps:
             return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
         landing, (x, y, _) = self.footsteps[0], state.places[self.stance]
@@ -397,28 +398,27 @@ class SteppingWalk(GaitMachine):
         self.steering.along((velocity, 0.0), mean_heading(math.atan2(b, a), landing.yaw))
         return StepVelocity((velocity, 0.0), 0.0, going)
 
-    def _orbit(self, dcm: Divergent, steps: StepVelocity) -> Orbit:
+    def _orbit(self, steps: StepVelocity) -> Orbit:
         """Return the orbit of the steps that are asked for."""
-        return Orbit.of(
-            steps.velocity, self._side, self._width(steps), self.steering.step_time, self._pace, dcm.omega
-        )
+        time, omega = self.steering.step_time, self.dcm.omega
+        return Orbit.of(steps.velocity, self._side, self._width(steps), time, self._pace, omega)
 
     def _width(self, steps: StepVelocity) -> float:
         """Return the distance between feet, m: of a robot that walks sideways they come apart and together."""
         s = self.settings
         return max(s.width, s.gap + abs(steps.velocity[1]) * self.steering.step_time / SIDEWAYS)
 
-    def _decide(self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity) -> None:
+    def _decide(self, steps: StepVelocity) -> None:
         """Decide time, place and centre of pressure of the step, and send the swing foot there."""
         if self.met is not None:
             return
-        s, c, side = self.settings, self.constants, 1 - self.stance
+        s, c, side, state, frames = self.settings, self.constants, 1 - self.stance, self._state, self._frames
         swing, self._ticks = self.swing, self._ticks + 1
         self.decision.area.level = self._levelness()
         self.decision.area.update(state.turns[self.stance], state.wrenches[self.stance])
         decides = swing is None or self._ticks % self._period == 0
         if decides:
-            self._solve(state, dcm, steps)
+            self._solve(steps)
         nominal, longest = self.steering.step_time, self._longest
         shortest = min(s.shortest, self.decision.end) if self.decision.closes else s.shortest
         wanted = min(max(self.decision.end, shortest), longest)
@@ -430,7 +430,7 @@ class SteppingWalk(GaitMachine):
             self.duration += self._time_gain * (wanted - self.duration)
         self.duration = min(max(self.duration, shortest), longest)
         self.decision.press()
-        thrown = None if swing is None else self._thrown(state, swing)
+        thrown = None if swing is None else self._thrown(swing)
         if not decides and thrown is None:
             return
         touch = c.touch * self.duration
@@ -452,18 +452,14 @@ class SteppingWalk(GaitMachine):
             swing.restart(self.elapsed, frames[side], thrown)
         swing.retarget(self.elapsed, landing, touch, c.hardest if self.decision.closes else None)
 
-    def _thrown(self, state: BodyState, swing: SwingFoot) -> Vector | None:
+    def _thrown(self, swing: SwingFoot) -> Vector | None:
         """Return the velocity of a swing foot so far off its motion that legs cannot bring it back, m/s, else None.
 
         That is where the feedback of its task asks for more than the greatest acceleration of a swing: the trunk would
         pay for it.
         """
-        here, there, dt, before = (
-            state.places[1 - self.stance],
-            swing.place(self.elapsed - self.dt),
-            self.dt,
-            self._flying,
-        )
+        here, there = self._state.places[1 - self.stance], swing.place(self.elapsed - self.dt)
+        dt, before = self.dt, self._flying
         self._flying = here, there
         if before is None:
             return None
@@ -485,23 +481,22 @@ class SteppingWalk(GaitMachine):
         """Time since lift-off until which a foot that has met the ground may wait, s: a late one as long as others."""
         return (self.met or 0.0) + (self.settings.longest - self.constants.touch) * self.steering.step_time
 
-    def _solve(self, state: BodyState, dcm: Divergent, steps: StepVelocity) -> None:
+    def _solve(self, steps: StepVelocity) -> None:
         """Decide the step by what stands now."""
         c, (u, v), footsteps = self.constants, self.decision.cop, self.footsteps
-        assert self._contact is not None
         self._planned = None  # from what is measured now
         stance = StepState(
             self.stance,
             self.steering.direction,
-            self._carrying_point(state, self.stance),
-            _on_sole(state, self.stance, c.carrying + u, v),
-            self._contact,
-            dcm,
-            self._orbit(dcm, steps),
+            self._carrying_point(self.stance),
+            self._on_sole(self.stance, c.carrying + u, v),
+            self.contact,
+            self.dcm,
+            self._orbit(steps),
             self.steering.step_time,
             self.elapsed,
-            self._swinging(state),
-            self._down(state),
+            self._swinging(),
+            self._down(),
         )
         stays = self.ground.sight is None or self.swing is None or self._since_stand == 0
         if footsteps:
@@ -512,16 +507,16 @@ class SteppingWalk(GaitMachine):
         look = None if stays else c.touch * self.duration - self.elapsed
         self.decision.decide(stance, wish, self._longest, look)
 
-    def _course(self, state: BodyState) -> tuple[float, float, float, float, float, float]:
+    def _course(self) -> tuple[float, float, float, float, float, float]:
         """Return place, m, velocity, m/s, and acceleration, m/s², of the CoM as planned, over the ground.
 
         From the state in which the step was decided it moves as the pendulum does about the commanded centre of
         pressure.
         """
         square, dt, (ahead, aside) = self.scale.omega**2, self.dt, self.decision.cop
-        zx, zy, _ = _on_sole(state, self.stance, self.constants.carrying + ahead, aside)
+        zx, zy, _ = self._on_sole(self.stance, self.constants.carrying + ahead, aside)
         if self._planned is None:
-            (x, y, _), (u, v, _) = state.com, state.velocity
+            (x, y, _), (u, v, _) = self._state.com, self._state.velocity
             a, b = square * (x - zx), square * (y - zy)
         else:
             x, y, u, v, a, b = self._planned
@@ -530,16 +525,16 @@ class SteppingWalk(GaitMachine):
         self._planned = x, y, u, v, a, b
         return self._planned
 
-    def _swinging(self, state: BodyState) -> tuple[float, float, float, float]:
+    def _swinging(self) -> tuple[float, float, float, float]:
         """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
         if self.swing is None:
-            x, y, _ = state.places[1 - self.stance]
+            x, y, _ = self._state.places[1 - self.stance]
             return x, y, 0.0, 0.0
         return self.swing.over_ground(self.elapsed)
 
-    def _down(self, state: BodyState) -> float:
+    def _down(self) -> float:
         """Return the time that the swing foot needs to come straight down, s."""
-        height = max(state.places[1 - self.stance][2] - self.ground.height, 0.0)
+        height = max(self._state.places[1 - self.stance][2] - self.ground.height, 0.0)
         return self.constants.piece + math.sqrt(RISE * height / self.constants.lift)
 
     def _levelness(self) -> float:
@@ -553,16 +548,15 @@ class SteppingWalk(GaitMachine):
         self.ground.height, self._tilt = landing.z, (landing.pitch, landing.roll)
         return landing
 
-    def _rubs(self, state: BodyState, dcm: Divergent, steps: StepVelocity, landing: Footstep) -> bool:
+    def _rubs(self, steps: StepVelocity, landing: Footstep) -> bool:
         """Return True if the swing foot is to go on over what it has met: waiting would not help there.
 
         That is where ξ runs away from the foot that stands, aside or ahead, and is caught from the landing at its time,
         and not from here.
         """
-        c, orbit = self.constants, self._orbit(dcm, steps)
+        c, dcm, orbit = self.constants, self.dcm, self._orbit(steps)
         left = c.touch * self.duration - self.elapsed
-        assert self._contact is not None
-        (x, y, _), (p, q, _) = state.places[1 - self.stance], self._contact
+        (x, y, _), (p, q, _) = self._state.places[1 - self.stance], self.contact
         (ahead, aside), (on, out) = self._along(dcm.x - x, dcm.y - y), self._along(dcm.x - p, dcm.y - q)
         ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
         if left <= 0.0 or not (ahead_of_orbit or self._side * out < 0.0):
@@ -572,76 +566,69 @@ class SteppingWalk(GaitMachine):
         now = viability(ahead, -self._side * aside, orbit, c.stretch)
         return c.rubs * now < viability(there[0], -self._side * there[1], orbit, c.stretch)
 
-    def _meet(
-        self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity
-    ) -> tuple[Event, ...]:
+    def _meet(self, steps: StepVelocity) -> tuple[Event, ...]:
         """Detect that the swing foot has met the ground, or has lost it again."""
-        c, swing = self.constants, 1 - self.stance
-        force = state.wrenches[swing][2]
+        c, swing, wrenches = self.constants, 1 - self.stance, self._state.wrenches
+        force = wrenches[swing][2]
         if self.met is None:
             may = self.elapsed > c.early * self.duration
             assert self.swing is not None
-            met = may and force > c.met and not self._rubs(state, dcm, steps, self.swing.landing)
+            met = may and force > c.met and not self._rubs(steps, self.swing.landing)
             if self._touches(met):
                 self.met = self.elapsed
                 soon = 0.05 * self.settings.step_time
                 return (touch_down(self.elapsed - c.touch * self.duration, soon, soon),)
-        elif (
-            force < c.lost
-            and self.elapsed - self.met > c.lost_time
-            and state.wrenches[self.stance][2] > c.held
-        ):
+        elif force < c.lost and self.elapsed - self.met > c.lost_time and wrenches[self.stance][2] > c.held:
             self.met = None
             assert self.swing is not None
-            self.swing.resume(self.elapsed, frames[swing])
+            self.swing.resume(self.elapsed, self._frames[swing])
         return ()
 
-    def _carry(self, state: BodyState, swing: int) -> None:
+    def _carry(self, swing: int) -> None:
         """Low-pass the place where the foot in contact carries, from its carrying point on: it meets with an edge."""
         if self.met is None:
-            self._carrying = self._carrying_point(state, swing)
+            self._carrying = self._carrying_point(swing)
         else:
-            self._carrying = _towards(self._carrying, self._centre_of_pressure(state, swing), self._cop_gain)
+            self._carrying = _towards(self._carrying, self._centre_of_pressure(swing), self._cop_gain)
 
-    def _is_to_carry(self, state: BodyState, dcm: Divergent, steps: StepVelocity) -> bool:
+    def _is_to_carry(self, steps: StepVelocity) -> bool:
         """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
-        assert self._contact is not None
-        loads = state.wrenches
+        loads, dcm = self._state.wrenches, self.dcm
         if loads[self.stance][2] < self.constants.held < loads[1 - self.stance][2]:
             return True  # it has rolled over an edge, or was kicked away
         if self.elapsed > max(self._longest, self._waits):
             return True
-        c, (x, y, _), (p, q, _) = self.constants, self._carrying, self._contact
+        c, (x, y, _), (p, q, _) = self.constants, self._carrying, self.contact
         ahead, aside = self._along(dcm.x - x, dcm.y - y)
         on, out = self._along(dcm.x - p, dcm.y - q)
         there, here = (ahead, -self._side * aside), (on, self._side * out)
-        return takes_over(there, here, self._orbit(dcm, steps), c.stretch, c.wait, c.patience)
+        return takes_over(there, here, self._orbit(steps), c.stretch, c.wait, c.patience)
 
-    def _change_feet(self, state: BodyState, dcm: Divergent, frames: Frames, go: bool) -> tuple[Event, ...]:
+    def _change_feet(self, go: bool) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
-        c, (left, right) = self.constants, state.places
+        c, (left, right) = self.constants, self._state.places
         self._pace += c.pace_gain * (min(self.elapsed, self._longest) - self._pace)
         held = min(self.decision.area.width / c.slow_width, 1.0)
         gain = c.held_gain[0] if held < self.steering.held else c.held_gain[1]
         self.steering.held += gain * (held - self.steering.held)
         self.stance = 1 - self.stance
         assert self.swing is not None
-        self.ground.land(state.places[self.stance][2] - self.swing.landing.z, left[2] - right[2])
+        self.ground.land(self._state.places[self.stance][2] - self.swing.landing.z, left[2] - right[2])
         self._contact = None
         self.steps_done += 1
         self._since_stand += 1
         apart = math.hypot(left[0] - right[0], left[1] - right[1])
         slow = math.hypot(*self.steering.velocity) < c.stop_speed
-        if not go and slow and apart < c.stop_length and self._outside(state, dcm, c.stop_box) <= 0.0:
+        if not go and slow and apart < c.stop_length and self._outside(self.dcm, c.stop_box) <= 0.0:
             self._enter(GaitPhase.STANDING, 0.0)
-            self.steering.rest(self._middle(state))
+            self.steering.rest(self._middle())
             return (Event.STOPPED,)
-        self._lift(frames)
+        self._lift()
         return (Event.LIFT_OFF,)
 
-    def _lift(self, frames: Frames) -> None:
+    def _lift(self) -> None:
         self._enter(GaitPhase.SINGLE, self.steering.step_time)
-        self._ask(frames, SIDES[1 - self.stance])
+        self._ask(SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
         self._flying, self._tilt = None, (0.0, 0.0)
@@ -651,14 +638,14 @@ class SteppingWalk(GaitMachine):
         self._contact = None
         self.decision.begin()
 
-    def _most_forces(self, state: BodyState) -> tuple[float, float]:
+    def _most_forces(self) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`."""
         c, swing = self.constants, 1 - self.stance
         most = [c.most_force, c.most_force]
         most[swing] = 0.0
         if self.met is not None:
             most[swing] = c.share
-        elif self.elapsed < c.unload and self._since_stand > 0 and state.wrenches[swing][2] > c.lost:
+        elif self.elapsed < c.unload and self._since_stand > 0 and self._state.wrenches[swing][2] > c.lost:
             most[swing] = 2.0 * c.share * (1.0 - self.elapsed / c.unload)
         return most[0], most[1]
 
@@ -674,16 +661,16 @@ class SteppingWalk(GaitMachine):
         cos, sin = self.steering.direction
         return cos * x + sin * y, cos * y - sin * x
 
-    def _middle(self, state: BodyState) -> Point:
-        (x, y, _), (left, right) = state.com, state.places
+    def _middle(self) -> Point:
+        (x, y, _), (left, right) = self._state.com, self._state.places
         cos, sin = self.steering.direction
         # Along the path the CoM, across it the middle of the feet.
         _, aside = self._along(0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y)
         return x - sin * aside, y + cos * aside
 
-    def _outside(self, state: BodyState, dcm: Divergent, share: float) -> float:
+    def _outside(self, dcm: Divergent, share: float) -> float:
         """Return the distance of the DCM outside the standing boxes scaled by `share`, m; negative within them."""
-        left, right = state.places
+        left, right = self._state.places
         half_length, half_width = (0.5 * share * size for size in self.constants.standing_box)
         across = left[0] - right[0], left[1] - right[1]
         spacing = math.hypot(*across) + ROUNDING
@@ -693,15 +680,12 @@ class SteppingWalk(GaitMachine):
 
     def _references(
         self,
-        dcm: Divergent,
-        frames: Frames,
         events: tuple[Event, ...],
         most_force: tuple[float, float],
         height: tuple[float, float],
         course: tuple[float, float, float, float, float, float],
     ) -> Reference:
         """Return the references of a tick, from height and speed of the CoM, and its course over the ground."""
-        self.dcm = dcm
         x, y, u, v, a, b = course
         arm = 1.0 / self.scale.omega**2
         # One array and its parts: making an array costs more than a slice.
@@ -711,19 +695,11 @@ class SteppingWalk(GaitMachine):
         pendulum = Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self.scale.omega)
         push, heading, cop = self.constants.swing_push, self.steering.heading, self.decision.cop
         return self._reference(
-            pendulum, frames, heading, events, most_push=push, most_force=most_force, cop=cop
+            pendulum, self._frames, heading, events, most_push=push, most_force=most_force, cop=cop
         )
 
 
-def _on_sole(state: BodyState, side: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return a point of a sole in the world, m."""
-    (px, py, pz), ((a, b, _), (c, d, _), (e, f, _)) = state.places[side], state.turns[side]
-    return px + a * x + b * y, py + c * x + d * y, pz + e * x + f * y
-
-
-def _towards(
-    place: tuple[float, float, float], goal: tuple[float, float, float], gain: float
-) -> tuple[float, float, float]:
+def _towards(place: Vector, goal: Vector, gain: float) -> Vector:
     """Return a place moved towards another one by a ratio of the distance: a tick of a low-pass."""
     (x, y, z), (u, v, w) = place, goal
     return x + gain * (u - x), y + gain * (v - y), z + gain * (w - z)
