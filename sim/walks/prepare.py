@@ -24,8 +24,7 @@ from wbc.sim.walks.settings import TrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.reach import check_plan
-from wbc.walking.plans.size import sized
+from wbc.walking.plans.reach import check_plan, sized
 from wbc.walking.stepping.gait import SteppingWalk
 
 

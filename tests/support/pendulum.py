@@ -10,9 +10,8 @@ from scipy.spatial import ConvexHull
 
 from wbc.base.numbers import Array
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern
-from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, zmp_reference
+from wbc.walking.lipm.schedule import HeightProfile, SupportPhase, ZmpTarget, zmp_reference
 from wbc.walking.lipm.walk import PhaseSettings
 from wbc.walking.plans.footsteps import Footstep, SoleSizes
 

@@ -299,6 +299,11 @@ def far(now: Standing) -> FootstepPlan:
     return walk_distance(replace(now.start, gait=Gait(step_length=1.0)), 1.0, first=now.first or "left")
 
 
+def hasty(now: Standing) -> FootstepPlan:
+    start = replace(now.start, gait=Gait(double_support=0.006))
+    return walk_distance(start, 0.2, first=now.first or "left")
+
+
 def same_side(now: Standing) -> FootstepPlan:
     return walk_distance(now.start, 0.2, first="right" if now.first == "left" else "left")
 
@@ -309,6 +314,7 @@ def same_side(now: Standing) -> FootstepPlan:
         (lambda _: {}["map"], "KeyError: 'map'"),
         (far, "within reach"),
         (same_side, "steps next"),
+        (hasty, "two control periods"),
         (lambda _: None, "FootstepPlan"),
     ],
 )

@@ -16,8 +16,7 @@ from wbc.robots import RobotDescription, load
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import walk_distance
-from wbc.walking.plans.reach import CARRIED, ROOM, carried_height, check_plan, leg_geometry
-from wbc.walking.plans.size import sized
+from wbc.walking.plans.reach import CARRIED, ROOM, carried_height, check_plan, leg_geometry, sized
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text(encoding="utf-8")

@@ -10,15 +10,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING
+from wbc.core.robot import Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.plans.gait import SwingShape
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait, SwingShape
+from wbc.walking.plans.reach import Extent, Reach
+from wbc.walking.plans.sources import FootstepSource, Standing, dropped, next_steps
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.swing import FootMotion, SwingFoot
 
@@ -35,11 +39,17 @@ class GaitMachine(ReferenceSource):
         duration: Planned length of this phase, s.
         steps_done: Steps that have ended with a foot on the ground.
         swing: Swing of this step, which has its landing; None before the first decision on it, and on both feet.
+        reach: Reach of the robot's legs, which bounds footsteps that are asked for; None without a robot.
+        extent: Extent of the ground, which bounds them as well, m; None is endless.
         met: Time since lift-off at which the swing foot met the ground while the other one still carries, s; else None.
         ground: What is known of the ground.
     """
 
     ground: GroundEstimate
+    reach: Reach | None = None
+    extent: Extent | None = None
+    _robot: Robot | None = None
+    _gait: Gait  # of the footsteps that are asked for
 
     def __init__(self, dt: float, ground: GroundEstimate, lasting: float = 0.0) -> None:
         """Take a period, s, and an estimate of the ground; a touch-down is a load that lasts for a time, s."""
@@ -54,6 +64,27 @@ class GaitMachine(ReferenceSource):
         self._loaded = 0.0  # time for which the swing foot has borne the load of a contact, s
         self.planner, self.reason = None, ""
         self.ground.forget()
+
+    def _ask(
+        self, planner: FootstepSource, feet: Sequence[Footstep], first: str | None, *, swings: bool = False
+    ) -> FootstepPlan | None:
+        """Return a planner's steps from where the feet stand, left and right, the one that `swings` where it lands.
+
+        The foot of the side `first` steps next, either one if it is None. The answer has timings in whole periods. It
+        is None where the planner fails, or asks for a step out of reach; `reason` says why.
+        """
+        left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in feet)
+        start = FootstepPlan(left, right, (), self._gait)
+        now = Standing(start, first, self.steps_done + swings, swings, self.time)
+        try:
+            if self._robot is None or self.reach is None:
+                plan = planner.footsteps(now)
+            else:
+                plan = next_steps(planner, now, self._robot, self.reach, self.extent)
+            return replace(plan, gait=plan.gait.full.on_grid(self.dt)[0])
+        except Exception as error:  # of a planner of the user's own, too
+            self.reason = dropped(error)
+            return None
 
     @property
     def air(self) -> int | None:

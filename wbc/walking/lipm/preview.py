@@ -35,9 +35,8 @@ from wbc.base.numbers import ROUNDING
 from wbc.base.settings import NonNegative, settings
 from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern, dcm_backwards
-from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, zmp_reference
+from wbc.walking.lipm.schedule import HeightProfile, SupportPhase, ZmpTarget, zmp_reference
 from wbc.walking.plans.footsteps import Footstep, SoleSizes
 
 SUPPORTS, PARTS, INTERVAL, REST = 8, (4, 2), 0.1, 0.5

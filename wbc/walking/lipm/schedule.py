@@ -1,14 +1,40 @@
-"""Schedule of the supports of a plan, with the reference of the ZMP on each of them; points are x + iy, m."""
+"""Schedule of the supports of a plan, with the reference of the ZMP on each of them, and the height of the pendulum.
+
+The height is level on level ground, smooth over slopes and stairs. Going up, the pendulum rises from the landing until
+the middle of the next single support, when the upper leg carries; up a high stair it rises but a little before the
+lower foot leaves, whose leg would be stretched. Going down, it sinks from the middle of the single support until both
+feet have settled, so that the swing foot reaches the lower stair; down a deep one it has sunk but a little less when the
+foot lands. Points on the ground are x + iy, m.
+"""
 
 from __future__ import annotations
 
 import cmath
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Number, settings
+from wbc.core.trajectories import QuinticPath
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+
+SHORTEST = 0.1
+"""Least duration of a change of height, s."""
+
+HIGH = 0.06
+"""Rise from which on a stair is high, m."""
+
+STRETCH = 0.02
+"""Rise up a high stair until the lower foot leaves, m."""
+
+DEEP = 0.12
+"""Drop from which on the pendulum sinks sooner, m: half of it would leave too much to the leg that reaches down."""
+
+CLIMB = 0.16
+"""Greatest mean speed of a rise, m/s."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +43,6 @@ class SupportPhase:
 
     duration: float  # time left, s
     feet: tuple[Footstep, ...]  # the foot that stands, or the foot that leaves next and the foot that stays
-    step: int  # index of the step that swings, or that swings next; the number of steps at the end
     total: float  # whole length, s
 
     @property
@@ -31,14 +56,14 @@ def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
     gait, count = plan.gait.full, len(plan)
     if count == 0:
         total = gait.initial_double_support + gait.final_double_support
-        return (SupportPhase(total, (plan.left, plan.right), 0, total),)
+        return (SupportPhase(total, (plan.left, plan.right), total),)
     supports = []
     for k in range(count):
         time = gait.initial_double_support if k == 0 else gait.double_support
-        supports.append(SupportPhase(time, (plan.lift_off(k), plan.stance(k)), k, time))
-        supports.append(SupportPhase(gait.single_support, (plan.stance(k),), k, gait.single_support))
+        supports.append(SupportPhase(time, (plan.lift_off(k), plan.stance(k)), time))
+        supports.append(SupportPhase(gait.single_support, (plan.stance(k),), gait.single_support))
     final = gait.final_double_support
-    supports.append(SupportPhase(final, (plan.stance(count - 1), plan.steps[-1]), count, final))
+    supports.append(SupportPhase(final, (plan.stance(count - 1), plan.steps[-1]), final))
     return tuple(supports)
 
 
@@ -71,3 +96,60 @@ def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget) -> list[c
         under = [target.under(foot) for foot in stance.feet]
         points.append(sum(under) / len(under))
     return points
+
+
+class HeightProfile:
+    """Height of the support over time, with continuous acceleration."""
+
+    def __init__(self, supports: Sequence[SupportPhase], height: float, start: Pendulum) -> None:
+        """Lay the profile through a schedule from now on: a CoM at a height over it, m, goes on without a jump."""
+        events = _events(supports)
+        state = float(start.com[2]) - height, float(start.com_velocity[2]), float(start.com_acceleration[2])
+        self._path = QuinticPath(state)
+        goal = math.nan
+        for time, level, deadline in events:
+            if abs(level - goal) < ROUNDING:
+                continue
+            rise = level - self._path.at(time)[0]
+            duration = max(SHORTEST, deadline - time, rise / CLIMB)
+            self._path.follow(time, (time + duration, (level, 0.0, 0.0)))
+            goal = level
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        """Return height (m), velocity (m/s) and acceleration (m/s²) at a time from now (s)."""
+        return self._path.at(max(0.0, time))
+
+
+def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]]:
+    """Changes of height in order, each as (time of its start, new level, time of its end); the first at time zero."""
+    events = []
+    time = 0.0
+    for i, support in enumerate(supports):
+        following = supports[i + 1] if i + 1 < len(supports) else None
+        end = time + support.duration
+        if support.single:
+            level, lower = support.feet[0].z, _level(supports, min(i + 1, len(supports) - 1))
+            middle = max(time, end - 0.5 * support.total)
+            if following is not None and lower < level - DEEP:
+                events.append((time, lower + STRETCH, end))
+            else:
+                events.append((time, level, middle))
+                if following is not None and lower < level - ROUNDING:
+                    events.append((middle, lower, end + following.duration))
+        else:
+            level, low = _level(supports, i), support.feet[0].z
+            if following is not None and level > low + HIGH:
+                events.append((time, low + STRETCH, end))
+            else:
+                extra = 0.5 * following.total if following is not None and level > low + ROUNDING else 0.0
+                events.append((time, level, end + extra))
+        time = end
+    return events
+
+
+def _level(supports: Sequence[SupportPhase], i: int) -> float:
+    """Level at the end of a double support."""
+    if i + 1 < len(supports):
+        return supports[i + 1].feet[0].z
+    left, right = supports[i].feet
+    return 0.5 * (left.z + right.z)

@@ -36,18 +36,14 @@ from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, heading, mean_heading, other
-from wbc.walking.plans.gait import StepGait
 from wbc.walking.plans.reach import Extent, Reach, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,
     DriveSettings,
     FootstepSource,
     PlanSource,
-    Standing,
     Velocity,
     close_up,
-    dropped,
-    next_steps,
 )
 from wbc.walking.source import Progress, Reference
 from wbc.walking.steering import PLANNED_NEAR, SteeredSteps, Steering
@@ -121,7 +117,6 @@ class LipmWalk(GaitMachine):
         settings: Settings.
         plan: Steps from the one that swings or swings next on, as they are now; landings move.
         step: Index of the step that swings, or that swings next; the number of steps at the end.
-        reach: Reach of the robot's legs.
         com_height: Height of the CoM over the support while walking, m.
         omega: Natural frequency of the pendulum, 1/s.
         drift_correction: Yaw-drift correction of the remaining footsteps: their motion since the planner was taken, for
@@ -130,6 +125,8 @@ class LipmWalk(GaitMachine):
 
     com_height: float
     steering: Steering
+    reach: Reach
+    _robot: Robot
 
     def __init__(
         self,
@@ -150,11 +147,11 @@ class LipmWalk(GaitMachine):
         """
         self.settings = s = settings or WalkSettings()
         self.com_height, self.omega = com_height, natural_frequency(com_height)
-        self.reach, self._robot, self._extent = reach or Reach.of(robot, com_height), robot, extent
+        self.reach, self._robot, self.extent = reach or Reach.of(robot, com_height), robot, extent
         full, notes = plan.gait.full.on_grid(dt)
         for note in notes:
             logger.warning("%s", note)
-        check_plan(replace(plan, gait=_checked(full)), robot, self.reach, extent)
+        check_plan(replace(plan, gait=full), robot, self.reach, extent)
         self.swing_height = full.swing_height
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)  # of plans to come
         self._drive = drive or DriveSettings()
@@ -285,8 +282,8 @@ class LipmWalk(GaitMachine):
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""
-        if self._extent is not None:
-            low_x, high_x, low_y, high_y = self._extent
+        if self.extent is not None:
+            low_x, high_x, low_y, high_y = self.extent
             if not (low_x <= x <= high_x and low_y <= y <= high_y):
                 raise InputError(
                     f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
@@ -308,51 +305,41 @@ class LipmWalk(GaitMachine):
         self._landed = False
         self._next = time + REPLAN
         self._asked = planner, planner.order
-        now, drift = self._standing(), self.drift_correction
+        swings, first = self.phase is GaitPhase.SINGLE, self._next_side
+        feet, drift = self.plan.feet(self.step + swings), self.drift_correction
         turns = not drift.isIdentity(0.0)  # then the planner sees the feet in the world that it was taken in
-        seen = now._replace(start=now.start.moved(drift.inverse())) if turns else now
-        try:
-            plan = next_steps(planner, seen, self._robot, self.reach, self._extent)
+        seen = [foot.moved(drift.inverse()) for foot in feet] if turns else feet
+        plan = self._ask(planner, seen, first, swings=swings)
+        if plan is not None:
             self._steer(plan.moved(drift) if turns else plan)
             self._pace, self._asked = planner.pace, (planner, planner.order)
-        except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
-            self._drop(error, now)
+            return
+        self.steering.command(None)  # the robot comes to a stand
+        self.planner = stand = self._steered_steps()
+        plan = self._ask(stand, feet, first, swings=swings)
+        if plan is None:
+            plan = FootstepPlan(*feet, (), self.plan.gait)
+            plan = plan if first is None else close_up(plan, first)
+        self._steer(plan)
 
-    def _standing(self) -> Standing:
-        """Return the feet as they stand now, with the gait of the plans that begin there."""
-        plan, step, swings = self.plan, self.step, self.phase is GaitPhase.SINGLE
-        first: str | None = None
-        if swings:
-            first = other(plan.steps[step].side)
-        elif self.phase is GaitPhase.DOUBLE and step < len(plan):
-            first = plan.steps[step].side
-        left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in plan.feet(step + swings))
-        start = FootstepPlan(left, right, (), self._gait)
-        return Standing(start, first, self.steps_done + swings, swings, self.time)
+    @property
+    def _next_side(self) -> str | None:
+        """Side that steps after the step that has begun; None for either."""
+        steps, step = self.plan.steps, self.step
+        if self.phase is GaitPhase.SINGLE:
+            return other(steps[step].side)
+        return steps[step].side if self.phase is GaitPhase.DOUBLE and step < len(steps) else None
 
     @property
     def _comes_to_rest(self) -> bool:
         """True in the last moments of the last step: no ZMP takes the DCM from its rest to another step that soon."""
         return self.step + 1 >= len(self.plan) and self.duration - self.elapsed < REPLAN
 
-    def _drop(self, error: Exception, now: Standing) -> None:
-        """Come to a stand for a reason."""
-        self.reason = dropped(error)
-        self.steering.command(None)
-        self.planner = stand = self._steered_steps()
-        try:
-            self._steer(stand.footsteps(now))
-        except InputError:
-            stop = now.start if now.first is None else close_up(now.start, now.first)
-            self._steer(replace(stop, gait=self.plan.gait))
-
     def _steer(self, plan: FootstepPlan) -> None:
         """Replace all steps that have not begun, by none for a stand; a robot that stands sets off."""
         if not plan.steps and self.step >= len(self.plan):
             return  # it stands, or comes to rest
         full = plan.gait.full
-        if full is not self.plan.gait:
-            full = _checked(full.on_grid(self.dt)[0])
         swings, waited = self.phase is GaitPhase.SINGLE, self.step < len(self.plan)
         steps = self.ground.settled(plan.steps, swings=swings)
         self.ground.height = 0.0
@@ -392,7 +379,7 @@ class LipmWalk(GaitMachine):
     def supports(self) -> tuple[SupportPhase, ...]:
         """Return the schedule from now on."""
         if self.step >= len(self.plan) > 0 and self.phase is GaitPhase.STANDING:
-            return (SupportPhase(HOLD, self.plan.final, self.step, HOLD),)
+            return (SupportPhase(HOLD, self.plan.final, HOLD),)
         if self._schedule is None or self._schedule[0] is not self.plan:
             self._schedule = self.plan, schedule(self.plan)
         whole = self._schedule[1]
@@ -401,7 +388,7 @@ class LipmWalk(GaitMachine):
         index = 2 * self.step + (1 if self.phase is GaitPhase.SINGLE else 0)
         now = whole[index]
         left = max(self.remaining, 1e-3)
-        return (SupportPhase(left, now.feet, now.step, max(now.total, left)), *whole[index + 1 :])
+        return (SupportPhase(left, now.feet, max(now.total, left)), *whole[index + 1 :])
 
     def set_landing(self, step: Footstep, *, carry: bool = True) -> None:
         """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`."""
@@ -597,16 +584,6 @@ class LipmWalk(GaitMachine):
         self.duration = elapsed + time
         swing.retarget(elapsed, landing, elapsed + time)
         self._replan()
-
-
-def _checked(gait: StepGait) -> StepGait:
-    """Return a gait; an `InputError` for one without the time for a swing."""
-    if gait.single_support < gait.swing.shortest:
-        raise InputError(
-            f"single_support must be at least {gait.swing.shortest:g} s for take-off, swing and landing, got "
-            f"{gait.single_support:g} s"
-        )
-    return gait
 
 
 def _most_inward(half_width: float, margin: float) -> float:

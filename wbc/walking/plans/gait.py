@@ -136,6 +136,11 @@ class Gait:
                 f"takeoff_time + landing_time must be at most half of the single support, "
                 f"{0.5 * gait.single_support:g} s, got {gait.takeoff_time + gait.landing_time:g} s"
             )
+        if gait.single_support < gait.swing.shortest:
+            raise InputError(
+                f"single_support must be at least {gait.swing.shortest:g} s for take-off, swing and landing, got "
+                f"{gait.single_support:g} s"
+            )
 
     @cached_property
     def full(self) -> StepGait:
@@ -167,7 +172,7 @@ class Gait:
                 notes.append(
                     f"{name} of {value:g} s rounded to {ticks * period:g} s, a multiple of the control period"
                 )
-        return replace(self, **changed), tuple(notes)
+        return replace(self, **changed) if changed else self, tuple(notes)
 
     @staticmethod
     def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> StepGait:

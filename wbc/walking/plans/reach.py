@@ -1,9 +1,9 @@
-"""Reach of a robot's legs, and the check of a plan against it."""
+"""Reach of a robot's legs, the gait for its size, and the check of a plan against its reach."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,9 +12,10 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
-from wbc.base.settings import Positive, settings
+from wbc.base.settings import Positive, in_units, settings
 from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait, StepGait
 
 MAX_SLOPE = 0.5
 """Steepest landing that a plan may ask for, rad: tan 0.5 = 0.55, near the friction at which a sole slips."""
@@ -41,6 +42,9 @@ Extent = tuple[float, float, float, float]
 
 CLEARING = 0.01
 """Distance by which a step goes outwards, again and again, whose sole would overlap the one that stands, m."""
+
+STEP = 0.99
+"""Share of the legs' reach that a default step may take."""
 
 BACK = 0.8
 """Share of the greatest length that a step has which would be longer: the rest is for the balance."""
@@ -240,6 +244,27 @@ def _hip_yaw_range(robot: Robot) -> float:
                 ranges.append(float(robot.position_upper[k] if turn > 0 else -robot.position_lower[k]))
                 break
     return min(ranges) if len(ranges) == 2 else 0.0
+
+
+def sized(gait: Gait, robot: Robot) -> Gait:
+    """Return a gait whose values that are not given fit a robot's size (`Robot.length_scale`) and its legs.
+
+    A pendulum of half the height falls in √½ of the time: times and speeds go with the root of lengths.
+    """
+    root = math.sqrt(robot.length_scale)
+    usual = StepGait()
+    own = in_units(usual, {"m": root**2, "s": root, "m/s": root})
+    changes = {
+        field.name: round(value, 4)
+        for field in fields(gait)
+        if getattr(gait, field.name) is None
+        and (value := getattr(own, field.name)) != getattr(usual, field.name)
+    }
+    if gait.step_length is None:
+        reach = STEP * Reach.of(robot).max_length
+        if reach < changes.get("step_length", usual.step_length):
+            changes["step_length"] = reach
+    return replace(gait, **changes)
 
 
 @checked

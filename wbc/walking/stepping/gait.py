@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,10 +27,10 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.gait import GaitMachine
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading, mean_heading
+from wbc.walking.plans.footsteps import Footstep, heading, mean_heading
 from wbc.walking.plans.gait import Gait, SwingShape
 from wbc.walking.plans.reach import Reach
-from wbc.walking.plans.sources import Standing, Velocity, dropped, next_steps
+from wbc.walking.plans.sources import Velocity
 from wbc.walking.source import Progress, Reference
 from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
@@ -102,7 +101,7 @@ class SteppingWalk(GaitMachine):
         self.settings, self.scale, self.com_height = settings.in_si(scale), scale, scale.height
         self.constants = c = in_si(SteppingConstants(), scale)
         super().__init__(dt, GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0))
-        self._robot, self._reach = robot, None if robot is None else Reach.of(robot, scale.height)
+        self._robot, self.reach = robot, None if robot is None else Reach.of(robot, scale.height)
         self._shape = SwingShape(
             self.settings.swing_height,
             apex=c.apex / c.touch,
@@ -176,30 +175,19 @@ class SteppingWalk(GaitMachine):
         """Return the present phase and the number of steps."""
         return self._progress(() if self.swing is None else (self.swing.landing,), self.settings.step_time)
 
-    def _ask(self, first: str | None) -> None:
-        """Ask the planner for the footsteps from where the feet stand; `first` is the side that steps, None for either.
-
-        A planner that has done, raises, or asks for a step out of reach is dropped.
-        """
+    def _plan_steps(self, first: str | None) -> None:
+        """Take the planner's footsteps; `first` is the side that steps, None for either. One that has done is left."""
         self.footsteps = ()
         if self.planner is None:
             return
-        left, right = (
-            replace(Footstep.of(*foot), pitch=0.0, roll=0.0) for foot in zip(SIDES, self._frames, strict=True)
-        )
-        now = Standing(FootstepPlan(left, right, (), self._gait), first, self.steps_done, False, self.time)
-        reason = ""
-        try:
-            if self._robot is None or self._reach is None:
-                plan = self.planner.footsteps(now)
-            else:
-                plan = next_steps(self.planner, now, self._robot, self._reach)
+        feet = [Footstep.of(*foot) for foot in zip(SIDES, self._frames, strict=True)]
+        plan = self._ask(self.planner, feet, first)
+        if plan is not None and plan.steps:
             self.footsteps = plan.steps
-        except Exception as error:  # of a planner of the user's own, too
-            reason = dropped(error)
-        if not self.footsteps:
-            self.take(None)
-            self.reason = reason
+            return
+        reason = self.reason
+        self.take(None)
+        self.reason = reason
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -298,7 +286,7 @@ class SteppingWalk(GaitMachine):
     def _stand(self) -> tuple[Event, ...]:
         """Set off when a velocity, a goal or footsteps ask for it, or step out of a push."""
         if self.elapsed > self.constants.rest and (self.planner is not None or self.steering.pending):
-            self._ask(None)
+            self._plan_steps(None)
             if self.footsteps:
                 self.stance = 1 - SIDES.index(self.footsteps[0].side)
             if self.footsteps or self.steering.pending:
@@ -628,7 +616,7 @@ class SteppingWalk(GaitMachine):
 
     def _lift(self) -> None:
         self._enter(GaitPhase.SINGLE, self.steering.step_time)
-        self._ask(SIDES[1 - self.stance])
+        self._plan_steps(SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
         self._flying, self._tilt = None, (0.0, 0.0)
