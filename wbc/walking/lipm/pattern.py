@@ -19,6 +19,7 @@ import numpy as np
 
 from wbc.base.errors import InputError
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.walking.lipm.schedule import HeightProfile
 
 
 def dcm_backwards(times: Sequence[float], zmp: Sequence[complex], omega: float) -> list[complex]:

@@ -3,8 +3,8 @@
 The height is level on level ground, smooth over slopes and stairs. Going up, the pendulum rises from the landing until
 the middle of the next single support, when the upper leg carries; up a high stair it rises but a little before the
 lower foot leaves, whose leg would be stretched. Going down, it sinks from the middle of the single support until both
-feet have settled, so that the swing foot reaches the lower stair; down a deep one it has sunk but a little less when the
-foot lands. Points on the ground are x + iy, m.
+feet have settled, so that the swing foot reaches the lower stair; down a deep one it has sunk but a little less when
+the foot lands. Points on the ground are x + iy, m.
 """
 
 from __future__ import annotations
