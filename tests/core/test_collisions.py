@@ -187,6 +187,100 @@ def test_no_pair_that_is_near_is_left_out() -> None:
     assert seen > 50
 
 
+@pytest.mark.parametrize("way", ["capsules", "hulls"])
+def test_no_row_is_left_out_that_could_be_active(way: str) -> None:
+    """Along smooth motions and jumps, with obstacles that move: rows are those of measuring every pair at every tick.
+
+    A row may be missing beyond the influence, or where its distance would have to shrink with more than 100 m/s².
+    """
+    description, rng, dt, time, margin, influence = (
+        wbc.load_robot("g1"),
+        np.random.default_rng(5),
+        0.005,
+        0.1,
+        0.0,
+        0.3,
+    )
+    robot, shapes = description.robot(), description.collision_shapes()
+    arms = [f"{side}_{link}" for side in ("left", "right") for link in ("elbow_link", "rubber_hand")]
+    legs = [f"{side}_{link}" for side in ("left", "right") for link in ("hip_yaw_link", "knee_link")]
+    if way == "hulls":
+        shapes |= {
+            link: shape
+            for link, shape in description.collision_hulls().items()
+            if link in (*arms, "torso_link")
+        }
+    obstacles = [
+        wbc.Obstacle("box", wbc.CollisionBox((0.2, 0.3, 0.4)), pin.SE3(np.eye(3), np.array([0.4, 0.3, 0.0]))),
+        wbc.Obstacle("wall", wbc.CollisionHalfSpace((-1.0, 0.0, 0.0), -0.6)),
+    ]
+    limit = wbc.CollisionLimit(
+        [(arm, other) for arm in arms for other in ("torso_link", *legs)] + [(legs[1], legs[3])],
+        obstacles=obstacles,
+        against=arms,
+        shapes=shapes,
+        margin=margin,
+        influence=influence,
+        time_constant=time,
+    )
+    limit.bind(robot)
+    rows, lower, upper = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
+    measured, left_out, needed, of_near = 0, 0, 0, limit._measure
+
+    def counted(asked: Array, *others: object) -> object:
+        nonlocal measured
+        measured += asked.size
+        return of_near(asked, *others)  # type: ignore[arg-type]
+
+    limit._measure = counted  # type: ignore[assignment, method-assign]
+
+    def distances() -> Array:
+        pin.updateGeometryPlacements(robot.model, robot.data, limit._geometry, limit._geometry_data)
+        return np.array([limit._distance_of(row) for row in range(limit.dim)])
+
+    def move(q: Array, v: Array, step: float) -> Array:
+        for obstacle in obstacles:
+            twist, place = obstacle.velocity, obstacle.placement
+            turned = pin.exp3(step * twist[3:]) @ place.rotation
+            obstacle.placement = pin.SE3(turned, place.translation + step * twist[:3])
+        for place in limit._places:
+            place.follow(limit._geometry)
+        return np.asarray(pin.integrate(robot.model, q, step * v))
+
+    q, v, ticks = robot.half_sitting.copy(), np.zeros(robot.nv), 240
+    for tick in range(ticks):
+        only = tick // 40 % 3  # all moves, or a joint alone, or the obstacles alone, which turn on the spot
+        if tick % 40 == 0:
+            q[7:] = rng.uniform(robot.position_lower, robot.position_upper)
+            v = rng.normal(size=robot.nv) * (only == 0)
+            v[rng.integers(6, robot.nv)] += 3.0 * (only == 1)
+            for obstacle in obstacles:
+                turn = 3.0 * rng.normal(size=3) * (obstacle.name == "box")
+                obstacle.velocity = [*0.5 * rng.normal(size=3) * (only == 0), *turn * (only != 1)]
+        if only == 0:
+            v += 0.2 * rng.normal(size=robot.nv)
+        robot.update(q, v)
+        limit.write(dt, rows, lower, upper)
+        ends, here = [], distances()
+        assert (limit._separation.distances() <= here + 1e-5).all()
+        closing = limit._separation.speeds(limit._twists())
+        for step in (1e-4, -1e-4):
+            robot.update(move(q, v, step), v)
+            ends.append((distances() - here) / step)
+            move(q, v, -step)
+        growth = 0.5 * (ends[0] + ends[1])
+        assert (closing >= -growth - 0.03).all()
+        demand = -((here - margin) / time + growth) / dt
+        wanted, there = (here < influence) & (demand > -100.0), np.isfinite(lower)
+        # GJK is exact to some 1e-6 m, and the normal of hulls may jump.
+        sure = (abs(here - influence) > 1e-4) & (abs(demand + 100.0) > 5.0) & (abs(ends[0] - ends[1]) < 0.02)
+        assert (wanted == there)[sure].all(), (demand[wanted != there], here[wanted != there])
+        assert not rows[~there].any()
+        left_out, needed = left_out + int((~there & (here < influence)).sum()), needed + int(there.sum())
+        q = move(q, v, dt)
+    assert left_out > 500 and needed > 200 and measured < 0.6 * ticks * limit.dim
+
+
 def test_a_controller_keeps_its_robot_away_from_an_obstacle() -> None:
     robot = panda().robot()
     controller = wbc.Controller(robot, 0.002)

@@ -19,6 +19,7 @@ from task_factory import (
 
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
+from wbc.core.limits import collision
 from wbc.core.limits.base import Limit
 from wbc.core.limits.collision import CollisionLimit, srdf_pairs
 from wbc.core.limits.com_polygon import CoMPolygonLimit
@@ -63,7 +64,14 @@ def capsules(robot: Robot, **options: float) -> CollisionLimit:
     return CollisionLimit(pairs, shapes=shapes, **options)
 
 
+@pytest.fixture
+def all_rows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No row of a collision limit is left out for the slowness of its pair."""
+    monkeypatch.setattr(collision, "SUDDEN", np.inf)
+
+
 @robots
+@pytest.mark.usefixtures("all_rows")
 @pytest.mark.parametrize("make", [balls, capsules])
 def test_collision_rows_are_the_derivative_of_the_distance(name: str, make: object) -> None:
     robot, rng = make_robot(name), np.random.default_rng(1)
@@ -84,6 +92,7 @@ def test_collision_rows_are_the_derivative_of_the_distance(name: str, make: obje
 
 
 @robots
+@pytest.mark.usefixtures("all_rows")
 def test_collision_bound_counts_drift_and_damper(name: str) -> None:
     """For two balls all is known: |c̈| along the line, with the turning of the line adding v_t² / distance."""
     robot, rng, dt, time_constant, margin = make_robot(name), np.random.default_rng(2), 0.002, 0.07, 0.03

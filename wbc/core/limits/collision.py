@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import coal
 import numpy as np
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import Array, scalar
+from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
 from wbc.core.limits.heights import Columns
+from wbc.core.limits.separation import YZX, ZXY, Separation
 from wbc.core.limits.shapes import ENDLESS, SHAPES, CollisionHeights, Obstacle, Shape, geometry_of
 from wbc.core.robot import Robot
 
@@ -29,12 +30,11 @@ POSTURES = 1000
 SAMPLES = 200
 """Postures in which a pair is looked at that is closer than its margin in half-sitting."""
 
-
-UNBOUNDED = 1e6
-"""Radius from which on a shape has no end, m."""
-
 NEAR = 0.1
 """Distance beyond the margin from which on pairs count among velocities, m: in a period a link comes less far."""
+
+SUDDEN = 100.0
+"""Acceleration up to which a distance may shrink in a tick before its row must be there, m/s²."""
 
 ATTAINABLE = 100.0
 """Acceleration of a joint up to which a limit asks for it, rad/s² or m/s²; the braking of `JointLimits` at most."""
@@ -58,12 +58,12 @@ def _xml(source: str | Path, what: str) -> ET.Element:
         raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
 
 
-Lever = tuple[float, float, float, float, float, float]
+Kept = tuple[float, float, float, float, float, float, float, float, float, float, float]
+"""Distance of a pair and how fast it grows, normal, its moment and the nearest point of the first shape."""
 
-_NOT_CLOSING = scalar(0.0)
+AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-YZX, ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
-"""Axes of the factors of a cross product."""
+_NO_ROWS = np.zeros(0, dtype=np.intp)
 
 
 def _body(robot: Robot, joint: int) -> Array:
@@ -84,17 +84,15 @@ class _Near:
     Attributes:
         rows: Their rows.
         distances: Their distances, m.
-        room: The same less the margin, m.
-        closing: Speeds at which obstacles come closer, m/s.
-        normals: Directions from the first shape to the second one, shape (n, 3).
-        points: Nearest points of the first shape in the world, shape (n, 3), m.
+        growth: Speeds at which the distances grow, m/s.
+        levers: [n, p₁ × n] of the normals n from the first shape to the second one, shape (n, 6).
+        points: Nearest points p₁ of the first shape in the world, shape (n, 3), m.
     """
 
     rows: NDArray[np.intp]
     distances: Array
-    room: Array
-    closing: Array
-    normals: Array
+    growth: Array
+    levers: Array
     points: Array
 
 
@@ -120,8 +118,10 @@ class CollisionLimit(Limit):
         CollisionLimit("all", shapes=description.collision_hulls(), obstacles=[Obstacle("table", CollisionBox(…))])
 
     Each pair of shapes has one row: its distance may shrink at (distance − margin) / time constant at most. The rows
-    of pairs that are far apart are empty. The rows ignore how the rotation of the common normal accelerates the
-    distance. The next tick measures the distance again, and so corrects this.
+    of pairs that are far apart are empty. In a controller the rows of pairs that are slow for their distance are empty
+    too: the distance could shrink with 100 m/s² until the next tick, and would still be allowed to. A pair is measured
+    when its shapes have moved so far since they were last measured that its row may be needed. The rows ignore how the
+    rotation of the common normal accelerates the distance. The next tick corrects this.
 
     A row demands at most the acceleration (distance − margin) / time constant² + recovery of the distance, m/s². This
     is enough if two links are not faster than allowed when they come within `influence` of each other.
@@ -275,30 +275,23 @@ class CollisionLimit(Limit):
             request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
         for item in geometry.geometryObjects:
             item.geometry.computeLocalAABB()
-        sizes = np.array(
-            [
-                np.inf if i in grounds else _reach(item.geometry)
-                for i, item in enumerate(geometry.geometryObjects)
-            ]
-        )
-        ends = [(pair.first, pair.second) for pair in geometry.collisionPairs]
-        self._first, self._second = np.array(ends, dtype=np.intp).reshape(-1, 2).T
-        self._grounds = [grounds.get(second) for _, second in ends]
-        self._reach = sizes[self._first] + sizes[self._second]
-        self._origins = _origins(self._geometry_data)
+        self._grounds = [grounds.get(pair.second) for pair in geometry.collisionPairs]
+        self._changing = np.array([ground is not None for ground in self._grounds])  # measured at every tick
+        self._separation = Separation(geometry, self._geometry_data)
         self._leaders = _leaders(robot)
         # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
         carried = {joint: _carrying(robot, joint) for row in self._rows for joint in row[:2]}
         self._ends = np.array([row[:2] for row in self._rows], dtype=np.intp)  # joints of each pair
         self._round = np.array([row[2:] for row in self._rows])  # radii of round shapes, m
         self._moves = np.array([carried[row[1]] - carried[row[0]] for row in self._rows])
-        self._distance = np.full(self.dim, np.inf)
-        self._filled: NDArray[np.intp] = np.zeros(0, dtype=np.intp)  # rows that are not zero
+        self._motions = np.zeros_like(self._moves.T)
+        self._filled = _NO_ROWS  # those that are not zero
         self._written: Array | None = None  # the array that they are in
         pin.updateGeometryPlacements(robot.model, robot.data, geometry, self._geometry_data)
-        for row in range(self.dim):
-            self._distance[row] = self._distance_of(row)
-        self._check_obstacles()
+        distances = np.array([self._distance_of(row) for row in range(self.dim)])
+        self._separation.distances()
+        self._separation.measured(np.arange(self.dim), distances)
+        self._check_obstacles(distances)
 
     def _links_near_obstacles(self, robot: Robot) -> list[str]:
         """Return the links that keep away from the obstacles."""
@@ -358,12 +351,12 @@ class CollisionLimit(Limit):
             found |= close(q)
         return [pair for pair in dict.fromkeys(pairs) if pair in found and pair not in touching]
 
-    def _check_obstacles(self) -> None:
+    def _check_obstacles(self, distances: Array) -> None:
         """Refuse an obstacle that is inside the robot."""
         for row, obstacle in enumerate(self._moving):
-            if obstacle is not None and self._distance[row] <= 0.0:
+            if obstacle is not None and distances[row] <= 0.0:
                 raise InputError(
-                    f"obstacle '{obstacle.name}' of limit '{self.name}' is {-self._distance[row]:.3f} m inside "
+                    f"obstacle '{obstacle.name}' of limit '{self.name}' is {-distances[row]:.3f} m inside "
                     f"'{self._names[row][0]}': move it, or give the links that keep away in `against`"
                 )
 
@@ -385,64 +378,102 @@ class CollisionLimit(Limit):
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill one row for each pair of shapes; see `Limit.write`."""
-        near = self._fill(rows, lower, upper, self._influence)
-        if near.rows.size:
-            moving, room = rows[near.rows], near.room
-            demand = -(room / self._time + moving.dot(self._robot.v) + near.closing) / dt
-            most = np.maximum(room, 0.0) / self._time**2 + self._recovery
-            demand = np.minimum(demand, most) - self._drift(near)
+        self._clear(rows, lower, upper)
+        bounds, twists = self._bounds(), self._twists()
+        needed = self._separation.speeds(twists)
+        needed += dt * SUDDEN
+        needed *= self._time
+        needed += self._margin
+        np.minimum(needed, self._influence, out=needed)
+        near = self._measure((bounds <= needed).nonzero()[0], self._influence, twists, dt)
+        if near is not None:
+            room, moving = near.distances - self._margin, self._jacobians(near)
+            demand = -(room / self._time + near.growth) / dt
+            demand = np.minimum(demand, np.maximum(room, 0.0) / self._time**2 + self._recovery)
+            demand -= self._drift(near)
             # Where the joints hardly change the distance, no demand is one that they cannot meet.
-            lower[near.rows] = np.minimum(demand, ATTAINABLE * np.abs(moving).sum(axis=1))
+            demand = np.minimum(demand, ATTAINABLE * np.abs(moving).sum(axis=1))
+            self._put(rows, lower, near, moving, demand)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill how far each pair may approach, or must separate; see `Limit.write_step`."""
-        near = self._fill(rows, lower, upper, self._influence)
-        if near.rows.size:
-            lower[near.rows] = np.minimum(-near.room, np.abs(rows[near.rows]).sum(axis=1))
+        self._clear(rows, lower, upper)
+        near = self._measure((self._bounds() <= self._influence).nonzero()[0], self._influence)
+        if near is not None:
+            moving, demand = self._jacobians(near), self._margin - near.distances
+            self._put(rows, lower, near, moving, np.minimum(demand, np.abs(moving).sum(axis=1)))
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the smallest rate of each distance; see `Limit.write_velocity`."""
-        near = self._fill(rows, lower, upper, min(self._influence, self._margin + NEAR))
-        if near.rows.size:
-            demand = near.room / -max(self._time, dt) - near.closing
-            lower[near.rows] = np.minimum(demand, np.abs(rows[near.rows]).sum(axis=1))
+        self._clear(rows, lower, upper)
+        influence = min(self._influence, self._margin + NEAR)
+        near = self._measure((self._bounds() <= influence).nonzero()[0], influence, self._beside())
+        if near is not None:
+            moving = self._jacobians(near)
+            demand = (self._margin - near.distances) / max(self._time, dt) - near.growth
+            self._put(rows, lower, near, moving, np.minimum(demand, np.abs(moving).sum(axis=1)))
 
-    def _fill(self, rows: Array, lower: Array, upper: Array, influence: float) -> _Near:
-        """Fill the rows of pairs within a distance, m, and return what their bounds are made of.
+    def _clear(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Empty the rows that are filled; all of them in arrays that were not seen before."""
+        lower.fill(-np.inf)
+        if rows is not self._written:
+            self._written = rows
+            rows.fill(0.0)
+            upper.fill(np.inf)
+        elif self._filled.size:
+            rows[self._filled] = 0.0
+        self._filled = _NO_ROWS
+
+    def _put(self, rows: Array, lower: Array, near: _Near, moving: Array, demand: Array) -> None:
+        """Fill the rows of some pairs, and their bounds."""
+        self._filled = near.rows
+        rows[near.rows], lower[near.rows] = moving, demand
+
+    def _bounds(self) -> Array:
+        """Place all shapes, and return lower bounds on their distances, m; without an end where the ground changes."""
+        for place in self._places:
+            place.follow(self._geometry)
+        pin.updateGeometryPlacements(self._robot.model, self._robot.data, self._geometry, self._geometry_data)
+        bounds = self._separation.distances()
+        if self._changing.any():
+            bounds[self._changing] = -np.inf
+        return bounds
+
+    def _twists(self) -> Array:
+        """Return velocities of the second bodies against the first at the world's origin, shape (6, dim)."""
+        v = self._robot.v if self._leaders is None else self._leaders.dot(self._robot.v)
+        np.multiply(self._moves.T, v[:, None], out=self._motions)
+        twists, beside = self._robot.data.J.dot(self._motions), self._beside()
+        return np.asarray(twists if beside is None else twists + beside)
+
+    def _beside(self) -> Array | None:
+        """Return the velocities of obstacles at the origin of the world, shape (6, dim); None where none moves."""
+        twists = None
+        for row, obstacle in enumerate(self._moving if self.obstacles else ()):
+            if obstacle is not None and obstacle.moving:
+                twists = np.zeros((6, self.dim)) if twists is None else twists
+                linear, angular = obstacle._velocity[:3], obstacle._velocity[3:]
+                twists[:3, row] = linear - np.cross(angular, obstacle._placement.translation)
+                twists[3:, row] = angular
+        return twists
+
+    def _jacobians(self, near: _Near) -> Array:
+        """Return the derivatives of the distances of pairs by the configuration, shape (number of pairs, nv).
 
         With J the Jacobians of the joints at the origin of the world, a pair with the normal n from a point p₁ of the
         first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
         [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
-        near, distances, levers, points, found = self._measure(influence)
-        if rows is self._written:
-            rows[self._filled] = 0.0
-        else:
-            rows[:], self._written = 0.0, rows
-            upper[:] = np.inf
-        lower[:] = -np.inf
-        self._filled = numbers = np.array(near, dtype=np.intp)
-        lever, distance = np.array(levers).reshape(-1, 6), np.array(distances)
-        if near:
-            moved = lever.dot(self._robot.data.J)
-            moved *= self._moves[numbers]
-            rows[numbers] = moved if self._leaders is None else moved.dot(self._leaders)
-        closing = np.zeros(len(near)) if self.obstacles else _NOT_CLOSING
-        for place, row in enumerate(near if self.obstacles else ()):
-            obstacle = self._moving[row]
-            if obstacle is not None and obstacle.moving:
-                arm = found[place].getNearestPoint2() - obstacle._placement.translation
-                speed = obstacle._velocity[:3] + np.cross(obstacle._velocity[3:], arm)
-                closing[place] = found[place].normal.dot(speed)
-        nearest = np.array(points).reshape(-1, 3)
-        return _Near(numbers, distance, distance - self._margin, closing, lever[:, :3], nearest)
+        moving = near.levers.dot(self._robot.data.J)
+        moving *= self._moves[near.rows]
+        return np.asarray(moving if self._leaders is None else moving.dot(self._leaders))
 
     def _drift(self, near: _Near) -> Array:
         """Return the acceleration of the distances at no acceleration of the joints, m/s².
 
         Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
         """
-        normals, (inner, outer) = near.normals, self._round[near.rows].T[..., None]
+        normals, (inner, outer) = near.levers[:, :3], self._round[near.rows].T[..., None]
         first = near.points - inner * normals
         second = near.points + (near.distances[:, None] + outer) * normals
         joints, of_end = np.unique(self._ends[near.rows].T.ravel(), return_inverse=True)
@@ -456,39 +487,40 @@ class CollisionLimit(Limit):
         return np.asarray(along[len(near.rows) :] - along[: len(near.rows)])
 
     def _measure(
-        self, influence: float
-    ) -> tuple[list[int], list[float], list[Lever], list[tuple[float, float, float]], list[Any]]:
-        """Measure the pairs whose bounding spheres are within a distance, m; of the others `_distance` is a bound.
+        self, asked: NDArray[np.intp], within: float, twists: Array | None = None, dt: float | None = None
+    ) -> _Near | None:
+        """Measure some pairs; return those that are within a distance, m, if any.
 
-        Returned are the pairs that are within that distance, and of each its distance, [n, p₁ × n], p₁, and coal's
-        result.
+        With a control period dt, s, those are left out whose bodies move with twists at which nothing but an
+        acceleration above `SUDDEN` makes them too fast for their distance.
         """
-        robot, geometry, data = self._robot, self._geometry, self._geometry_data
-        for place in self._places:
-            place.follow(geometry)
-        pin.updateGeometryPlacements(robot.model, robot.data, geometry, data)
-        apart = self._origins[self._first]
-        apart -= self._origins[self._second]
-        bounds = np.sqrt(np.einsum("ij,ij->i", apart, apart))
-        bounds -= self._reach
-        self._distance = bounds
-        near, distances, levers, found = list[int](), list[float](), list[Lever](), list[Any]()
-        points: list[tuple[float, float, float]] = []
-        for row in (~(bounds > influence)).nonzero()[0].tolist():
+        if not asked.size:
+            return None
+        geometry, data = self._geometry, self._geometry_data
+        time, free = (0.0, np.inf) if dt is None else (self._time, self._margin + self._time * dt * SUDDEN)
+        distances, near, kept = list[float](), list[int](), list[Kept]()
+        moving = itertools.repeat(AT_REST) if twists is None else twists.T[asked].tolist()
+        for row, (vx, vy, vz, wx, wy, wz) in zip(asked.tolist(), moving, strict=False):
             ground = self._grounds[row]
             if ground is None:
                 result = pin.computeDistance(geometry, data, row)
-            elif (result := ground.nearest(geometry, data, row, influence)) is None:
+            elif (result := ground.nearest(geometry, data, row, within)) is None:
+                distances.append(np.inf)
                 continue
-            bounds[row] = distance = result.min_distance
-            if distance <= influence:
+            distance = result.min_distance
+            distances.append(distance)
+            if distance <= within:
                 (nx, ny, nz), (x, y, z) = result.normal.tolist(), result.getNearestPoint1().tolist()
-                near.append(row)
-                distances.append(distance)
-                levers.append((nx, ny, nz, y * nz - z * ny, z * nx - x * nz, x * ny - y * nx))
-                points.append((x, y, z))
-                found.append(result)
-        return near, distances, levers, points, found
+                mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+                growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
+                if distance + time * growth < free:
+                    near.append(row)
+                    kept.append((distance, growth, nx, ny, nz, mx, my, mz, x, y, z))
+        self._separation.measured(asked, np.array(distances))
+        if not near:
+            return None
+        values = np.array(kept)
+        return _Near(np.array(near), values[:, 0], values[:, 1], values[:, 2:8], values[:, 8:])
 
     def _check_separable(self) -> None:
         """Refuse a pair that is in collision in half-sitting, or closer than the margin wherever its joints are."""
@@ -529,22 +561,6 @@ class CollisionLimit(Limit):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', rows={self.dim})"
-
-
-def _reach(shape: coal.CollisionGeometry) -> float:
-    """Return the radius about its origin of a shape whose box is known, m; infinity of one without an end."""
-    radius = float(shape.aabb_radius)
-    return radius + float(np.linalg.norm(shape.aabb_center)) if radius < UNBOUNDED else np.inf
-
-
-def _origins(data: pin.GeometryData) -> Array:
-    """Return the origins of all shapes in the world, shape (n, 3), m: a view that follows their placements."""
-    origins = [np.asarray(place.translation) for place in data.oMg]
-    starts = [origin.__array_interface__["data"][0] for origin in origins]
-    steps = set(np.diff(starts).tolist())
-    if len(steps) != 1:
-        raise RuntimeError("pinocchio does not keep the placements of shapes one behind the other")
-    return np.lib.stride_tricks.as_strided(origins[0], (len(origins), 3), (steps.pop(), 8), writeable=False)
 
 
 def _carrying(robot: Robot, joint: int) -> Array:
