@@ -17,7 +17,7 @@ from wbc.sim import Plant
 from wbc.tasks import OrientationTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.control import WalkingControl
-from wbc.walking.plans.footsteps import FootstepPlan
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import WholeBody
@@ -248,3 +248,35 @@ def test_a_hand_that_would_go_into_a_thigh_stays_beside_it_with_a_limit_on_colli
         assert walking.control.failures == 0
         least[kept] = min(near)
     assert least[False] < -0.05 and 0.018 < least[True] < 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_knees_that_would_touch_on_narrow_steps_keep_their_distance_with_a_limit_on_collisions(
+    mode: Mode,
+) -> None:
+    """G1 walks on feet that are 0.1 m apart: its knees touch in passing, and with the limit they do not."""
+    description = wbc.load_robot("g1")
+    legs = [[f"{side}_{link}" for link in ("knee_link", "ankle_roll_link")] for side in ("left", "right")]
+    pairs = [(left, right) for left in legs[0] for right in legs[1]]
+    shapes, least = description.collision_shapes(), {}
+    for kept in (False, True):
+        limit = wbc.CollisionLimit(pairs, shapes=shapes)
+        robot, plant = description.robot(), Plant(description, control_period=0.005)
+        steps = tuple(
+            Footstep("right" if i % 2 else "left", 0.1 * (i + 1), -0.05 if i % 2 else 0.05) for i in range(6)
+        )
+        plan = replace(FootstepPlan.standing(robot), steps=steps)
+        settings = WalkingControlSettings(mode=mode)
+        walking = WalkingControl(robot, plan, 0.005, settings, limits=[limit] if kept else ())
+        if not kept:
+            limit.bind(robot)
+        rows, bounds, near = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), []
+        while plant.time < 8.0:
+            plant.step(walking.command(plant.measure()))
+            limit.write(0.005, rows, bounds, np.zeros(limit.dim))
+            near.append(min(limit.distances.values()))
+        assert walking.control.failures == 0
+        assert robot.com[2] > 0.9 * description.robot().com[2]  # it has not fallen
+        least[kept] = min(near)
+    assert least[False] < 0.0 and 0.015 < least[True] < 0.03
