@@ -16,7 +16,15 @@ from pendulum import BY_TIME
 
 from wbc.base.settings import from_json, to_json
 from wbc.robots import load
-from wbc.walking import FootstepPlan, Gait, StepGait, WalkingControl, WalkingControlSettings, walk_distance
+from wbc.walking import (
+    FootstepPlan,
+    Gait,
+    StepGait,
+    WalkingControl,
+    WalkingControlSettings,
+    climb_stairs,
+    walk_distance,
+)
 from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm.walk import TURNED, WalkSettings
 from wbc.walking.plans.reach import Reach, bent_height, check_plan
@@ -257,6 +265,23 @@ def test_a_plan_from_the_start_is_walked_as_one_that_is_given_later() -> None:
         np.testing.assert_allclose(a.pendulum.com, b.pendulum.com, atol=1e-9)
         for one, other in zip(a.feet, b.feet, strict=True):
             np.testing.assert_allclose(one.placement.homogeneous, other.placement.homogeneous, atol=1e-9)
+
+
+@pytest.mark.parametrize("when", [6.0, 6.5, 7.0, 7.5])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_robot_that_is_stopped_on_a_stair_brings_its_feet_together_there(first: bool, when: float) -> None:
+    start = FootstepPlan.standing(ROBOTS["hrp4_class"])
+    plan = climb_stairs(start, rise=0.1, tread=0.3, count=4, first_edge=0.15)
+    stage = Stage(plan=plan if first else None)
+    if not first:
+        stage.source.follow(plan)
+    stage.run(when)
+    stage.source.stop()
+    stage.run_until_it_stands(6.0)
+    left, right = (motion.placement.translation for motion in stage.references[-1].feet)
+    assert stage.source.finished and left[0] == pytest.approx(right[0])
+    assert left[2] > 0.05 and left[2] == pytest.approx(right[2], abs=2e-3)
+    assert min(abs(left[0] - step.x) for step in plan.steps) < 1e-6, "on a tread"
 
 
 def test_sources_are_exchanged_while_it_walks() -> None:

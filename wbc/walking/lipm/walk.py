@@ -269,9 +269,9 @@ class LipmWalk(GaitMachine):
         super().take(planner)
         if planner is not before:
             self._next, self._landed, self.drift_correction = 0.0, True, pin.SE3.Identity()
-            self._preview, self._adjuster = self._laws[
-                isinstance(planner, PlanSource) and planner.plan.climbs
-            ]
+        climbs = isinstance(planner, PlanSource) and planner.plan.climbs
+        if climbs or self._rests:  # a robot that is to stop may do so on a stair
+            self._preview, self._adjuster = self._laws[climbs]
 
     def _steered_steps(self) -> SteeredSteps:
         """Return a planner that is steered, and goes on from the velocity granted now; to stop on a plan, from rest."""
