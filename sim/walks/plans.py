@@ -16,9 +16,9 @@ from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.walking.control import WalkingControl
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, Place, mean_heading, moved
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.planners import Place, climb_stairs, moved, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 
 DISTANCE = 3.0
@@ -149,7 +149,7 @@ class WalkPlan:
             moves = [(self.distance, 0.0, 0.0)]
         elif self.velocity is not None and self.steps is not None:
             full = Gait.for_speed(self.velocity, gait)
-            time = full.single_support + full.double_support if planned else STEP_TIME
+            time = full.cycle if planned else STEP_TIME
             x, y, turn = self.velocity
             moves = [(x * time, y * time, turn * time)] * self.steps
         for row, after in zip(self.drive or (), (self.drive or ())[1:], strict=False):

@@ -120,7 +120,7 @@ def prepare(
             check_plan(steps, model, extent=extent)
     else:
         check_plan(steps, model, walking.walk.reach, extent)
-        cycle = step_gait.single_support + step_gait.double_support
+        cycle = step_gait.cycle
         swings = len(steps) * cycle - step_gait.double_support
         orders, time = plan.drive, swings + step_gait.initial_double_support + step_gait.final_double_support
         if plan.drive is not None:

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 from wbc.core.robot import SIDES
-from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, SoleSizes, mean_heading, other
+from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, SoleSizes, other
 from wbc.walking.plans.gait import Gait, pace
-from wbc.walking.plans.planners import Place, moved, opens, steps_along
+from wbc.walking.plans.planners import opens, steps_along
 from wbc.walking.plans.reach import Reach, soles_overlap
 from wbc.walking.plans.sources import (
     AT_REST,
@@ -353,7 +353,7 @@ class SteeredSteps(FootstepSource):
             forward, left, turn = self._wish
             self.granted = self._share * forward, self._share * left, self._share * turn
             gait = Gait.at_speed(self.pace, now.start.gait)
-            cycle = gait.single_support + gait.double_support
+            cycle = gait.cycle
             dx, dy, turn = (cycle * part for part in self.granted)
             plan = replace(now.start, gait=gait, steps=_steps(now.start, side, [(dx, dy, turn)] * AHEAD))
         self._aim = (now.begun, plan.steps[0]) if plan.steps else None
@@ -377,7 +377,7 @@ class SteeredSteps(FootstepSource):
             self._stop = now.begun - now.swings  # the step that has begun is the first of two
         gait = Gait.at_speed(self.pace, now.start.gait)
         start = replace(now.start, gait=gait)
-        cycle = gait.single_support + gait.double_support
+        cycle = gait.cycle
         dx, dy, turn = (0.5 * cycle * part for part in self.granted)
         last = now.begun - self._stop > 0 or math.hypot(2.0 * dx, 2.0 * dy) < STOPPING
         if now.first is not None and not last:
@@ -396,11 +396,10 @@ class SteeredSteps(FootstepSource):
             landed = start.left if aim.side == "left" else start.right
             self._missed[aim.side] = math.hypot(landed.x - aim.x, landed.y - aim.y)
             self._tries += self._beside
-        px, py = 0.5 * (start.left.x + start.right.x), 0.5 * (start.left.y + start.right.y)
-        heading = mean_heading(start.left.yaw, start.right.yaw)
+        px, py, heading = start.middle
         if now.first is not None:  # feet that stride: the middle is beside the foot that stands
             stance = start.right if now.first == "left" else start.left
-            px, py, heading = _middle(stance, start.spacing)
+            px, py, heading = stance.middle(start.spacing)
         away, turn = steering.away((px, py), heading)
         # Feet that close up may stay where they are by as much as `CLOSED`: a stand is no worse for that.
         more = CLOSED if self._stops and now.first is None else (0.0, 0.0)
@@ -412,7 +411,7 @@ class SteeredSteps(FootstepSource):
         if self._stops:
             return AT_REST
         gait = Gait.for_speed(self.granted, start.gait)
-        two = 2.0 * (gait.single_support + gait.double_support)
+        two = 2.0 * gait.cycle
         return steering.approach((px, py), heading, two, s.fastest[0], None)
 
     def _fit(self, velocity: Velocity, spacing: float, gait: Gait) -> tuple[float, float]:
@@ -433,7 +432,7 @@ class SteeredSteps(FootstepSource):
         """True if both feet's steps with the ratio `share` of a velocity are within reach, and no soles overlap."""
         r, s = self._reach, self.settings.reach
         gait = Gait.at_speed(speed, gait)
-        cycle = gait.single_support + gait.double_support
+        cycle = gait.cycle
         dx, dy, turn = (share * cycle * part for part in velocity)
         wider = s * (r.max_spacing - spacing)
         outer, inner = (abs(turn) * part for part in (LEADER_TURN, 2.0 - LEADER_TURN))
@@ -444,7 +443,7 @@ class SteeredSteps(FootstepSource):
         for side in SIDES:
             stance = Footstep(other(side), 0.0, 0.0)
             (step,) = steps_along(
-                _middle(stance, spacing), 0.0, spacing, side, [(dx, dy, turn)], _shares, close=False
+                stance.middle(spacing), 0.0, spacing, side, [(dx, dy, turn)], _shares, close=False
             )
             forward, left, _, _ = step.seen_from(stance)
             far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= r.max_spacing
@@ -462,11 +461,4 @@ def _steps(
 ) -> tuple[Footstep, ...]:
     """Steps from the foot that stands, and the one that closes up."""
     stance = start.right if side == "left" else start.left
-    return steps_along(_middle(stance, start.spacing), stance.z, start.spacing, side, moves, _shares)
-
-
-def _middle(foot: Footstep, spacing: float) -> Place:
-    """Middle (x, y, yaw) between a foot and one that stands beside it."""
-    return moved(
-        (foot.x, foot.y, foot.yaw), 0.0, -0.5 * spacing if foot.side == "left" else 0.5 * spacing, 0.0
-    )
+    return steps_along(stance.middle(start.spacing), stance.z, start.spacing, side, moves, _shares)

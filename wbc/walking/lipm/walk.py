@@ -247,18 +247,12 @@ class LipmWalk(GaitMachine):
         if step + 2 > len(plan):
             return AT_REST
         forward, left, _, turn = plan.steps[step + 1].seen_from(plan.stance(step))
-        two = 2.0 * self._cycle
+        two = 2.0 * self.plan.gait.full.cycle
         return forward / two, left / two, turn / two
-
-    @property
-    def _cycle(self) -> float:
-        """Time of a step, s."""
-        gait = self.plan.gait.full
-        return gait.single_support + gait.double_support
 
     def progress(self, last: Reference | None) -> Progress:
         """Return the present phase and the number of steps."""
-        return self._progress(self.plan.steps[self.step :], self._cycle)
+        return self._progress(self.plan.steps[self.step :], self.plan.gait.full.cycle)
 
     def take(self, planner: FootstepSource | None) -> None:
         """Take footsteps from a planner, from the next tick on; None for those of the steering."""

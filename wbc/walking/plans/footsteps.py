@@ -29,6 +29,9 @@ CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
 
 
+Place = tuple[float, float, float]
+"""x, y (m) and yaw (rad) in the world."""
+
 SoleSizes = tuple[tuple[float, float], tuple[float, float]]
 """(length, width) of the left and of the right sole, m."""
 
@@ -92,12 +95,27 @@ class Footstep:
         """Return the footstep after a motion from its old place to the new one."""
         return replace(Footstep.of(self.side, world * self.placement), place=self.place)
 
+    def beside(self, left: float) -> Place:
+        """Return the place that is to the left of this one by a distance, m."""
+        return moved((self.x, self.y, self.yaw), 0.0, left, 0.0)
+
+    def middle(self, spacing: float) -> Place:
+        """Return the middle between this foot and one that stands beside it, `spacing` from it, m."""
+        return self.beside(-0.5 * spacing if self.side == "left" else 0.5 * spacing)
+
     def seen_from(self, stance: Footstep) -> tuple[float, float, float, float]:
         """Return forward, left, up (m) and turn (rad) from another footstep, in the frame of its heading."""
         c, s = math.cos(stance.yaw), math.sin(stance.yaw)
         dx, dy = self.x - stance.x, self.y - stance.y
         turn = math.remainder(self.yaw - stance.yaw, math.tau)
         return c * dx + s * dy, c * dy - s * dx, self.z - stance.z, turn
+
+
+def moved(place: Place, dx: float, dy: float, turn: float) -> Place:
+    """Return a place moved by a motion in its own frame."""
+    x, y, yaw = place
+    c, s = math.cos(yaw), math.sin(yaw)
+    return x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn
 
 
 def heading(rotation: Array) -> float:
@@ -172,6 +190,13 @@ class FootstepPlan:
         return feet["left"], feet["right"]
 
     @property
+    def middle(self) -> Place:
+        """Middle between the feet at the start, with the heading half way between theirs."""
+        left, right = self.left, self.right
+        yaw = mean_heading(left.yaw, right.yaw)
+        return 0.5 * (left.x + right.x), 0.5 * (left.y + right.y), yaw
+
+    @property
     def final(self) -> tuple[Footstep, Footstep]:
         """Places of left and right sole at the end."""
         return self.feet(len(self))
@@ -201,9 +226,9 @@ class FootstepPlan:
             )
         if not more.steps:
             return self
-        left, right = self.final
-        here, there = _middle_of(left, right), _middle_of(more.left, more.right)
+        here, there = (_frame(plan.middle, 0.5 * (plan.left.z + plan.right.z)) for plan in (self.end, more))
         steps = more.moved(here * there.inverse()).steps
+        left, right = self.final
         if self.steps and self.steps[-1].side == steps[0].side:
             steps = (right if steps[0].side == "left" else left, *steps)
         return replace(self, steps=(*self.steps, *steps))
@@ -267,17 +292,16 @@ class FootstepPlan:
         return FootstepPlan(left, right, (), gait or Gait())
 
 
-def _middle_of(left: Footstep, right: Footstep) -> pin.SE3:
-    """Return the middle between two feet, with the heading half way between theirs."""
-    yaw = mean_heading(left.yaw, right.yaw)
-    return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), 0.5 * (left.position + right.position))
+def _frame(place: Place, z: float) -> pin.SE3:
+    """Return the level frame at a place and a height, m."""
+    x, y, yaw = place
+    return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, z]))
 
 
 def closing_step(stance: Footstep, mate: Footstep, spacing: float) -> tuple[Footstep, ...]:
     """Return the step that brings a foot beside the one that stands, `spacing` (m) from it; none if it is there."""
-    offset = spacing if mate.side == "left" else -spacing
-    c, s = math.cos(stance.yaw), math.sin(stance.yaw)
-    beside = replace(stance, side=mate.side, x=stance.x - s * offset, y=stance.y + c * offset)
+    x, y, _ = stance.beside(spacing if mate.side == "left" else -spacing)
+    beside = replace(stance, side=mate.side, x=x, y=y)
     forward, left, up, turn = mate.seen_from(beside)
     stands = math.hypot(forward, left) < CLOSED[0] and abs(up) < CLOSED[0] and abs(turn) < CLOSED[1]
     return () if stands else (beside,)

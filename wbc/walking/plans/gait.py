@@ -216,6 +216,11 @@ class StepGait(Gait):
     search_time: Annotated[Size, "s"] = 0.3
 
     @property
+    def cycle(self) -> float:
+        """Time of a step, single and double support, s."""
+        return self.single_support + self.double_support
+
+    @property
     def swing(self) -> SwingShape:
         """Shape of the swing."""
         return SwingShape(

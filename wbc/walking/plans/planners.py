@@ -14,16 +14,13 @@ from wbc.base.errors import InputError, choose
 from wbc.base.numbers import ROUNDING, finite_array
 from wbc.base.settings import Angle, Count, NonNegative, Number, Numbers, Positive
 from wbc.core.robot import SIDES
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading, other
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, Place, moved, other
 
 Turn = Annotated[float, Field(ge=1e-3, le=3.0), "rad"]
 """Turn of a step."""
 
 Velocity = Annotated[Sequence[float], Numbers(low=-10.0, high=10.0, shape=(3,)), "m/s, m/s, rad/s"]
 """Velocity of the middle of a robot: forward, left and turn."""
-
-Place = tuple[float, float, float]
-"""x, y (m) and yaw (rad) in the world."""
 
 Shares = Callable[[str, float, float], tuple[float, float]]
 """Ratios of a motion to the left, m, and of a turn, rad, that the step of a side takes."""
@@ -68,7 +65,7 @@ def walk_velocity(
     vx, vy, turn = map(float, velocity)
     _check_count("steps", steps, steps)
     gait = start.gait.full
-    duration = gait.single_support + gait.double_support
+    duration = gait.cycle
     if abs(2.0 * turn * duration) >= math.pi:
         raise InputError(
             f"velocity turns a foot by {2.0 * turn * duration:.2f} rad in a step of {duration:g} s; half a turn "
@@ -134,8 +131,8 @@ def _path(
         if abs(turn) > math.pi:
             raise InputError(f"turn of a move (rad) must be at most half a turn, {math.pi:.4g}, got {turn:g}")
     at = start.end
-    middle, z = _middle(at)
-    steps = steps_along(middle, z, start.spacing, first, numbers, shares, close=close)
+    z = 0.5 * (at.left.z + at.right.z)
+    steps = steps_along(at.middle, z, start.spacing, first, numbers, shares, close=close)
     return _after(start, replace(at, steps=steps))
 
 
@@ -178,13 +175,6 @@ def opens(side: str, left: float) -> bool:
     return left > 0.0 if side == "left" else left < 0.0
 
 
-def moved(place: Place, dx: float, dy: float, turn: float) -> Place:
-    """Return a place moved by a motion in its own frame."""
-    x, y, yaw = place
-    c, s = math.cos(yaw), math.sin(yaw)
-    return x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn
-
-
 def beside(middle: Place, side: str, spacing: float, z: float) -> Footstep:
     """Return the foot of a side that stands beside a middle."""
     x, y, yaw = moved(middle, 0.0, 0.5 * spacing if side == "left" else -0.5 * spacing, 0.0)
@@ -216,7 +206,8 @@ def climb_stairs(
     if rise == 0.0:
         raise InputError("rise (m) must not be zero; walk_distance walks on the level")
     _check_count("number of stairs", count, 2 * count + 2)
-    middle, ground = _middle(start.end)
+    feet = start.end
+    middle, ground = feet.middle, 0.5 * (feet.left.z + feet.right.z)
     # Centre of the tread of each stair, after an approach that ends half a tread before the edge.
     approach = first_edge - 0.5 * tread
     if approach < -ROUNDING:
@@ -240,10 +231,3 @@ def climb_stairs(
 def _check_count(what: str, value: float, count: int) -> None:
     if count > MOST_STEPS:
         raise InputError(f"{what} of {value:g} takes {count} steps; a plan has at most {MOST_STEPS}")
-
-
-def _middle(start: FootstepPlan) -> tuple[Place, float]:
-    """Return the middle between the feet at the start, and its height, m."""
-    left, right = start.left, start.right
-    x, y, z = (0.5 * (left.position + right.position)).tolist()
-    return (x, y, mean_heading(left.yaw, right.yaw)), z

@@ -14,7 +14,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import Positive, in_units, settings
 from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, moved
 from wbc.walking.plans.gait import Gait, StepGait
 
 MAX_SLOPE = 0.5
@@ -114,11 +114,10 @@ class Reach:
             return step
         x = forward if ahead else math.copysign(BACK * long, forward)
         yaw = stance.yaw + side * min(max(out, -0.5 * self.max_yaw), self.max_yaw)
-        c, s = math.cos(stance.yaw), math.sin(stance.yaw)
         beside = min(max(beside, self.min_spacing), self.max_spacing)
         while True:
-            y = side * beside
-            near = replace(step, x=stance.x + c * x - s * y, y=stance.y + s * x + c * y, yaw=yaw)
+            u, v, _ = moved((stance.x, stance.y, stance.yaw), x, side * beside, 0.0)
+            near = replace(step, x=u, y=v, yaw=yaw)
             if beside >= self.max_spacing or not soles_overlap(stance, near, sizes):
                 return near
             beside = min(beside + CLEARING, self.max_spacing)
