@@ -70,7 +70,8 @@ class TrueSignals:
         values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles [+ na torques, + 6 × hands],).
         window: Specific force, and reactions to the wrenches on soles and hands as MuJoCo's force sensors have them, in
             the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands).
-        of_contacts: True if wrenches are sums of contacts, which must be captured in each step.
+        of_contacts: True if wrenches are sums of contacts, which must be captured in each step. Without force sensors
+            nobody reads these sums, and they stay zero.
     """
 
     def __init__(
@@ -95,7 +96,7 @@ class TrueSignals:
             firsts += [place for hand in hands for place in (hand.force, hand.torque)]
             sensors = [place for first in firsts for place in range(first, first + 3)]
         self._sensors = np.array(sensors, dtype=np.intp) if sensors else None
-        self.of_contacts = self._sensors is None
+        self.of_contacts = self._sensors is None and machine.force_sensors
         self.window = np.zeros((steps, 3 + 6 * (n + len(hands))))
         self._samples = scalar(steps)
         end = 2 * na + 6 + 6 * n
@@ -122,7 +123,8 @@ class TrueSignals:
             data.sensordata.take(self._sensors, out=row, mode="clip")
             return
         row[:3] = self._imu.specific_force(data)
-        np.negative(self._contacts.wrenches().ravel(), out=row[3:])
+        if self.of_contacts:
+            np.negative(self._contacts.wrenches().ravel(), out=row[3:])
 
     def sample(self, data: mujoco.MjData) -> None:
         """Write the present signals into `values`; positions and velocities are up to date."""

@@ -79,6 +79,25 @@ class Measurement:
             )
         return self.sole_wrench
 
+    def with_wrenches(self, wrenches: Array, source: WrenchSource) -> Measurement:
+        """Return the measurement with other wrenches on the soles, shape (number of soles, 6), and their origin.
+
+        `dataclasses.replace` does the same, and takes five times as long.
+        """
+        return Measurement(
+            self.time,
+            self.joint_position,
+            self.joint_velocity,
+            self.angular_velocity,
+            self.specific_force,
+            wrenches,
+            self.sole_range,
+            self.sole_stiffness,
+            self.joint_torque,
+            source,
+            self.hand_wrenches,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Command:

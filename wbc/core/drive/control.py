@@ -14,9 +14,9 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import field
 from time import perf_counter
-from typing import Annotated, Literal, NamedTuple, cast
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -345,7 +345,16 @@ class DriveControl:
         for part in (command.joint_torque, command.kp, command.kd):
             if part is not None:
                 part[released.index] = 0.0
-        return replace(command, released=released.mask)
+        return Command(
+            command.joint_torque,
+            command.joint_position,
+            command.joint_velocity,
+            command.sole_stiffness,
+            command.kp,
+            command.kd,
+            released.mask,
+            command.period,
+        )
 
     def _begin(self) -> Sequence[pin.SE3 | None] | None:
         """Return where loaded soles are, in the world of the controller's robot; None where the observer is to say."""
@@ -409,7 +418,7 @@ class DriveControl:
             if self.wrenches is None:
                 robot, settings = self.controller.robot, self.observer.settings
                 self.wrenches = WrenchEstimator(robot, self.controller.dt, settings.wrenches)
-            measurement = replace(measurement, sole_wrench=self.wrenches.wrench.copy())
+            measurement = measurement.with_wrenches(self.wrenches.wrench.copy(), "sensor")
         measurement, renewed = self.plausibility.check(measurement)
         if renewed:
             self.observer.resume(measurement.time - self.controller.dt)
@@ -424,14 +433,14 @@ class DriveControl:
     def _with_wrenches(self, measurement: Measurement) -> Measurement:
         """Return a measurement with wrenches estimated from the torques that acted when it was made."""
         assert self.wrenches is not None
-        torque, source = measurement.joint_torque, "measured torques"
-        if torque is None or not np.isfinite(torque).all():
+        torque = measurement.joint_torque  # finite after the check of plausibility
+        source: WrenchSource = "measured torques"
+        if torque is None:
             torque, source = self._sent.torque(measurement), "commanded torques"
         if torque is not None:
             passed, self._stamp = measurement.time - self._stamp, measurement.time
             self.wrenches.update(*self.observer.measured_state, torque, passed, lifts=self.observer.lifts)
-        wrench = self.wrenches.wrench.copy()
-        return replace(measurement, sole_wrench=wrench, wrench_source=cast(WrenchSource, source))
+        return measurement.with_wrenches(self.wrenches.wrench.copy(), source)
 
     def _fail(self, reason: str, error: Exception | None = None) -> None:
         """Count a failed tick and log the first of a row and the stop."""

@@ -12,11 +12,13 @@ Source: momentum observers of floating bases, G. Bledt, P. Wensing, S. Ingersoll
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg.lapack import dposv
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
@@ -74,16 +76,19 @@ class WrenchEstimator:
         self._dt = dt
         self._robot, weight = robot, robot.mass * GRAVITY
         self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
-        self._legs = [
-            np.array(robot.joints_between(sole.frame, robot.base_frame)) + BASE_DOF for sole in robot.soles
-        ]
         n, nv = len(self._frames), robot.nv
+        legs = [robot.joints_between(sole.frame, robot.base_frame) for sole in robot.soles]
+        ends = BASE_DOF + np.cumsum([0, *(len(leg) for leg in legs)])
+        # Of the rows of the residual that are explained: the base, then each leg in its place.
+        self._rows = np.array([*range(BASE_DOF), *(BASE_DOF + joint for leg in legs for joint in leg)])
+        self._legs = [slice(start, stop) for start, stop in itertools.pairwise(ends.tolist())]
+        self._soles = [slice(6 * i, 6 * i + 6) for i in range(n)]
         std = np.full(nv, TORQUE_STD * robot.force_scale)
         std[:3], std[3:BASE_DOF] = FORCE_STD * weight, MOMENT_STD * robot.force_scale
-        self._scale = 1.0 / std
+        self._scale = 1.0 / std[self._rows]
         expected = WRENCH_STD * weight * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
         self._prior = np.diag(np.tile(1.0 / expected**2, n))
-        self._jacobians = [np.zeros((6, nv)) for _ in range(n)]
+        self._jacobian = np.zeros((6 * n, nv))
         self._residual = MomentumResidual(nv, s.bandwidth)
         self.wrench, self.outside = np.zeros((n, 6)), np.zeros(nv)
         self.reset()
@@ -128,13 +133,14 @@ class WrenchEstimator:
         else:
             self._residual.follow(momentum)
             np.negative(known, out=self._residual.value)  # that of a robot at rest
-        pin.computeJointJacobians(model, data, q)
-        for i, frame in enumerate(self._frames):
-            self._jacobians[i] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
-        residual = self._scale * self._residual.value
+        for frame, place in zip(self._frames, self._soles, strict=True):
+            self._jacobian[place] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
+        residual = self._scale * self._residual.value[self._rows]
+        matrix = self._jacobian[:, self._rows]
+        matrix *= self._scale
         soles, alone, weight = [], [], self._robot.mass * GRAVITY
-        for i, leg in enumerate(self._legs):
-            alone.append(self._solve([i], residual, leg))
+        for i, (leg, place) in enumerate(zip(self._legs, self._soles, strict=True)):
+            alone.append(self._solve(matrix[place, leg], residual[leg]))
             normal = alone[i][2] / weight
             loaded = normal > (s.lift_off if self.contact[i] else s.touch_down)
             self.contact[i] = loaded and not (lifts and lifts[i])
@@ -145,17 +151,19 @@ class WrenchEstimator:
             self.outside[:] = self._residual.value
             for i in soles:
                 self.wrench[i] = alone[i]
-                self.outside -= alone[i].dot(self._jacobians[i])
+                self.outside -= alone[i].dot(self._jacobian[self._soles[i]])
         elif soles:
-            rows = np.concatenate([np.arange(BASE_DOF), *(self._legs[i] for i in soles)])
-            self.wrench[soles] = self._solve(soles, residual, rows).reshape(-1, 6)
+            loaded = matrix.reshape(len(self._legs), 6, -1)[soles].reshape(6 * len(soles), -1)
+            self.wrench[soles] = self._solve(loaded, residual).reshape(-1, 6)
         return self.wrench
 
-    def _solve(self, soles: list[int], residual: Array, rows: Array) -> Array:
-        """Return the wrenches of some soles that explain some rows of the residual best, shape (6 · soles,)."""
-        matrix = np.concatenate([self._jacobians[i][:, rows] for i in soles]) * self._scale[rows]
-        size = 6 * len(soles)
+    def _solve(self, matrix: Array, residual: Array) -> Array:
+        """Return the wrenches of some soles, shape (6 · soles,), that explain rows of the scaled residual best.
+
+        The scaled Jacobian of the soles has the shape (6 · soles, rows).
+        """
         normal = matrix.dot(matrix.T)
-        normal += self._prior[:size, :size]
-        wrench: Array = np.linalg.solve(normal, matrix.dot(residual[rows]))
-        return wrench
+        normal += self._prior[: len(matrix), : len(matrix)]
+        _, wrench, _ = dposv(normal.T, matrix.dot(residual), overwrite_a=True, overwrite_b=True)
+        solution: Array = wrench
+        return solution

@@ -520,11 +520,14 @@ class SoleContact(_HeldFrame):
                 f"the box of contact '{self.name}' on flat ground is centred, got centre {centre}"
             )
         self.centre_box(place)
+        self.update_cone()
 
     def centre_box(self, centre: Sequence[float] | Array) -> None:
-        """Move the box of the CoP to a centre in the sole frame, m; quick and unchecked, for the tick."""
+        """Move the box of the CoP to a centre in the sole frame, m; quick and unchecked, for the tick.
+
+        The cone is that of a wrench at the centre of the box, and does not change.
+        """
         self._centre[:2] = centre
-        self.update_cone()
 
     def update_cone(self) -> None:
         """Write the cone; see `Contact.update_cone`."""

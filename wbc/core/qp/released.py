@@ -17,6 +17,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg.lapack import dposv
 
 from wbc.base.errors import InputError
 from wbc.base.lag import lag_gain
@@ -133,8 +134,8 @@ class ReleasedJoints(SelectionTask):
             if torque is not None and accelerations is not None:
                 known[:] = self._driven(q, torque, accelerations)
         self._before = velocity
-        np.clip(known, -self._most, self._most, out=known)
-        self._rows.acceleration[:] = known
+        np.maximum(known, -self._most, out=known)
+        np.minimum(known, self._most, out=self._rows.acceleration)
 
     def _driven(self, q: Array, torque: Array, accelerations: Array) -> Array:
         """Return the accelerations that their torques make, shape (dim,), rad/s²; measured ones at the ends of joints.
@@ -150,7 +151,8 @@ class ReleasedJoints(SelectionTask):
         rest = torque[self.index] - robot.bias[columns] - rows.dot(moved)
         inertia = np.where(free[:, None] & free, rows[:, columns], 0.0)
         inertia[~free, ~free] = 1.0
-        return np.where(free, np.linalg.solve(inertia, np.where(free, rest, 0.0)), self._measured)
+        _, driven, _ = dposv(inertia, np.where(free, rest, 0.0), overwrite_b=True)
+        return np.where(free, driven, self._measured)
 
     def reset(self) -> None:
         """Forget the motion so far."""
