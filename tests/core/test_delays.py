@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from wbc import Command, walk
 from wbc.core.estimation.delay import DelayPredictor, SentCommands
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.robot import GRAVITY, Robot
+from wbc.core.signals import Measurement
 from wbc.robots import load
 from wbc.sim import WalkSpec
 from wbc.sim.balance.standing import StandSpec, StandTrial
@@ -170,6 +172,15 @@ def test_a_robot_that_rises_is_felt_to_be_heavier() -> None:
         wrenches = estimator.update(robot.half_sitting, v, torque)
     np.testing.assert_allclose(wrenches[:, 2], normal, rtol=0.02)
     assert normal.sum() == pytest.approx(robot.mass * (GRAVITY + 2.0))
+
+
+def test_a_measurement_with_other_wrenches_keeps_all_other_readings() -> None:
+    names = [each.name for each in dataclasses.fields(Measurement)]
+    measurement = Measurement(**{name: object() for name in names})  # type: ignore[arg-type]
+    other = measurement.with_wrenches(wrenches := np.ones((2, 6)), "commanded torques")
+    assert other.sole_wrench is wrenches and other.wrench_source == "commanded torques"
+    for name in set(names) - {"sole_wrench", "wrench_source"}:
+        assert getattr(other, name) is getattr(measurement, name)
 
 
 def test_a_foot_meets_the_ground_at_a_greater_force_than_it_leaves_it() -> None:
