@@ -47,7 +47,7 @@ def run(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
 @pytest.mark.parametrize(
     "words",
     [
-        ["--distance", "0.5"],
+        pytest.param(["--distance", "0.5"], marks=pytest.mark.slow),
         pytest.param(["--mode", "torque", "--seconds", "9", "--drive"], marks=pytest.mark.slow),
     ],
 )

@@ -174,6 +174,7 @@ def test_marks_are_drawn_at_their_points() -> None:
             assert np.linalg.norm(vertices - point, axis=1).min() < 0.015, kind
 
 
+@pytest.mark.slow
 def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> None:
     trial = WalkTrial(short_walk(plan=WalkPlan(distance=0.2), noise="none"))
     stage, walking = SimulatedStage(trial.plant, trial.walking), trial.walking
@@ -272,6 +273,7 @@ def test_soles_have_the_colour_of_their_stiffness() -> None:
     assert all(a < b for a, b in zip(reds, reds[1:], strict=False))
 
 
+@pytest.mark.slow
 def test_scans_lie_on_the_ground() -> None:
     spec = short_walk(foot="variable", policy="fixed", noise="none", terrain="stones", amplitude=0.02, seed=3)
     trial = WalkTrial(spec)
@@ -348,6 +350,7 @@ async def captions(trial: WalkTrial) -> list[dict[str, Any]]:
     return [caption for caption in said if caption["lines"]]
 
 
+@pytest.mark.slow
 def test_the_caption_has_time_state_and_legend_and_is_not_made_while_nobody_watches() -> None:
     trial = WalkTrial(short_walk())
     first, last = asyncio.run(captions(trial))  # no page of MeshCat was open in between

@@ -249,6 +249,7 @@ def test_a_page_drives_a_robot_that_stands_and_sets_gains_and_stops() -> None:
     assert "drive" not in LiveControls(plant, planned).offered
 
 
+@pytest.mark.slow
 def test_soles_take_a_stiffness_in_their_next_swing() -> None:
     in_time = (("stiffness.early_landing", 0.0),)  # these swings are too short to be sure of more
     gait = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)

@@ -102,7 +102,10 @@ def test_two_robots_lift_a_board_together(load: Load) -> None:
     assert abs(result["lifted_mm"] - 100.0) < 10.0 and result["tilt_deg"] < 2.0
 
 
-@pytest.mark.parametrize(("mode", "robot", "bound"), [("position", "hrp4_class", 0.2), ("torque", "g1", 3.0)])
+@pytest.mark.parametrize(
+    ("mode", "robot", "bound"),
+    [("position", "hrp4_class", 0.2), pytest.param("torque", "g1", 3.0, marks=pytest.mark.slow)],
+)
 def test_stand_keeps_the_centre_of_mass(load: Load, mode: str, robot: str, bound: float) -> None:
     assert run(load("stand"), "--mode", mode, "--robot", robot, seconds=0.5)["com_error_mm"] < bound
 

@@ -201,6 +201,7 @@ def test_a_controller_takes_over_by_and_by() -> None:
     np.testing.assert_allclose(np.array(damping) / damping[0], 1.0 - np.arange(50) / 50.0, atol=0.03)
 
 
+@pytest.mark.slow
 def test_clouds_of_a_driver_reach_a_controller_that_sees_and_trouble_no_other() -> None:
     for sees in (True, False):
         machine, sent, seen = SimulatedMachine(SimulatedTime()), [], []

@@ -314,7 +314,7 @@ def test_feet_leave_and_reach_their_places_from_above(
 
 
 def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> None:
-    arms = arms.sampled(np.arange(90) / 30.0, 30.0)
+    arms = arms.sampled(np.arange(45) / 30.0, 30.0)
     joints = arms.joints.copy()
     elbow = arms.joint_names.index("left_elbow_joint")
     joints[:, elbow] += 3.0 * np.sin(np.linspace(0.0, np.pi, len(joints)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -18,6 +19,12 @@ from wbc.robots.derivation.shapes import link_shapes
 from wbc.robots.readers.tree_mjcf import placement_of
 from wbc.robots.report import UNMODELLED
 from wbc.sim import MujocoLoop, Plant
+
+
+@cache
+def plain() -> RobotDescription:
+    """Description of the robot that most cases change."""
+    return RobotDescription.from_mjcf(biped())
 
 
 @pytest.mark.parametrize("kind", ["text", "path", "spec", "model"])
@@ -327,8 +334,7 @@ def test_forces_that_the_controller_does_not_know_are_named_at_the_start(what: s
     xml = biped(extra=extra)
     doubts = [line for line in RobotDescription.from_mjcf(xml).doubts() if UNMODELLED in line]
     assert len(doubts) == 1 and name in doubts[0]
-    plain = RobotDescription.from_mjcf(biped())
-    notes = MujocoLoop(plain, mujoco.MjModel.from_xml_string(xml)).notes
+    notes = MujocoLoop(plain(), mujoco.MjModel.from_xml_string(xml)).notes
     assert [line for line in notes if UNMODELLED in line and "other than described" not in line] == doubts
 
 
@@ -619,7 +625,7 @@ def test_a_winch_beside_the_robot_is_none_of_its_drives() -> None:
     rope = '<tendon><spatial name="rope"><site site="hook"/><site site="beam"/></spatial></tendon>'
     xml = biped(extra=rope).replace(END, f'{crane}<site name="beam" pos="0 0 3"/>{END}')
     xml = xml.replace("</actuator>", '<motor name="winch" tendon="rope"/></actuator>')
-    assert RobotDescription.from_mjcf(xml).joint_names == RobotDescription.from_mjcf(biped()).joint_names
+    assert RobotDescription.from_mjcf(xml).joint_names == plain().joint_names
     with pytest.raises(ModelError, match="'rope'"):
         RobotDescription.from_mjcf(xml.replace('site="beam"', 'site="imu_here"'))
 
@@ -634,4 +640,4 @@ def test_a_file_that_cannot_be_parsed_is_named(tmp_path: Path) -> None:
         with pytest.raises(ModelError, match=rf"mine\.xml'?: .*{message}"):
             RobotDescription.from_mjcf(file)
     file.write_text(f"<!-- mass='nan'\n <inertial mass=\"nan\"/> -->{biped()}")
-    assert RobotDescription.from_mjcf(file).joint_names == RobotDescription.from_mjcf(biped()).joint_names
+    assert RobotDescription.from_mjcf(file).joint_names == plain().joint_names

@@ -37,6 +37,7 @@ def test_no_seed_gives_a_robot_the_sensor_errors_of_another() -> None:
     assert len(found) == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", by_default([wbc.PositionControl, wbc.HybridControl], wbc.HybridControl))
 def test_robots_apart_from_each_other_stand_as_each_would_alone(kind: type) -> None:
     plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.5, np.pi / 2)}, control_period=0.002)

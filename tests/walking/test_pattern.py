@@ -213,7 +213,7 @@ def test_the_zmp_stays_inside_and_the_dcm_is_taken_over(plan: FootstepPlan) -> N
     margin = 0.008
     preview = PreviewController(SIZES, HEIGHT, PreviewSettings(margin=margin))
     reached = 0
-    for k, t in enumerate(np.arange(0.2, 8.0, 0.13)):
+    for k, t in enumerate(np.arange(0.2, 8.0, 0.31)):
         most = 0.08 if k % 2 else 0.015  # every other push is more than the soles can make up for
         start = pushed(closed.at(t), rng.uniform(-most, most, 2))
         pattern = preview.plan(remaining(supports, t), start)
@@ -221,14 +221,14 @@ def test_the_zmp_stays_inside_and_the_dcm_is_taken_over(plan: FootstepPlan) -> N
         np.testing.assert_allclose(check.zmp[:2], start.zmp[:2], atol=1e-9)
         reached += np.abs(check.dcm[:2] - start.dcm[:2]).max() < 1e-4
         assert preview.missed == pytest.approx(np.hypot(*(check.dcm - start.dcm)[:2]), abs=1e-6)
-        for dt in np.arange(0.02, 2.4, 0.02):
+        for dt in np.arange(0.02, 2.4, 0.04):
             support = support_at(supports, t + dt)
             if dt < INTERVAL:
                 continue  # the ZMP starts where it was, and may have been near the edge
             assert inside(support_area(support.feet, SIZES, margin), pattern.at(dt).zmp[:2]) < 1e-5
         end = pattern.duration
         np.testing.assert_allclose(pattern.at(end + 3.0).com, closed.at(t + end + 3.0).com, atol=1e-3)
-    assert reached > 20
+    assert reached > 8
 
 
 def test_from_rest_the_weight_is_shifted_within_the_feet() -> None:

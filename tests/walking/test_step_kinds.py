@@ -64,7 +64,7 @@ def test_a_change_of_steps_in_a_stand_leaves_references_and_posture_where_they_a
         for foot, same in zip(after.feet, before.feet, strict=True):
             np.testing.assert_allclose(foot.placement.translation, same.placement.translation, atol=2e-3)
         np.testing.assert_allclose(walking.tasks.posture.target, posture)
-        run(plant, walking, 0.3)
+        run(plant, walking, 0.2)
     assert walking.fallen is None
 
 
@@ -178,6 +178,7 @@ def test_what_a_user_has_set_holds_in_both_kinds_of_steps() -> None:
         assert inertial.yaw_time_constant == (1000.0 if kind == "free" else 1.0)
 
 
+@pytest.mark.slow
 def test_an_order_that_is_dropped_is_over_and_not_finished() -> None:
     plant, walking = standing()
     run(plant, walking, 0.05)

@@ -200,7 +200,9 @@ def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool, metre: Result) 
     "plan",
     [
         walk_velocity(START, (0.1, 0.0, 0.1), 4),
-        climb_stairs(START, rise=0.1, tread=0.3, count=2, first_edge=0.3),
+        pytest.param(
+            climb_stairs(START, rise=0.1, tread=0.3, count=2, first_edge=0.3), marks=pytest.mark.slow
+        ),
     ],
     ids=["curve", "stairs"],
 )

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import by_default
 
 import wbc
 from wbc.core.drive.control import Mode
@@ -221,7 +222,7 @@ def test_the_lean_turns_the_trunk_as_its_velocity_says() -> None:
     assert most > 0.1
 
 
-@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("mode", by_default(["position", "torque"], "torque"))
 def test_a_hand_that_would_go_into_a_thigh_stays_beside_it_with_a_limit_on_collisions(mode: Mode) -> None:
     """The hand is sent into the middle of the thigh: without the limit it goes there, with it it stops before."""
     description = wbc.load_robot("hrp4_class")
