@@ -289,7 +289,7 @@ class SteeredSteps(FootstepSource):
     """
 
     granted: Velocity
-    within_reach = True
+    to_check = 0
 
     def __init__(
         self,

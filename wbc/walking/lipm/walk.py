@@ -511,15 +511,7 @@ class LipmWalk(GaitMachine):
         if step.place == "fixed" or self.step >= len(self.plan) - 2:
             return None
         stance, reach = self.plan.stance(self.step), self.reach
-        outwards = 1.0 if step.side == "left" else -1.0
-
-        def allowed(x: float, y: float) -> bool:
-            forward, left, _, _ = replace(step, x=x, y=y).seen_from(stance)
-            return (
-                abs(forward) <= reach.max_length and reach.min_spacing <= outwards * left <= reach.max_spacing
-            )
-
-        return allowed
+        return lambda x, y: reach.allows(stance, replace(step, x=x, y=y))
 
     def _look(self, swing: SwingFoot) -> None:
         """Move the landing to the height that is seen under it, while the foot can follow."""
@@ -530,9 +522,7 @@ class LipmWalk(GaitMachine):
         if abs(seen.z - now.z) < NOTICED:
             return
         self.ground.height += seen.z - now.z
-        self.set_landing(seen, carry=False)
-        swing.retarget(self.elapsed, seen, swing.duration)
-        self._replan()
+        self._retarget(swing, seen, swing.duration, carry=False)
 
     def _land(self, places: Sequence[pin.SE3], planned: Footstep) -> None:
         """End a swing: the foot stands at its placement, and the plan goes on from there."""
@@ -574,9 +564,13 @@ class LipmWalk(GaitMachine):
             return
         if self.ground.sight is not None:
             landing = self.ground.under(replace(landing, z=now.z))
-        self.set_landing(landing, carry=True)
         self.duration = elapsed + time
-        swing.retarget(elapsed, landing, elapsed + time)
+        self._retarget(swing, landing, self.duration, carry=True)
+
+    def _retarget(self, swing: SwingFoot, landing: Footstep, duration: float, *, carry: bool) -> None:
+        """Change landing and time of touch-down, s, of the plan and of the swing alike; see `set_landing`."""
+        self.set_landing(landing, carry=carry)
+        swing.retarget(self.elapsed, landing, duration)
         self._replan()
 
 

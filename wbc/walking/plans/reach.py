@@ -99,6 +99,13 @@ class Reach:
             max_swing_height=leg.length / 2.0,
         )
 
+    def allows(self, stance: Footstep, step: Footstep) -> bool:
+        """Return True if a step is within reach over the ground, seen from the foot that stands."""
+        forward, left, _, _ = step.seen_from(stance)
+        spacing = left if step.side == "left" else -left
+        aside = self.min_spacing - ROUNDING <= spacing <= self.max_spacing + ROUNDING
+        return aside and abs(forward) <= self.max_length + ROUNDING
+
     def nearest(self, stance: Footstep, step: Footstep, sizes: dict[str, tuple[float, float]]) -> Footstep:
         """Return a step within reach of the foot that stands, clear of it: the same one, or the nearest on its way.
 
@@ -107,12 +114,10 @@ class Reach:
         forward, left, _, turn = step.seen_from(stance)
         side = 1.0 if step.side == "left" else -1.0
         beside, out, long = side * left, side * turn, self.max_length
-        ahead = abs(forward) <= long + ROUNDING
-        aside = self.min_spacing - ROUNDING <= beside <= self.max_spacing + ROUNDING
         turned = -0.5 * self.max_yaw - ROUNDING <= out <= self.max_yaw + ROUNDING
-        if ahead and aside and turned and not soles_overlap(stance, step, sizes):
+        if turned and self.allows(stance, step) and not soles_overlap(stance, step, sizes):
             return step
-        x = forward if ahead else math.copysign(BACK * long, forward)
+        x = forward if abs(forward) <= long + ROUNDING else math.copysign(BACK * long, forward)
         yaw = stance.yaw + side * min(max(out, -0.5 * self.max_yaw), self.max_yaw)
         beside = min(max(beside, self.min_spacing), self.max_spacing)
         while True:

@@ -98,13 +98,14 @@ class FootstepSource(ABC):
         target: Commanded velocity; None for a planner that takes none.
         granted: Velocity of the present plan; None for the mean of its next two steps.
         pace: Speed of the gait (`SPEEDS`), m/s.
-        within_reach: True if the steps are within reach by construction, also quick ones, which reach further.
+        to_check: Number of the next steps that are checked against the reach of the legs; None for all, 0 for a planner
+            whose steps are within reach by construction.
     """
 
     target: Velocity | None = None
     granted: Velocity | None = None
     pace = 0.0
-    within_reach = False
+    to_check: int | None = None
 
     @property
     def order(self) -> object:
@@ -119,6 +120,15 @@ class FootstepSource(ABC):
             now: Feet, side that steps next, and time.
         """
 
+    def within_reach_of(
+        self, now: Standing, plan: FootstepPlan, reach: Reach, sizes: dict[str, tuple[float, float]]
+    ) -> FootstepPlan:
+        """Return an answer of `footsteps` with steps that feet reach which stand elsewhere than planned.
+
+        Soles have sizes (length, width) by side, m. The answer of a planner that looks at the feet stays as it is.
+        """
+        return plan
+
 
 class PlanSource(FootstepSource):
     """Steps of a footstep plan, one after the other; then a stand.
@@ -129,10 +139,7 @@ class PlanSource(FootstepSource):
 
     Attributes:
         plan: Plan; a step that a foot takes out of turn becomes a part of it.
-        checked: True once all steps were found within reach, so that the next two are looked at from then on.
     """
-
-    checked = False
 
     def __init__(self, plan: FootstepPlan) -> None:
         """Begin with the first step of a plan; its feet at the start are not looked at."""
@@ -145,6 +152,8 @@ class PlanSource(FootstepSource):
         start = replace(now.start, gait=self._gait)
         if self._begun is None:
             self._begun = now.begun
+        else:
+            self.to_check = 2  # the others have been checked, and are as they were
         done = now.begun - self._begun
         steps = self.plan.steps[done:]
         if (
@@ -164,7 +173,7 @@ class PlanSource(FootstepSource):
     def within_reach_of(
         self, now: Standing, plan: FootstepPlan, reach: Reach, sizes: dict[str, tuple[float, float]]
     ) -> FootstepPlan:
-        """Return an answer of `footsteps` with steps that feet reach which stand elsewhere than planned.
+        """See `FootstepSource`.
 
         Steps that are fixed, that climb, or that are out of reach from where they are planned stay.
         """
@@ -215,24 +224,21 @@ def next_steps(
     An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground.
     """
     plan = planner.footsteps(now)
-    if isinstance(planner, PlanSource):
-        sizes = {side: (s.length, s.width) for side, s in zip(SIDES, robot.soles[:2], strict=True)}
-        plan = planner.within_reach_of(now, plan, reach, sizes)
+    sizes = {side: (s.length, s.width) for side, s in zip(SIDES, robot.soles[:2], strict=True)}
     if not isinstance(plan, FootstepPlan):
         raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
+    plan, count = planner.within_reach_of(now, plan, reach, sizes), planner.to_check
     if not plan.steps:
         return plan
     if now.first is not None and plan.steps[0].side != now.first:
         raise InputError(
             f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
         )
-    if not planner.within_reach or extent is not None:
-        steps = plan.steps[:2] if isinstance(planner, PlanSource) and planner.checked else plan.steps
+    if count != 0 or extent is not None:
+        steps = plan.steps[: count or None]
         check_plan(
             replace(plan, left=now.start.left, right=now.start.right, steps=steps), robot, reach, extent
         )
-    if isinstance(planner, PlanSource):
-        planner.checked = True
     return plan
 
 
