@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.errors import InputError, ModelError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.core.frames import Sole
 from wbc.core.robot import Closure, driven_joints, driven_names, joints_to
@@ -90,12 +90,22 @@ def close(
     names, numbers = driven_names(model), driven_joints(model)
     legs = {joint for frame in soles for joint in joints_to(model, frame)}
     known = [str(frame.name) for frame in model.frames]
+    for closure in closures:
+        if not isinstance(closure, Closure):
+            raise InputError(f"closures must be of class Closure, got {shown(closure)}")
+        if closure.frame == closure.other:
+            raise InputError(f"closure '{closure.name}' ties two frames, got '{closure.frame}' twice")
     ends = [
         [model.getFrameId(choose("frame of a closure", end, known)) for end in (closure.frame, closure.other)]
         for closure in closures
     ]
     moving = set[int]()
-    for one, two in ends:
+    for (one, two), closure in zip(ends, closures, strict=True):
+        if model.frames[one].parentJoint == model.frames[two].parentJoint:
+            raise ModelError(
+                f"closure '{closure.name}' ties '{closure.frame}' to '{closure.other}', which are parts of one rigid "
+                "body: no joint moves them against each other; leave it out"
+            )
         moving |= {*model.supports[model.frames[one].parentJoint]} ^ {
             *model.supports[model.frames[two].parentJoint]
         }
@@ -131,8 +141,8 @@ def close(
         if max(apart) > CLOSED:
             raise ModelError(
                 f"the chain of closure '{closure.name}' does not close in half-sitting: '{closure.frame}' and "
-                f"'{closure.other}' stay {1e3 * apart[0]:.3g} mm and {np.degrees(apart[1]):.3g}° apart; pass "
-                "half_sitting with joints in which it closes"
+                f"'{closure.other}' stay {1e3 * apart[0]:.1f} mm and {np.degrees(apart[1]):.1f}° apart; correct the "
+                "frames or the limits of the joints, or pass half_sitting with joints in which it closes"
             )
     return dict(zip(names, place.tolist(), strict=True))
 

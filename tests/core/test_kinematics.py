@@ -524,6 +524,25 @@ def test_bad_input_is_refused_by_name(case: str) -> None:
     assert ik.solve().shape == (ik.robot.nv,)
 
 
+def test_a_search_names_a_contact_that_a_target_contradicts_and_an_obstacle_that_is_inside() -> None:
+    ik = solver("talos")
+    robot = ik.robot
+    sole = robot.soles[0].frame
+    ik.add(
+        wbc.PositionTask(sole, robot.placement(sole).translation + [0.0, 0.0, 0.2], hard=True, name="lift")
+    )
+    found = ik.reach()
+    assert set(found.held_by) == {"lift", "contact left_foot"} == set(found.missed)
+    assert found.missed["contact left_foot"].endswith(" m")
+    ik, ball = solver("panda"), wbc.CollisionSphere(0.05)
+    lamp = wbc.Obstacle("lamp", ball, pin.SE3(np.eye(3), np.array([2.0, 0.0, 0.0])))
+    ik.add(wbc.CollisionLimit(obstacles=[lamp], shapes=dict.fromkeys(("panda_hand", "panda_link7"), ball)))
+    ik.add(wbc.PositionTask("panda_hand", hard=True))
+    lamp.placement = ik.robot.placement("panda_hand")
+    found = ik.reach(iterations=1)
+    assert "collisions" in found.held_by and "'lamp'" in found.missed["collisions"]
+
+
 @pytest.mark.parametrize("hard", [False, True])
 def test_a_search_names_targets_that_contradict_each_other(hard: bool) -> None:
     """Each of two points can be reached by the hand, and not both; a point that nobody can reach is not among these."""

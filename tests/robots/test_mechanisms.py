@@ -8,14 +8,14 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_chains import RODS, four_bar_knee, parallel_ankles
+from closed_chains import RODS, four_bar_knee, parallel_ankles, three_bars
 from mjcf_biped import biped
 from mujoco_dynamics import assert_same_dynamics
 
 import wbc
 from wbc.base.errors import InputError, ModelError
 from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
-from wbc.core.robot import GRAVITY, Coupling
+from wbc.core.robot import GRAVITY, Closure, Coupling
 from wbc.robots import RobotDescription
 from wbc.tasks import MomentumTask, check_rows
 
@@ -132,7 +132,7 @@ def test_a_robot_with_coupled_joints_stands_in_the_plant() -> None:
 
 
 WRONG = {
-    "itself": ([("left_knee", "left_knee", 1.0)], "'left_knee'.*coupled to each other"),
+    "itself": ([("left_knee", "left_knee", 1.0)], "'left_knee' is coupled to itself"),
     "two to each other": (
         [("left_knee", "right_knee", 1.0), ("right_knee", "left_knee", 1.0)],
         "'left_knee', 'right_knee'.*coupled to each other",
@@ -564,6 +564,34 @@ def test_closed_chains_that_cannot_be_are_refused_by_name() -> None:
     robot = RobotDescription.from_mjcf(four_bar_knee(), base="fixed").robot()
     with pytest.raises(InputError, match="no joint moves 'shin' against 'four bars_2'"):
         wbc.Controller(robot, 0.002).add(wbc.LoopClosure("shin", "four bars_2"))
+
+
+CLOSURES: dict[str, tuple[float, object, str]] = {
+    "too far": (
+        0.9,
+        Closure("tie", "end", "place", False),
+        "'tie' does not close.* 'end' and 'place' stay .* mm",
+    ),
+    "turned": (0.9, Closure("tie", "end", "place", True), "'end' and 'place' stay .* mm and .*°"),
+    "no frame": (0.3, Closure("tie", "ende", "place", False), "'ende'.*'end'"),
+    "one frame": (0.3, Closure("tie", "end", "end", False), "'end' twice"),
+    "one body": (0.3, Closure("tie", "end", "down", False), "'end' to 'down'.*one rigid body"),
+    "a pair of names": (0.3, ("end", "place"), "class Closure.*'place'"),
+}
+
+
+@pytest.mark.parametrize("what", CLOSURES)
+def test_closures_of_a_urdf_that_cannot_be_are_refused_by_name(what: str) -> None:
+    x, closure, said = CLOSURES[what]
+    with pytest.raises((ModelError, InputError), match=said):
+        RobotDescription.from_urdf(three_bars(x), base="fixed", closures=[closure])  # type: ignore[list-item]
+
+
+def test_a_closure_of_a_urdf_closes_where_its_joints_let_it() -> None:
+    near = Closure("tie", "end", "place", True)
+    robot = RobotDescription.from_urdf(three_bars(0.35), base="fixed", closures=[near]).robot()
+    apart = robot.placement("end").actInv(robot.placement("place"))
+    assert np.linalg.norm(pin.log6(apart).vector) < 1e-6
 
 
 TIES = {

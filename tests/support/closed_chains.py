@@ -29,6 +29,26 @@ STIFF = 'solref="0.002 1" solimp="0.9999 0.9999 0.001"'
 """Options of an equality that hardly gives."""
 
 
+def three_bars(x: float) -> str:
+    """Return the URDF of three bars whose last one has a frame "end", for a "place" at x, m, on their stand."""
+    inertia = '<mass value="1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>'
+    links = "".join(
+        f'<link name="{n}"><inertial>{inertia}</inertial></link>' for n in ("stand", "up", "bar", "down")
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="{above}"/><child link="{below}"/><origin xyz="{at}"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="3"/></joint>'
+        for name, kind, above, below, at in (
+            ("first", "revolute", "stand", "up", "0 0 0.2"),
+            ("second", "revolute", "up", "bar", "0 0 0.2"),
+            ("third", "revolute", "bar", "down", "0.3 0 0"),
+            ("at_end", "fixed", "down", "end", "0 0 -0.2"),
+            ("at_place", "fixed", "stand", "place", f"{x} 0 0.2"),
+        )
+    )
+    return f'<robot name="bars">{links}<link name="end"/><link name="place"/>{joints}</robot>'
+
+
 def four_bar_knee(root: str = "") -> str:
     """Return the MJCF of a knee of four bars, closed at its zero; `root` is the joint of the thigh."""
     return KNEE.format(root=root, stiff=STIFF)

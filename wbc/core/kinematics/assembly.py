@@ -34,6 +34,7 @@ from wbc.core.kinematics.solution import Achieved, holding
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.assembly import saturated
+from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Rows, has_first_order
 from wbc.core.qp.solving.problem import Problem
@@ -361,14 +362,40 @@ class VelocityAssembly:
             if inside
             else self._lower_matrix[rows.start - n_first : rows.stop - n_first]
         )
-        most = float(np.linalg.norm(jacobian, 2) * np.linalg.norm(weighted))
-        pull = float(np.linalg.norm(jacobian.T.dot(weighted)))
-        return pull, pull / most if most > 0.0 else 0.0
+        return _pull(jacobian, weighted)
 
-    def contact_errors(self) -> Mapping[str, float]:
-        """Return the greatest error of each contact that is active, m or rad."""
-        active = (slot for slot in self._slots if slot.engaged)
-        return {slot.contact.name: float(abs(slot.values.error).max()) for slot in active}
+    def contact_errors(self) -> Mapping[str, tuple[float, float]]:
+        """Return the distance (m) and the angle (rad) of each contact that is active from its place."""
+        found = dict[str, tuple[float, float]]()
+        for slot in self._slots:
+            if slot.engaged:
+                contact, error = slot.contact, slot.values.error
+                sizes = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
+                found[contact.name] = contact.gap() if isinstance(contact, LoopClosure) else sizes
+        return found
+
+    def contact_pulls(self) -> Mapping[str, tuple[float, float]]:
+        """Return what `pull` returns, of each contact that is active."""
+        return {
+            slot.contact.name: _pull(slot.jacobian, slot.values.error) for slot in self._slots if slot.engaged
+        }
+
+    def violated(self, tolerance: float) -> dict[str, str]:
+        """Return the limits whose rows are violated by more than a tolerance → by how much."""
+        found = {}
+        for limit, _, lower, upper in self._limits:
+            beyond = np.maximum(lower, -upper)
+            if beyond.size and beyond.max() > tolerance:
+                row = int(beyond.argmax())
+                found[limit.name] = limit.violation(row, float(beyond[row]))
+        return found
+
+
+def _pull(jacobian: Array, weighted: Array) -> tuple[float, float]:
+    """Return the length of a gradient, and its share of the greatest for such an error."""
+    most = float(np.linalg.norm(jacobian, 2) * np.linalg.norm(weighted))
+    pull = float(np.linalg.norm(jacobian.T.dot(weighted)))
+    return pull, pull / most if most > 0.0 else 0.0
 
 
 def _with_drift(contact: Contact, drift: Array) -> Callable[[Array, Array], None]:

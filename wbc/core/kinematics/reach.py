@@ -124,7 +124,8 @@ class Search:
         if missed:  # the multipliers of a step that is damped as much as errors are left
             assembly.damp(max(least, FIRST_DAMPING))
             _, multipliers, _ = self.solve()
-            held = assembly.holding(multipliers, self.tolerance) or self._pulling(missed)
+            held = assembly.holding(multipliers, self.tolerance) or tuple(assembly.violated(self.tolerance))
+            held = held or self._pulling(missed)
         errors = {task.name: tuple(task._sizes(task.error)) for task in self.tasks}
         return least, ReachResult(best, not missed, errors, missed, held, iteration, number)
 
@@ -137,22 +138,20 @@ class Search:
                 far = [f"{size:.3g} {unit}" for (unit, _), size in parts if size > self.tolerance]
                 if far:
                     missed[task.name] = ", ".join(far)
-        for name, error in self.assembly.contact_errors().items():
-            if error > self.tolerance:
-                missed[f"contact {name}"] = f"{error:.3g} m or rad"
-        p = self.assembly.problem
-        for name, rows in p.inequality_groups.items():
-            beyond = float(np.maximum(p.lower[rows], -p.upper[rows]).max(initial=0.0))
-            if beyond > self.tolerance:
-                missed[name] = f"{beyond:.3g}"
-        return missed
+        for name, sizes in self.assembly.contact_errors().items():
+            both = zip(sizes, ("m", "rad"), strict=True)
+            far = [f"{size:.3g} {unit}" for size, unit in both if size > self.tolerance]
+            if far:
+                missed[f"contact {name}"] = ", ".join(far)
+        return missed | self.assembly.violated(self.tolerance)
 
     def _pulling(self, missed: Mapping[str, str]) -> tuple[str, ...]:
-        """Return the names of tasks that hold what is missed, where joints could lessen its error.
+        """Return the names of tasks and contacts that hold what is missed, where joints could lessen its error.
 
-        Where no other task pulls, those that are missed pull against each other.
+        Where nothing else pulls, those that are missed pull against each other.
         """
         pulls = {task.name: self.assembly.pull(task) for task in self.tasks}
+        pulls |= {f"contact {name}": pull for name, pull in self.assembly.contact_pulls().items()}
         against = tuple(name for name in missed if name in pulls and pulls[name][1] > PULLS)
         if not against:
             return ()

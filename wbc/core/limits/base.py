@@ -21,9 +21,11 @@ class Limit(ABC):
         name: Name in status tables and messages.
         dim: Number of rows, fixed once the limit is bound.
         reads: State of the robot that the rows need in inverse kinematics; see `Task`.
+        step_unit: Unit of the bounds of `write_step`, for messages.
     """
 
     reads: ClassVar[Reads] = "all"
+    step_unit: ClassVar[str] = ""
 
     name: str
     dim: int
@@ -51,6 +53,10 @@ class Limit(ABC):
         override this method cannot be used in inverse kinematics.
         """
         raise InputError(f"limit '{self.name}' bounds no step of the configuration")
+
+    def violation(self, row: int, size: float) -> str:
+        """Return by how much a row of `write_step` is violated, for messages."""
+        return f"{size:.3g} {self.step_unit}".rstrip()
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of the velocity for inverse kinematics with a period dt, s; by default, from a step."""

@@ -128,6 +128,7 @@ class CollisionLimit(Limit):
     """
 
     reads = "kinematics"
+    step_unit = "m"
 
     @checked
     def __init__(
@@ -412,6 +413,11 @@ class CollisionLimit(Limit):
             moving = self._jacobians(near)
             demand = (self._margin - near.distances) / max(self._time, dt) - near.growth
             self._put(rows, lower, near, moving, np.minimum(demand, np.abs(moving).sum(axis=1)))
+
+    def violation(self, row: int, size: float) -> str:
+        """Return by how much the margin of a pair is violated, and which pair it is."""
+        one, other = self._names[row]
+        return f"{size:.3g} m ('{one}' and '{other}')"
 
     def _clear(self, rows: Array, lower: Array, upper: Array) -> None:
         """Empty the rows that are filled; all of them in arrays that were not seen before."""

@@ -36,6 +36,7 @@ class CoMPolygonLimit(Limit):
     """
 
     reads = "kinematics"
+    step_unit = "m"
 
     @checked
     def __init__(

@@ -188,6 +188,7 @@ class JointLimits(Limit):
             self._greatest = np.array([self.acceleration, self.acceleration])
         self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
         self._positions, self._velocities = robot.q[robot.nq - na :], robot.v[robot.nv - na :]
+        self._names = robot.joint_names
         self._dt = 0.0
         self._period = 0.0  # of inverse kinematics
         self._bound, self._reached = np.zeros((2, na)), np.zeros(na)
@@ -246,6 +247,10 @@ class JointLimits(Limit):
             crossed = upper < lower
             lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
         self._release(lower, upper)
+
+    def violation(self, row: int, size: float) -> str:
+        """Return by how far a joint is outside its bounds; see `Limit.violation`."""
+        return f"{self._names[row]} by {size:.3g} rad, of a sliding joint m"
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the distances to the position bounds, rad; see `Limit.write_step`."""
