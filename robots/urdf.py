@@ -193,8 +193,8 @@ def couplings(root: Element) -> dict[str, Coupling]:
                 if len(set(seen)) == 1:
                     raise ModelError(f"joint '{name}' is coupled to itself; name another joint as its leader")
                 raise ModelError(
-                    f"joints {', '.join(map(repr, dict.fromkeys(seen)))} are coupled to each other: none of them leads; "
-                    "take the coupling of one of them out"
+                    f"joints {', '.join(map(repr, dict.fromkeys(seen)))} are coupled to each other: none of them "
+                    "leads; take the coupling of one of them out"
                 )
             above = direct[coupling.leader]
             coupling = Coupling(
