@@ -179,6 +179,24 @@ def run(page: Path, *, slow: bool) -> dict[str, Any]:
     return names
 
 
+OTHERS = re.compile(r"^```py\n(.*?)^```\n+^```text\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+"""Programs for other libraries, and what they print."""
+
+
+@pytest.mark.parametrize("library", ["pink", "mink", "placo"])
+def test_programs_of_other_libraries_print_what_ours_do(library: str, workplace: Path) -> None:
+    """They are run where the library is installed; each has its program, and what it prints is that of ours."""
+    page = ROOT / "docs" / "coming_from.md"
+    (program, expected), *more = (each for each in OTHERS.findall(text_of(page)) if library in each[0])
+    assert not more and expected in {output for _, _, output in programs(page)}
+    compile(program, str(page), "exec")
+    pytest.importorskip(library)
+    exec(next(text for _, text, _ in programs(page) if "panda.urdf" in text), {})
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        exec(program, {"__name__": "page"})
+    assert printed.getvalue() == expected
+
+
 def test_the_smallest_of_each_works(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Task, foot, ground, robot, study and command of CONTRIBUTING."""
     names = run(ROOT / "CONTRIBUTING.md", slow=False)

@@ -56,7 +56,7 @@ class Separation:
         self._places = np.concatenate((turns.reshape(18, n), origins.reshape(6, n)))
         self._centres = 12 * pivots + 9 + np.concatenate((ZXY, YZX))[:, None]
         self._now, self._change = np.zeros((24, n)), np.zeros((24, n))
-        self._then, self._measured = self._coordinates[self._places], np.full(n, -np.inf)
+        self._then, self._measured = np.zeros((24, n)), np.full(n, -np.inf)
         self._vectors = np.zeros((3, 3, n))
         self._apart, self._velocity, self._spin = self._vectors
 
