@@ -78,6 +78,7 @@ class JointActuators:
                 self._main[mine[np.argmin(names[mine])]] = True
                 self.servo[joint] = bool((names[mine] == 1).any())
             kinds[joint] = [("motor", "position", "velocity")[names[i]] for i in mine]
+        self._no_servo = np.zeros_like(self.servo)
         self.kinds = tuple(" + ".join(kind) or "none" for kind in kinds)
         idle = set(description.passive)  # what moves them is not a drive
         bare = [i for i, name in enumerate(self._names) if not kinds[i] and name not in idle]
@@ -127,14 +128,16 @@ class JointActuators:
         position, torque = command.joint_position, command.joint_torque
         velocity = command.joint_velocity
         gains = command.kp is not None or command.kd is not None
-        at_servo = self.servo if position is not None and not gains else np.zeros_like(self.servo)
+        at_servo = self.servo if position is not None and not gains else self._no_servo
         desired = torque
         if (position is not None and not at_servo.all()) or command.kd is not None:
             desired = self._servo_torque(data, command, at_servo)
-        q, v = data.qpos[self._qpos], data.qvel[self._dof]
         j, gear = self._joints, self._gear
         held = at_servo[j]
-        own = self._own(q, v)
+        own = self._bias[:, 0]
+        if self._sprung:
+            q, v = data.qpos[self._qpos], data.qvel[self._dof]
+            own = self._own(q, v)
         if self._at_end and self._sprung:
             dt = self._model.opt.timestep
             v_end = v + (v - self._speed)  # at the acceleration of the last step
@@ -144,9 +147,10 @@ class JointActuators:
             np.add.at(self._taken, j, np.where(held, 0.0, gear * (at_end - own)))
             own = at_end
         if position is not None:
-            reference = np.zeros(len(q)) if velocity is None else velocity
+            reference = np.zeros_like(position) if velocity is None else velocity
             own = np.where(held, self._own(position, reference), own)
-        force = np.where(self._main, np.where(held, torque[j], desired[j]) / gear, 0.0)
+        wanted = torque[j] if desired is torque else np.where(held, torque[j], desired[j])
+        force = np.where(self._main, wanted / gear, 0.0)
         data.ctrl[self._controls] = (force - own) / self._gain
         if self._spare.size:
             data.ctrl[self._spare] = 0.0

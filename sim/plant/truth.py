@@ -12,6 +12,10 @@ from wbc.core.conventions import Index
 from wbc.sim.plant.places import RobotPlaces
 
 
+_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
+"""For each axis the next one, and the one after that."""
+
+
 @dataclass(frozen=True, slots=True)
 class GroundTruth:
     """The state of the simulation at one instant.
@@ -87,7 +91,7 @@ class Contacts:
         ours = self.geom_robot[geom]
         apart = ours[:, 0] != ours[:, 1]
         found, geom, second = found[apart], geom[apart], ours[apart, 1]
-        force, _ = self._in_world(found)
+        force = self._in_world(found)[:, :3]
         force *= np.where(second, 1.0, -1.0)[:, None]
         return self._position[found], force, self._geom_sole[np.where(second, geom[:, 1], geom[:, 0])]
 
@@ -97,27 +101,25 @@ class Contacts:
         sole = self._geom_sole[geom]
         apart = sole[:, 0] != sole[:, 1]
         found, sole = found[apart], sole[apart]
-        force, moment = self._in_world(found)
+        wrench = self._in_world(found)
+        force, moment = wrench[:, :3], wrench[:, 3:]
+        moment += _cross(self._position[found], force)  # about the world's origin
+        feet = np.arange(len(self._feet))[:, None]
+        sign = np.subtract(sole[:, 1] == feet, sole[:, 0] == feet, dtype=float)
+        total = sign.dot(wrench)
         rotation = self._foot_rotation.reshape(-1, 3, 3)
-        origin = self._foot_position + np.einsum("nij,nj->ni", rotation, self._offset)
-        axes = rotation @ self._turn
-        wrench = np.zeros((len(self._feet), 6))
-        for i in range(len(self._feet)):
-            sign = np.subtract(sole[:, 1] == i, sole[:, 0] == i, dtype=float)
-            f = sign[:, None] * force
-            s = (self._position[found] - origin[i]).T @ f  # Σ r × f is its antisymmetric part
-            turning = np.array([s[1, 2] - s[2, 1], s[2, 0] - s[0, 2], s[0, 1] - s[1, 0]])
-            wrench[i, :3] = f.sum(axis=0) @ axes[i]
-            wrench[i, 3:] = (turning + sign @ moment) @ axes[i]
-        return wrench
+        origin = self._foot_position + np.matmul(rotation, self._offset[:, :, None])[:, :, 0]
+        total[:, 3:] -= _cross(origin, total[:, :3])
+        turned: Array = np.matmul(total.reshape(-1, 2, 3), np.matmul(rotation, self._turn))
+        return turned.reshape(-1, 6)
 
     def _loaded(self) -> tuple[Index, Index]:
         """Return the contacts that bear load, and both geoms of each; those of flexible bodies have none."""
         found = np.flatnonzero((self._address >= 0) & (self._geom.reshape(-1, 2) >= 0).all(axis=1))
         return found, self._geom.reshape(-1, 2)[found].astype(np.intp)
 
-    def _in_world(self, found: Index) -> tuple[Array, Array]:
-        """Return force and moment on the second geom of each of some contacts, in the world, each of shape (n, 3)."""
+    def _in_world(self, found: Index) -> Array:
+        """Return [force; moment] on the second geom of each of some contacts, in the world, shape (n, 6)."""
         dim = self._dim[found, None]
         rows = np.arange(10 if self._pyramids else 6)
         count = np.where(dim > 1, 2 * (dim - 1), 1) if self._pyramids else dim
@@ -127,6 +129,11 @@ class Contacts:
             tangents = (local[:, ::2] - local[:, 1::2]) * self._friction[found]
             local = np.hstack([local.sum(axis=1, keepdims=True), np.where(dim > 1, tangents, 0.0)])
         # The rows are force in the contact frame, normal first, then moment.
-        frame = self._frame[found].reshape(-1, 3, 3)
-        force, moment = (np.matmul(part[:, None, :], frame)[:, 0] for part in (local[:, :3], local[:, 3:]))
-        return force, moment
+        turned: Array = np.matmul(local.reshape(-1, 2, 3), self._frame[found].reshape(-1, 3, 3))
+        return turned.reshape(-1, 6)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return the cross products of rows, shape (n, 3), in a fifth of the time of `np.cross`."""
+    product: Array = a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT]
+    return product

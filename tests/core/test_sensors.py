@@ -83,7 +83,7 @@ def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_sh
         inertial = SimpleNamespace(rotation=turn, legs=(0.0, 0.0))
         robot = SimpleNamespace(mass=50.0)
         observer = SimpleNamespace(
-            inertial=inertial, robot=robot, share=np.array([share, 1.0 - share]), net_wrench=np.zeros(6)
+            inertial=inertial, robot=robot, least_share=min(share, 1.0 - share), net_wrench=np.zeros(6)
         )
         check, found = AccelerometerCheck(DT), []
         for tick in range(-120, 20):
@@ -111,7 +111,7 @@ def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(la
     observer = SimpleNamespace(
         inertial=inertial,
         robot=SimpleNamespace(mass=50.0),
-        share=np.array([0.5, 0.5]),
+        least_share=0.5,
         net_wrench=np.zeros(6),
     )
     check = AccelerometerCheck(DT)

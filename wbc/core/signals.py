@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import Array
+from wbc.base.vectors import largest
 
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
 """Origin of the wrenches on the soles."""
@@ -162,7 +163,7 @@ class Command:
             array = np.asarray(value)
             if array.shape != (na,) or array.dtype.kind not in "iuf":
                 raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
-            if not (np.abs(array) <= LARGEST_COMMAND).all():  # or NaN
+            if not largest(np.abs(array)) <= LARGEST_COMMAND:  # or NaN
                 place = int(np.argmin(np.abs(array) <= LARGEST_COMMAND))
                 found = (
                     f"is {array[place]:g}, beyond ±{LARGEST_COMMAND:g}"

@@ -396,7 +396,8 @@ class DriveControl:
             if solution.ok and not self.stopped:
                 self._torques = self._torques_of(solution, wrenches)
                 if self._released is not None:
-                    self._torques = np.where(self._released.mask, 0.0, self._torques)
+                    self._torques = self._torques.copy()
+                    self._torques[self._released.index] = 0.0
         except Exception as error:  # of tasks of the user
             self.refuse(state, error)
             return None

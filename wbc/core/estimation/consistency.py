@@ -113,7 +113,7 @@ class AccelerometerCheck:
         """Return a plausible measurement, without the accelerometer's direction where it contradicts all others."""
         inertial, before = observer.inertial, self._legs
         self._legs = legs = inertial.legs
-        self._stands = self._stands + self._dt if observer.share.min() > CARRIES else 0.0
+        self._stands = self._stands + self._dt if observer.least_share > CARRIES else 0.0
         if before is None or legs is None or self._stands < STANDING:
             self._shown = self._moved = 0j
             self.left_out = False

@@ -183,6 +183,11 @@ class Observer:
         return np.array(self._shares)
 
     @property
+    def least_share(self) -> float:
+        """Share of the load on the foot that carries least."""
+        return min(self._shares)
+
+    @property
     def net_wrench(self) -> Array:
         """Wrench of the ground on the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
         net = pin.Force.Zero()

@@ -418,6 +418,8 @@ def _stamp_of(m: Measurement) -> float:
 def _numbers(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:
     """Return a signal of a measurement as numbers of a shape."""
     value = getattr(m, name)
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
+        return value
     try:
         array = np.asarray(value)
     except Exception:  # lists of lists of different lengths, objects that fail

@@ -124,7 +124,8 @@ class WrenchEstimator:
         momentum = mass.dot(v)
         known = coriolis.T.dot(v) - gravity
         known[BASE_DOF:] += torque
-        known[BASE_DOF:] -= self._robot.spring_torques(q)
+        if self._robot.springs is not None:
+            known[BASE_DOF:] -= self._robot.spring_torques(q)
         if self._residual.started:
             dt = self._dt
             if passed is not None and abs(passed - dt) > ON_TIME * dt:

@@ -30,6 +30,7 @@ import numpy as np
 
 from wbc.base.errors import UnknownNameError
 from wbc.base.numbers import Array
+from wbc.base.vectors import largest
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
@@ -470,11 +471,12 @@ def saturated(rows: Rows, excess: Array, bounded: Sequence[tuple[Task, slice]]) 
     """
     np.abs(rows.error, out=excess)
     excess -= rows.bound
-    if not bounded or not excess[excess.argmax()] > 0.0:
+    if not bounded or not largest(excess) > 0.0:
         return rows.error
     errors = rows.error.copy()
     for task, place in bounded:
-        task.saturate(errors[place])
+        if largest(excess[place]) > 0.0:
+            task.saturate(errors[place])
     return errors
 
 
