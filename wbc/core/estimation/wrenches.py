@@ -136,8 +136,8 @@ class WrenchEstimator:
             np.negative(known, out=self._residual.value)  # that of a robot at rest
         for frame, place in zip(self._frames, self._soles, strict=True):
             self._jacobian[place] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
-        residual = self._scale * self._residual.value[self._rows]
-        matrix = self._jacobian[:, self._rows]
+        residual = self._scale * self._residual.value.take(self._rows)
+        matrix = self._jacobian.take(self._rows, axis=1)
         matrix *= self._scale
         soles, alone, weight = [], [], self._robot.mass * GRAVITY
         for i, (leg, place) in enumerate(zip(self._legs, self._soles, strict=True)):
@@ -165,6 +165,5 @@ class WrenchEstimator:
         """
         normal = matrix.dot(matrix.T)
         normal += self._prior[: len(matrix), : len(matrix)]
-        _, wrench, _ = dposv(normal.T, matrix.dot(residual), overwrite_a=True, overwrite_b=True)
-        solution: Array = wrench
-        return solution
+        wrench: Array = dposv(normal.T, matrix.dot(residual), overwrite_a=True, overwrite_b=True)[1]
+        return wrench

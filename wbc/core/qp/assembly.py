@@ -121,7 +121,7 @@ class Assembly:
         for task in tasks:
             task.detach()
         self.listening = [t for t in tasks if getattr(t.observe, "__func__", None) is not Task.observe]
-        selection = [t for t in tasks if isinstance(t, SelectionTask)]
+        selection = sorted((t for t in tasks if isinstance(t, SelectionTask)), key=lambda t: t.hard)
         variable = [t for t in tasks if isinstance(t, VariableTask)]
         motion = [t for t in tasks if not isinstance(t, (SelectionTask, VariableTask))]
         hard_first = [t for t in (*selection, *variable) if t.hard]
@@ -168,7 +168,10 @@ class Assembly:
         self._slots: list[_ContactSlot] = []
         self._motion: list[tuple[Task, Array, Array, Array]] = []
         self._variable: list[tuple[VariableTask, Array, Array]] = []
-        self._selection: list[tuple[SelectionTask, Rows, Array, Array, Array | None]] = []
+        self._selection: list[tuple[SelectionTask, Rows]] = []
+        self._hard_selection: list[
+            tuple[Array, Array]
+        ] = []  # their targets as equalities, and as they are computed
         self._row_blocks: list[tuple[Limit, Array, Array, Array]] = []
 
         self._place_hard_first(hard_first, hard_rows.start)
@@ -290,23 +293,30 @@ class Assembly:
             at = rows.stop
 
     def _place_selections(self, tasks: Sequence[SelectionTask]) -> None:
-        """Place the selections: soft ones on the diagonal, their residuals after all rows; hard ones as equalities."""
+        """Place the selections, soft ones first; hard ones are equalities too.
+
+        The soft ones are on the diagonal, and their residuals after all rows.
+        """
         p, at = self.problem, 0
-        for task in tasks:
+        coordinates = np.arange(self._robot.nv)
+        columns = [coordinates[task.columns] for task in tasks]
+        self._selected_columns = np.concatenate([coordinates[:0], *columns])
+        soft = slice(0, _dim([task for task in tasks if not task.hard]))
+        self._soft_columns, self._soft_target = self._selected_columns[soft], self._selected_target[soft]
+        self._soft_selected_weight = self._selected.weight[soft]
+        for task, chosen in zip(tasks, columns, strict=True):
             block = slice(at, at + task.dim)
             view = self._selected.view(block)
             task.attach(view)
             first = self._shared_velocity.size
             self._bounded.append((task, slice(first + block.start, first + block.stop)))
-            hard_target = None
             if task.hard:
                 rows = self._places[task.name]
-                p.equality[rows, np.arange(self._robot.nv)[task.columns]] = np.eye(task.dim)
-                hard_target = p.target[rows]
+                p.equality[rows, chosen] = np.eye(task.dim)
+                self._hard_selection.append((p.target[rows], self._selected_target[block]))
             else:
                 self._places[task.name] = slice(p.rows.shape[0] + at, p.rows.shape[0] + block.stop)
-            place = self._selected_velocity[block], self._selected_target[block]
-            self._selection.append((task, view, *place, hard_target))
+            self._selection.append((task, view))
             at = block.stop
 
     def _place_row_limits(self, limits: Sequence[Limit], at: int) -> None:
@@ -376,9 +386,10 @@ class Assembly:
             if not motion.idle:
                 motion.fill(jacobian, error, drift)
         self._shared_matrix.dot(v, out=self._shared_velocity)
-        for selection, rows, velocity, _, _ in self._selection:
+        for selection, rows in self._selection:
             selection.evaluate(_NONE, rows.error, rows.drift)
-            velocity[:] = v[selection.columns]
+        # With the default mode NumPy writes into a buffer first.
+        v.take(self._selected_columns, out=self._selected_velocity, mode="clip")
         reference(
             self._rows, saturated(self._rows, self._excess, self._bounded), self._velocity, self._targets
         )
@@ -387,14 +398,12 @@ class Assembly:
         for places, matrix, row_target in self._hard_variable:
             self.problem.set_empty(places, ~matrix.any(axis=1) & (row_target == 0.0))
 
-        self._acceleration_diagonal.fill(self._regularisation)
-        self._linear.fill(0.0)
-        for selection, rows, _, target, hard_target in self._selection:
-            if hard_target is not None:
-                hard_target[:] = target
-                continue
-            self._acceleration_diagonal[selection.columns] += rows.weight
-            self._linear[selection.columns] += rows.weight * target
+        for hard_target, target in self._hard_selection:
+            hard_target[:] = target
+        columns, weight = self._soft_columns, self._soft_selected_weight
+        self._acceleration_diagonal[:] = np.bincount(columns, weight, v.size)
+        self._acceleration_diagonal += self._regularisation
+        self._linear[:] = np.bincount(columns, weight * self._soft_target, v.size)
 
         if self._torque_limits is not None:
             lower, upper = self._torque_bounds
@@ -457,10 +466,7 @@ class Assembly:
         residual = np.empty(values.size + self._selected_target.size)
         residual[: values.size] = values
         residual[: p.target.size] -= p.target
-        at = values.size
-        for selection, _, _, target, _ in self._selection:
-            np.subtract(x[selection.columns], target, out=residual[at : at + target.size])
-            at += target.size
+        np.subtract(x.take(self._selected_columns), self._selected_target, out=residual[values.size :])
         return residual
 
 

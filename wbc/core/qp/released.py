@@ -70,7 +70,7 @@ class ReleasedJoints(SelectionTask):
     def bind(self, robot: Robot) -> None:
         """Look up the columns, and how quick the joints can be."""
         super().bind(robot)
-        self.columns = self.index + robot.base_dof
+        self.columns = self._dofs = self.index + robot.base_dof
         self._places = self.index + robot.base_nq
         self._bound = robot
         self._low = robot.position_lower[self.index] + STOP
@@ -143,16 +143,18 @@ class ReleasedJoints(SelectionTask):
         The rest of the measured acceleration is that of a force from outside, on an arm that is hit. Its reaction is
         not on the robot, and a QP that took it for one would push the robot the way that it has been hit.
         """
-        robot, columns, position = self._bound, self.columns, q[self._places]
-        free = (position > self._low) & (position < self._high)
-        moved = np.array(accelerations)
-        moved[columns] = np.where(free, 0.0, self._measured)
-        rows = robot.mass_matrix[columns]
-        rest = torque[self.index] - robot.bias[columns] - rows.dot(moved)
-        inertia = np.where(free[:, None] & free, rows[:, columns], 0.0)
-        inertia[~free, ~free] = 1.0
-        _, driven, _ = dposv(inertia, np.where(free, rest, 0.0), overwrite_b=True)
-        return np.where(free, driven, self._measured)
+        robot, columns, position = self._bound, self._dofs, q[self._places]
+        at_end = ~((position > self._low) & (position < self._high))
+        moved = accelerations.copy()
+        moved[columns] = np.where(at_end, self._measured, 0.0)
+        rows = robot.mass_matrix.take(columns, axis=0)
+        rest = torque.take(self.index) - robot.bias.take(columns) - rows.dot(moved)
+        inertia = rows.take(columns, axis=1)
+        if at_end.any():  # known: out of the equations of the others
+            inertia[at_end], inertia[:, at_end], rest[at_end] = 0.0, 0.0, self._measured[at_end]
+            inertia[at_end, at_end] = 1.0
+        driven: Array = dposv(inertia, rest, overwrite_b=True)[1]
+        return driven
 
     def reset(self) -> None:
         """Forget the motion so far."""
