@@ -11,7 +11,6 @@ from wbc.base.numbers import Array
 from wbc.core.conventions import Index
 from wbc.sim.plant.places import RobotPlaces
 
-
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 """For each axis the next one, and the one after that."""
 
