@@ -15,6 +15,8 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import docstring_parser
+from docutils.nodes import Element, SkipNode
+from docutils.utils.math.latex2mathml import tex2mathml
 from numpy.typing import ArrayLike
 from sphinx.application import Sphinx
 from sphinx.util import logging
@@ -32,7 +34,7 @@ project, author = "wbc", "The wbc developers"
 copyright = f"2026, {author}"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["README.md"]
 suppress_warnings = ["ref.python"]  # a type that two modules have
 
@@ -42,6 +44,7 @@ myst_heading_anchors = 3
 smartquotes_action = "qe"  # "--" of options stays
 
 html_theme = "furo"
+html_math_renderer = "mathml"
 html_title = f"wbc {__version__}"
 html_copy_source = html_show_sourcelink = False
 html_static_path = ["static"]
@@ -200,8 +203,21 @@ def skip_described(app: Sphinx, what: str, name: str, obj: Any, skip: bool, opti
     return True if here and not getattr(obj, "__module__", "").startswith("wbc.core") else None
 
 
+def write_formula(translator: Any, node: Element) -> None:
+    """Write a formula as MathML, which browsers show without a script."""
+    translator.body.append(tex2mathml(node.astext()))
+    raise SkipNode
+
+
+def write_equation(translator: Any, node: Element) -> None:
+    """Write a displayed equation as MathML."""
+    translator.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>')
+    raise SkipNode
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Connect everything."""
+    app.add_html_math_renderer("mathml", (write_formula, None), (write_equation, None))
     app.connect("source-read", fill_tables)
     app.connect("autodoc-process-docstring", mark_blocks, priority=400)
     app.connect("autodoc-process-signature", name_types)

@@ -71,4 +71,6 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)
+    __getattr__ = missing_from(
+        __name__, elsewhere={"FrameTask": ("PoseTask", "PositionTask", "OrientationTask")}
+    )

@@ -101,7 +101,7 @@ class Study:
     decision: str | None = None
 
     def __post_init__(self) -> None:
-        choose("kind of trial", self.kind, KINDS)
+        choose("kind of trial", self.kind, KINDS.names())
         if not self.cells or not self.arms or not self.seeds:
             raise InputError(f"study '{self.name}' needs at least one cell, one arm and one seed")
         names = [cell.name for cell in self.cells]

@@ -2,7 +2,7 @@
 
 A trial is a frozen, picklable spec that can be written as JSON and run. Its result depends on the spec alone, so that
 it need not be run twice. The kinds of the library are in `kinds` and `push_limit`; your own are registered with
-`register_trial`.
+`register_trial`, or are an entry point of a package, in the group "wbc.trials".
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class TrialKind:
     metric: str = "steps_done"  # part of the results that tables are about, unless a study names another
 
 
-KINDS: Registry[TrialKind] = Registry("kind of trial")
-"""Kinds of trials by the `kind` of their specs."""
+KINDS: Registry[TrialKind] = Registry("kind of trial", group="wbc.trials")
+"""Kinds of trials by the `kind` of their specs; other packages offer theirs by entry points."""
 
 
 def register_trial(name: str, kind: TrialKind) -> None:

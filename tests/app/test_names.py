@@ -28,6 +28,9 @@ def test_all_listed_names_are_there(package: ModuleType) -> None:
         ("wbc", "retarget", "did you mean 'wbc.motion.retarget'?"),
         ("wbc", "walk_distanc", "did you mean 'walk_distance'"),
         ("wbc.tasks", "ComTask", "did you mean 'CoMTask'?"),
+        ("wbc.tasks", "FrameTask", "did you mean 'PoseTask' or 'PositionTask' or 'OrientationTask'?"),
+        ("wbc.robots", "from_urdf", "did you mean 'RobotDescription.from_urdf'?"),
+        ("wbc.walking", "Walk", "did you mean 'WalkingControl'"),
         ("wbc.walking", "WalkingContrl", "did you mean 'WalkingControl'"),
         ("wbc.app", "draww", "did you mean 'draw'?"),
         ("wbc.sim", "zzzzz", "module 'wbc.sim' has no attribute 'zzzzz'"),
@@ -50,3 +53,12 @@ def test_a_figure_that_is_near_is_suggested(tmp_path: Path, capsys: pytest.Captu
     recorded_stand(tmp_path / "log.arrow", ticks=5)
     assert main(["plot", str(tmp_path / "log.arrow"), "balanc"]) == 2
     assert "no figure or signal 'balanc'; did you mean 'balance'?" in capsys.readouterr().err
+
+
+def test_a_role_that_is_near_is_suggested_and_each_name_once() -> None:
+    robot = wbc.load_robot("hrp4_class").robot()
+    with pytest.raises(wbc.WbcError, match="no role of a frame 'left_hnd'; did you mean 'left_hand'"):
+        robot.frames["left_hnd"]
+    with pytest.raises(wbc.WbcError) as missing:
+        wbc.balance_controller(robot, 0.005).add(wbc.PositionTask("left_han"))
+    assert str(missing.value).count("'left_hand'") == 1

@@ -1,21 +1,23 @@
-"""Convex hulls: against another library, and of points that span no area."""
+"""Convex hulls: order of the corners, flat corners, and points that span no area."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
 
 from wbc.base.hull import convex_hull, hull_and_area
 
 
-def test_hull_is_that_of_another_library() -> None:
+def test_corners_are_points_around_all_others_counter_clockwise_from_the_leftmost_one() -> None:
     rng = np.random.default_rng(3)
     for _ in range(50):
         points = rng.normal(size=(int(rng.integers(4, 30)), 2))
-        ours, theirs = convex_hull(points), points[ConvexHull(points).vertices]
-        start = int(np.argmin(np.linalg.norm(theirs - ours[0], axis=1)))
-        np.testing.assert_allclose(ours, np.roll(theirs, -start, axis=0), atol=1e-12)
+        corners = convex_hull(points)
+        assert {*map(tuple, corners)} <= {*map(tuple, points)} and corners[0, 0] == points[:, 0].min()
+        edges = np.roll(corners, -1, axis=0) - corners
+        apart = points[:, None] - corners
+        left = edges[:, 0] * apart[..., 1] - edges[:, 1] * apart[..., 0]  # of each edge, each point
+        assert left.min() > -1e-12 and ((np.abs(left) < 1e-12).sum(axis=0) == 2).all()
     assert len(convex_hull([[0, 0], [1, 0], [0.5, 0.0], [1, 1], [0, 1]])) == 4
     rounded = [
         [1e-17, 0.5],

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import wbc
 from wbc.feet import SoftFoot
 from wbc.sim import FieldFamily, family
+from wbc.sim.studies.trials import TrialKind
 from wbc.tasks.scheduling.policies import FixedPolicy
 
 def describe():
@@ -31,6 +32,7 @@ class Waves(FieldFamily):
         return x + y
 
 policy = FixedPolicy
+trials = TrialKind(dict, print, metric="height")
 """
 
 POINTS = """
@@ -44,6 +46,8 @@ gone = their_other:Foot
 their_waves = theirs:Waves
 [wbc.policies]
 theirs = theirs:policy
+[wbc.trials]
+theirs = theirs:trials
 """
 
 PROGRAM = """
@@ -52,6 +56,7 @@ import wbc
 from wbc.feet import foot
 from wbc.robots import load
 from wbc.robots.registry import others
+from wbc.sim.studies import Study
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.tasks.scheduling.policies import stiffness_policy
 
@@ -65,6 +70,8 @@ wbc.load_robot("hrp4_class"), foot("flat")
 said = {"listed": others(), "early": "theirs" in sys.modules, "joints": len(load("their_biped").joint_names)}
 said["phalanges"] = foot("long_toes").phalanges
 said["policy"] = type(stiffness_policy("theirs", stiffness=5.0)).__name__
+study = {"name": "s", "kind": "theirs", "cells": {"c": {}}, "arms": {"a": {}}, "seeds": [1]}
+said["metric"] = Study.from_json(study).measured
 said["families"] = list(terrain_families())
 said["errors"] = [error(foot, "no_foot"), error(foot, "gone"), error(load, "their_bipeds")]
 print(json.dumps(said))
@@ -94,5 +101,6 @@ def test_what_another_package_brings_is_listed_and_loaded_when_it_is_used_and_a_
     said = json.loads(done.stdout)
     assert "their_biped" in said["listed"] and not said["early"] and "their_waves" in said["families"]
     assert (said["joints"], said["phalanges"], said["policy"]) == (12, 12, "FixedPolicy")
+    assert said["metric"] == "height"
     for message, named in zip(said["errors"], ("no_foot", "their_other:Foot", "their_biped"), strict=True):
         assert named in message

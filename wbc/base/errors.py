@@ -71,7 +71,7 @@ def shown_path(path: str | Path) -> str:
 
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     """Raise `UnknownNameError` for a name of a kind ("frame", "joint", "robot", …) that is not among the choices."""
-    names = sorted(choices)
+    names = sorted({*choices})
     given = shown(name).strip("'") if isinstance(name, str) else shown(name)
     near = difflib.get_close_matches(given, names, n=3, cutoff=0.5)
     if near:
@@ -112,6 +112,7 @@ def missing_from(
         same = folded.get(name.casefold())
         found = list((elsewhere or {}).get(name, [same] if same else []))
         found = found or difflib.get_close_matches(name, [*own, *others], n=3, cutoff=0.6)
+        found = found or [each for each in (*own, *others) if each.casefold().startswith(name.casefold())][:3]
         near = [f"'{others[each]}.{each}'" if each in others else f"'{each}'" for each in found]
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
         raise AttributeError(said + hint, name=name)

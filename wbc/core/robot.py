@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError, shown, unknown_name
 from wbc.base.numbers import Array, finite_array, finite_scalar, scalar
+from wbc.base.registry import Registry
 from wbc.base.settings import NonNegative, Triple
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import Sole
@@ -305,7 +306,7 @@ class Robot:
                 f"{shown(servos.joint_names)}"
             )
         self.servos, self.springs = servos, springs
-        self.frames = dict(frames or {})
+        self.frames: dict[str, str] = Registry("role of a frame", frames)
         for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
             self.frame_id(frame)
 
