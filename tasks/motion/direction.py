@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
-from wbc.core.qp.axes import ROTATION_AXES, other_columns
+from wbc.core.qp.axes import ROTATION_AXES
 from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
@@ -160,7 +160,7 @@ class LookAtTask(FrameTask):
         self._followed_id = None if self._followed is None else robot.frame_id(self._followed)
         carriers = [robot.joint_names[joint] for joint in robot.joints_between(self.frame, robot.base_frame)]
         if self._only_joints is None and carriers:
-            self._unused = other_columns(robot, carriers)
+            self._use_only(robot, carriers)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`. With ḋ = −(v − d (d · v)) / r and ṙ = −d · v."""

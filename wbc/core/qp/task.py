@@ -117,7 +117,7 @@ class Task(Targeted):
     """
 
     __slots__ = (
-        "_full", "_hard", "_keep", "_linear_rows", "_n_rows", "_only_joints", "_spared", "_unused", "dim", "idle",
+        "_full", "_hard", "_keep", "_linear_rows", "_n_rows", "_only_joints", "_others", "_spared", "dim", "idle",
         "spared_acceleration",
     )  # fmt: skip
 
@@ -152,7 +152,9 @@ class Task(Targeted):
             self._linear_rows = int(mask[[axis in POSITION_AXES for axis in rows]].sum())
         joints = given.pop("joints", None)
         self._only_joints = None if joints is None else distinct_joints(joints)
-        self._unused: NDArray[np.intp] | None = None
+        self._others: Array | None = (
+            None  # 1 for each coordinate that the task must not use, 0 for the others
+        )
         self._full: tuple[Array, Array, Array] | None = None  # rows of all axes, where some are chosen
         self._spared: NDArray[np.intp] | None = None
         self.spared_acceleration = np.zeros(0)
@@ -290,7 +292,7 @@ class Task(Targeted):
         The rows of a task without `observe` are then evaluated once, so that mistakes show before the first tick.
         """
         super().bind(robot)
-        self._unused = other_columns(robot, self._only_joints)
+        self._use_only(robot, self._only_joints)
         if self._n_rows != self.dim:
             self._full = np.zeros((self._n_rows, robot.nv)), np.zeros(self._n_rows), np.zeros(self._n_rows)
         if self._target.open:
@@ -324,20 +326,27 @@ class Task(Targeted):
             self.evaluate(*self._full)
             jacobian[:], error[:], drift[:] = (rows[self._keep] for rows in self._full)
         if self._spared is not None:
-            drift += jacobian[:, self._spared].dot(self.spared_acceleration)
-            self._leave_out(self._spared, jacobian, drift)
-        if self._unused is not None:
-            self._leave_out(self._unused, jacobian, drift)
+            spared = jacobian[:, self._spared]
+            drift += spared.dot(self.spared_acceleration)
+            drift += self._rows.damping * spared.dot(self.robot.v[self._spared])
+            jacobian[:, self._spared] = 0.0
+        if self._others is not None:
+            left_out = jacobian * self._others
+            drift += self._rows.damping * left_out.dot(self.robot.v)
+            jacobian -= left_out
 
     def quick(self) -> Callable[[Array, Array], None] | None:
         """Return a function that fills only Jacobian and error, for inverse kinematics; None if `fill` has to do it."""
-        direct = self._full is None and self._unused is None and has_first_order(self)
+        direct = self._full is None and self._others is None and has_first_order(self)
         return self.first_order if direct else None
 
-    def _leave_out(self, coordinates: NDArray[np.intp], jacobian: Array, drift: Array) -> None:
-        """Take coordinates out of the task; their velocities are damped as those of the others."""
-        drift += self._rows.damping * jacobian[:, coordinates].dot(self.robot.v[coordinates])
-        jacobian[:, coordinates] = 0.0
+    def _use_only(self, robot: Robot, joints: Sequence[str] | None) -> None:
+        """Leave all coordinates but those of some joints out; their velocities are damped as those of the others."""
+        unused = other_columns(robot, joints)
+        self._others = None
+        if unused is not None:
+            self._others = np.zeros(robot.nv)
+            self._others[unused] = 1.0
 
     @property
     def spared(self) -> NDArray[np.intp]:
