@@ -203,15 +203,27 @@ def skip_described(app: Sphinx, what: str, name: str, obj: Any, skip: bool, opti
     return True if here and not getattr(obj, "__module__", "").startswith("wbc.core") else None
 
 
+ACCENTED = re.compile(
+    r"<munderover>\s*(<mi>[^<]*</mi>)\s*(.*?)\s*(<mo[^>]*>[˙¨ˉˆ˜]</mo>)\s*</munderover>", re.DOTALL
+)
+"""Letter, subscript and accent, which docutils takes for the limits of a sum."""
+
+
+def mathml(formula: str, *, block: bool = False) -> str:
+    """Return a formula in LaTeX as MathML."""
+    accented = r"<msub><mover accent='true'>\1\3</mover>\2</msub>"
+    return ACCENTED.sub(accented, str(tex2mathml(formula, as_block=block)))
+
+
 def write_formula(translator: Any, node: Element) -> None:
     """Write a formula as MathML, which browsers show without a script."""
-    translator.body.append(tex2mathml(node.astext()))
+    translator.body.append(mathml(node.astext()))
     raise SkipNode
 
 
 def write_equation(translator: Any, node: Element) -> None:
     """Write a displayed equation as MathML."""
-    translator.body.append(f'<div class="math">{tex2mathml(node.astext(), as_block=True)}</div>')
+    translator.body.append(f'<div class="math">{mathml(node.astext(), block=True)}</div>')
     raise SkipNode
 
 

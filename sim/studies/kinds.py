@@ -52,11 +52,18 @@ def _outcome(trial: Trial, check: TimeoutCheck) -> Outcome:
 
 
 register_trial(
-    WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed, units(WalkResult))
+    WalkSpec.kind,
+    TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed, units(WalkSpec) | units(WalkResult)),
 )
 register_trial(
-    StandSpec.kind, TrialKind(StandSpec.from_json, stand_outcome, None, units(StandResult), "com_error_mm")
+    StandSpec.kind,
+    TrialKind(
+        StandSpec.from_json, stand_outcome, None, units(StandSpec) | units(StandResult), "com_error_mm"
+    ),
 )
 register_trial(
-    MotionSpec.kind, TrialKind(MotionSpec.from_json, track_outcome, None, units(TrackResult), "joint_rms_deg")
+    MotionSpec.kind,
+    TrialKind(
+        MotionSpec.from_json, track_outcome, None, units(MotionSpec) | units(TrackResult), "joint_rms_deg"
+    ),
 )

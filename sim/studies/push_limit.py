@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Self
 
 from wbc.base.errors import InputError
-from wbc.base.settings import Positive, from_json, settings, to_json
+from wbc.base.settings import Positive, from_json, settings, to_json, units
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.plant.robot import DivergedError
@@ -201,9 +201,17 @@ def _searched(spec: PushLimitSpec, tried: Callable[[float], tuple[bool, float, d
 
 register_trial(
     WalkPushLimitSpec.kind,
-    TrialKind(WalkPushLimitSpec.from_json, walk_limit_outcome, WalkPushLimitSpec.with_seed, UNITS, "impulse"),
+    TrialKind(
+        WalkPushLimitSpec.from_json,
+        walk_limit_outcome,
+        WalkPushLimitSpec.with_seed,
+        units(WalkPushLimitSpec) | UNITS,
+        "impulse",
+    ),
 )
 register_trial(
     StandPushLimitSpec.kind,
-    TrialKind(StandPushLimitSpec.from_json, stand_limit_outcome, None, UNITS, "impulse"),
+    TrialKind(
+        StandPushLimitSpec.from_json, stand_limit_outcome, None, units(StandPushLimitSpec) | UNITS, "impulse"
+    ),
 )

@@ -56,7 +56,7 @@ class TrialKind:
     """Functions that read and run the trials of one kind.
 
     Attributes:
-        units: Units of parts of the results by their names, such as "zmp_error.mean": those that have one.
+        units: Units of parts of specs and results by their names, such as "zmp_error.mean": those that have one.
         seeded: Returns a spec with another seed, the rest of it taken as checked; None for kinds that check it again.
     """
 

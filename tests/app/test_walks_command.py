@@ -114,6 +114,7 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
         rows = list(csv.DictReader(file))
     assert [row["arm"] for row in rows] == ["flat", "variable"] * 2
     assert [row["status"] for row in rows] == ["done", "done", "missing", "missing"]
+    assert "amplitude (m)" in rows[0]  # a part of the spec
     assert (
         float(rows[0]["steps_done"]) == 2.0
         and float(rows[0]["zmp_error.mean (m)"]) > 0.0
