@@ -20,6 +20,7 @@ from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, wri
 from wbc.motion.contacts import find_contacts, runs
 from wbc.motion.feasible import centre_of_mass_shift
 from wbc.motion.footsteps import footsteps
+from wbc.motion.inverse_kinematics import planted
 from wbc.motion.kinematics import BodyMotion, corners_of
 from wbc.walking.plans.reach import Reach
 
@@ -311,6 +312,33 @@ def test_feet_leave_and_reach_their_places_from_above(
     tipped = [(left, right * tip if i == middle else right) for i, (left, right) in enumerate(motion.soles)]
     steps, *_ = footsteps(g1, tipped, motion.com[:, 2], motion.rate, standing)
     assert corners_of(g1, steps[middle : middle + 1])[0, 1, :, 2].min() == pytest.approx(0.01, abs=1e-9)
+
+
+def test_soles_that_are_put_back_leave_and_reach_their_places_from_rest(g1: Robot) -> None:
+    """A sole that slides ever faster before it leaves the ground: put back, it does not jump to that speed."""
+    t = np.linspace(0.0, 1.0, 101)
+    standing = np.stack([(t < 0.4) | (t > 0.7), np.ones(101)], axis=1)
+    given = np.tile(g1.half_sitting, (101, 1))
+    given[:, 7 + g1.joint_index("left_hip_pitch_joint")] += 0.1 * np.exp(-(((t - 0.55) / 0.1) ** 2))
+    robot, sole = g1.clone(), g1.soles[0].frame
+
+    def path_of(motion: np.ndarray) -> np.ndarray:
+        path = []
+        for q in motion:
+            robot.update(q, np.zeros(robot.nv))
+            path.append(robot.placement(sole).translation.copy())
+        return np.array(path)
+
+    home = [pin.SE3(g1.placement(each.frame)) for each in g1.soles[:2]]
+    soles = [
+        (home[0] if stands else pin.SE3(home[0].rotation, place), home[1])
+        for place, stands in zip(path_of(given), standing[:, 0], strict=True)
+    ]
+    paths = path_of(given), path_of(planted(g1, given, soles, standing, 20))
+    off = [np.abs(path - home[0].translation)[standing[:, 0] > 0.0].max() for path in paths]
+    assert off[0] > 1e-3 and off[1] < 1e-5
+    bends = [np.abs(np.diff(path, 2, axis=0)).max() for path in paths]
+    assert bends[1] < 1.5 * bends[0]
 
 
 def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> None:

@@ -101,12 +101,25 @@ def planted(robot: Robot, q: Array, soles: Sequence[Soles], standing: Array, fad
 
 
 def _fade(corrections: Array, stands: Array, fade: int) -> None:
-    """Take the corrections of a sole in the air, shape (T, 6), from those of the contacts beside."""
+    """Take the corrections of a sole in the air, shape (T, 6), from those of the contacts beside.
+
+    They go on with the speed that they have there, so that a sole which rests leaves its place from rest.
+    """
     contacts = np.flatnonzero(stands)
     for i in np.flatnonzero(np.logical_not(stands)).tolist():
         after = int(np.searchsorted(contacts, i))
         beside = [int(contacts[k]) for k in (after - 1, after) if 0 <= k < len(contacts)]
         corrections[i] = 0.0
         for contact in beside:
+            first, second = (contact + k * (1 if contact > i else -1) for k in (1, 2))
+            speed = np.zeros(6)  # away from the contact, per frame
+            if (
+                min(first, second) >= 0
+                and max(first, second) < len(stands)
+                and stands[first]
+                and stands[second]
+            ):
+                speed = 1.5 * corrections[contact] - 2.0 * corrections[first] + 0.5 * corrections[second]
             x = min(1.0, abs(i - contact) / fade)
             corrections[i] += (1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x**2)) * corrections[contact]
+            corrections[i] += fade * x * (1.0 - x**2 * (6.0 - 8.0 * x + 3.0 * x**2)) * speed
