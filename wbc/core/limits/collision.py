@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -98,12 +98,19 @@ class _Near:
 
 @dataclass(slots=True)
 class _Place:
-    """Place of an obstacle among the shapes, and the placement that it has there."""
+    """Place of an obstacle among the shapes, the placement that it has there, and its rows."""
 
     obstacle: Obstacle
     index: int
     local: pin.SE3
     seen: pin.SE3 | None = None
+    rows: slice = field(default_factory=lambda: slice(0))
+
+    def twist(self) -> Array:
+        """Return the velocity of the obstacle at the origin of the world, [linear; angular], shape (6,)."""
+        x, y, z = self.obstacle._placement.translation.tolist()
+        vx, vy, vz, wx, wy, wz = self.obstacle._velocity.tolist()
+        return np.array([vx + y * wz - z * wy, vy + z * wx - x * wz, vz + x * wy - y * wx, wx, wy, wz])
 
     def follow(self, geometry: pin.GeometryModel) -> None:
         """Take a new placement of the obstacle over."""
@@ -265,9 +272,11 @@ class CollisionLimit(Limit):
             for pair in self._all_pairs():
                 self._add_pair(*pair)
         for place in self._places:
+            first_row = len(self._rows)
             for link in near:
                 for i in objects[link]:
                     self._add_row(link, place.obstacle.name, i, place.index, place.obstacle)
+            place.rows = slice(first_row, len(self._rows))
         self.dim = len(self._rows)
         if self.dim == 0:
             raise InputError(f"limit '{self.name}' has no pair that can touch: give the pairs")
@@ -455,12 +464,10 @@ class CollisionLimit(Limit):
     def _beside(self) -> Array | None:
         """Return the velocities of obstacles at the origin of the world, shape (6, dim); None where none moves."""
         twists = None
-        for row, obstacle in enumerate(self._moving if self.obstacles else ()):
-            if obstacle is not None and obstacle.moving:
+        for place in self._places:
+            if place.obstacle.moving:
                 twists = np.zeros((6, self.dim)) if twists is None else twists
-                linear, angular = obstacle._velocity[:3], obstacle._velocity[3:]
-                twists[:3, row] = linear - np.cross(angular, obstacle._placement.translation)
-                twists[3:, row] = angular
+                twists[:, place.rows] = place.twist()[:, None]
         return twists
 
     def _jacobians(self, near: _Near) -> Array:
