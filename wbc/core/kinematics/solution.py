@@ -110,9 +110,9 @@ class ReachResult:
             is violated. Postures, unless they are hard, choose among configurations and do not count.
         errors: Name of a task → length of its error, in each unit of it: (m,), (rad,), or (m, rad) for a pose.
         missed: What is beyond the tolerance → by how much, such as "0.12 m, 0.3 rad".
-        held_by: Names of the limits that hold the configuration where it is. Where no limit does, names of the tasks
-            that pull against what is missed, or of missed tasks that pull against each other. Empty where everything is
-            reached, and where a target is out of reach.
+        held_by: Names of the limits that hold the configuration where it is, or that are violated. Where no limit is
+            either, names of the tasks and contacts that pull against what is missed, or of missed ones that pull
+            against each other. Empty where everything is reached, and where a target is out of reach.
         iterations: Number of steps of the last start.
         starts: Number of configurations from which the search began.
     """
