@@ -55,9 +55,9 @@ FOOTPRINT = BIPED.replace('<link name="trunk">', ROOT, 1)
     + [("hrp4_class", "position", "soft")],
 )
 def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, foot: str) -> None:
-    result = stand(StandSpec(robot=robot, mode=mode, foot=foot, seconds=0.6 if foot == "flat" else 1.2))
+    result = stand(StandSpec(robot=robot, mode=mode, foot=foot, seconds=0.4 if foot == "flat" else 1.2))
     assert result.upright and result.failures == 0
-    assert result.seconds == pytest.approx(0.6 if foot == "flat" else 1.2)
+    assert result.seconds == pytest.approx(0.4 if foot == "flat" else 1.2)
     assert result.com_error_mm < (3.0 if foot == "flat" else 5.0)
     assert result.zmp_noise_mm < 0.5 or foot == "soft"
 

@@ -424,12 +424,12 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
         Footstep(side, *frame.translation[:2].tolist())
         for side, frame in zip(SIDES, body.ticks[-1].frames, strict=True)
     )
-    plan = walk_distance(FootstepPlan(left, right, (), Gait(step_length=0.12)), 1.0)
+    plan = walk_distance(FootstepPlan(left, right, (), Gait(step_length=0.12)), 0.8)
     planner = PlanSource(plan)
     body.gait.take(planner)
     body.run(2.0)
     body.speed += [0.0, push]
-    body.run(9.0)
+    body.run(7.5)
     assert body.gait.finished and body.gait.steps_done == len(plan)
     landed = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.events][1:] + body.ticks[-1:]
     errors = [
