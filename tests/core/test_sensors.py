@@ -23,7 +23,8 @@ ROBOT, DT = load("hrp4_class").robot(), 0.005
 def observed(**parts: Any) -> Any:
     """Return the estimate of a robot that stands upright, with some parts replaced."""
     inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
-    still = {"foot_rotation": 0.0, "stance_rotation": (0.0, 0.0, 0.0), "inertial": inertial}
+    still = {"foot_rotation": (0.0, 0.0, 0.0), "stance_rotation": (0.0, 0.0, 0.0), "inertial": inertial}
+    still["foot_velocities"] = [(0.0, 0.0, 0.0)] * 2
     return SimpleNamespace(**(still | parts))
 
 
@@ -128,7 +129,7 @@ def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(lifts: bool) ->
     """A walk over boards turns about the edges under both soles."""
     names = Plausibility(ROBOT, DT).names
     monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
-    seen, told = observed(foot_rotation=1.0), []
+    seen, told = observed(foot_rotation=(0.0, 0.6, 0.8)), []
     for tick in range(400):
         wrench = np.zeros((2, 6))
         left = 0.0 if lifts and tick % 60 > 30 else 0.5
@@ -194,3 +195,63 @@ def test_a_contradiction_that_begins_with_a_push_is_none() -> None:
             told += [measurement.time] * any("too low" in doubt for doubt in monitor.doubts)
         first = told[0] if told else None
         assert first is not None and (first < 100 * DT + 0.2) is not pushed
+
+
+def told(shares: Any, feet: Any, shown: Any = (0.0, 0.0), rotation: Any = None) -> list[str]:
+    """Return what is doubted within 0.4 s after 0.6 s of rest.
+
+    Given are functions of the time since then: shares of the weight, velocities of the feet against the IMU, m/s, and
+    the angular velocity that both feet seem to have, rad/s.
+    """
+    names, rng = Plausibility(ROBOT, DT).names, np.random.default_rng(0)
+    monitor, found = ConsistencyMonitor(ROBOT, DT, names), []
+    up = ROBOT.placement(ROBOT.imu_frame).rotation
+    for tick in range(-120, 80):
+        time = tick * DT
+        wrench = np.zeros((2, 6))
+        wrench[:, 2] = np.array(shares(time) if time >= 0.0 else (0.5, 0.5)) * ROBOT.mass * GRAVITY
+        seen = observed(
+            foot_velocities=feet(time) if time >= 0.0 else [(0.0, 0.0, 0.0)] * 2,
+            foot_rotation=rotation(time) if rotation and time >= 0.0 else (0.0, 0.0, 0.0),
+        )
+        force = up.T @ [*shown, GRAVITY]
+        measurement = at_rest(ROBOT, time, sole_wrench=wrench, specific_force=force)
+        monitor.update(1e-3 * rng.normal(size=len(names)), measurement, seen)
+        found += monitor.doubts
+    return list(dict.fromkeys(found))
+
+
+def test_feet_tell_which_force_sensor_is_wrong() -> None:
+    """One foot stands and the other one swings forward with 4 m/s², or stands as well."""
+
+    def swings(time: float) -> list[tuple[float, ...]]:
+        return [(0.0, 0.0, 0.0), (min(4.0 * time, 0.8), 0.0, 0.0)]
+
+    def rests(time: float) -> list[tuple[float, ...]]:
+        return [(0.0, 0.0, 0.0)] * 2
+
+    assert told(lambda _: (1.0, 0.0), swings) == []
+    assert told(lambda _: (0.0, 1.0), swings) == ["force sensors swapped between the feet"]
+    assert told(lambda _: (0.65, 0.0), rests) == ["force sensor of right_foot too low for the weight"]
+    assert told(lambda _: (0.0, 0.65), rests) == ["force sensor of left_foot too low for the weight"]
+    assert told(lambda _: (1.0, 0.0), rests) == []
+    assert told(lambda _: (0.7, 0.0), swings) == []
+
+
+@pytest.mark.parametrize("rate", [0.1, -0.1, 0.5])
+def test_feet_that_turn_alike_without_the_accelerometer_show_a_wrong_gyroscope(rate: float) -> None:
+    """The IMU lies at h above the soles: by the gyroscope it moves with h ω, and by the accelerometer it does not."""
+    height = float(ROBOT.placement(ROBOT.imu_frame).translation[2])
+    doubt = ["gyroscope contradicts accelerometer and legs"]
+
+    def turns(_: float) -> tuple[float, float, float]:
+        return (0.0, rate, 0.0)
+
+    def legs(time: float) -> list[tuple[float, ...]]:
+        return [(-height * rate, 0.0, 0.0)] * 2
+
+    def still(time: float) -> list[tuple[float, ...]]:
+        return [(0.0, 0.0, 0.0)] * 2
+
+    assert told(lambda _: (0.5, 0.5), legs, rotation=turns) == doubt
+    assert told(lambda _: (0.5, 0.5), still, rotation=turns) == []

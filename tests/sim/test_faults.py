@@ -64,27 +64,12 @@ def test_faulty_ticks_do_no_harm(task: str, mode: str, number: int) -> None:
     assert report.upright, report.last
 
 
-UNNAMED = {
-    ("gyroscope off by 0.1 rad/s", "stand", "position"): "it falls 0.9 s later",
-    ("gyroscope off by 0.1 rad/s", "stand", "hybrid"): "named after 0.46 s",
-    ("right force sensor dead", "walk", "torque"): "named once the balance is lost",
-    ("force sensors swapped", "walk", "position"): "it falls, and nothing names the sensors",
-}
-"""Faults that are named late or not at all, and what happens: `docs/reliability.md` says so."""
-
-
-def known(name: str, task: str, mode: str) -> list[pytest.MarkDecorator]:
-    """Return the mark of a fault that is not named in time."""
-    why = UNNAMED.get((name, task, mode))
-    return [] if why is None else [pytest.mark.xfail(strict=True, reason=why)]
-
-
 @pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "task", "mode"),
     [
-        pytest.param(name, task, mode, marks=known(name, task, mode))
+        (name, task, mode)
         for fault, name in enumerate(faults())
         for kind, mode in enumerate(MODES)
         for task in [("stand", "walk")[(fault + kind) % 2]]

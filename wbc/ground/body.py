@@ -22,7 +22,8 @@ class OwnBody:
     def __init__(self, robot: Robot, shapes: Mapping[str, Sequence[RoundShape]], margin: float) -> None:
         """Take link → shapes, which grow by a margin, m; `UnknownNameError` for a link that the robot has not."""
         flat = [(robot.frame_id(link), shape) for link, own in shapes.items() for shape in own]
-        self._frames = [frame for frame, _ in flat]
+        self._frames = list(dict.fromkeys(frame for frame, _ in flat))
+        self._of = np.array([self._frames.index(frame) for frame, _ in flat], dtype=np.int64)
         ends = [
             (shape.centre, shape.centre) if isinstance(shape, CollisionSphere) else (shape.start, shape.end)
             for _, shape in flat
@@ -43,10 +44,8 @@ class OwnBody:
         x, y, z = points.T
         ends, radii = self._ends, self._radii
         if self._frames:
-            places = [data.oMf[frame] for frame in self._frames]
-            turns = np.array([place.rotation for place in places])
-            moves = np.array([place.translation for place in places])
-            ends = ends @ turns.transpose(0, 2, 1) + moves[:, None]
+            places = np.array([data.oMf[frame].homogeneous for frame in self._frames])[self._of]
+            ends = ends @ places[:, :3, :3].transpose(0, 2, 1) + places[:, None, :3, 3]
             # Shapes whose boxes reach those of the points: of ground, the feet and shanks alone.
             least, most = np.array([[each.min(), each.max()] for each in (x, y, z)]).T
             reach = (ends.min(axis=1) - radii[:, None] <= most).all(axis=1)
@@ -70,16 +69,25 @@ class OwnBody:
         """Return which points, shape (n, 3), are off the soles' boxes and off capsules, ends (m, 2, 3), radii (m,)."""
         off = np.ones(len(points), np.bool_)
         for sole, half in self._soles:
-            at = np.abs((points - data.oMf[sole].translation) @ data.oMf[sole].rotation)
-            off &= (at > half).any(axis=1)
+            place = data.oMf[sole]
+            x, y, z = np.abs(place.rotation.T @ (points - place.translation).T)
+            off &= (x > half[0]) | (y > half[1]) | (z > half[2])
         if len(ends):
-            start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
-            along = points @ way.T - (start * way).sum(axis=1)
-            length = (way * way).sum(axis=1)
-            share = np.clip(along / np.maximum(length, ROUNDING**2), 0.0, 1.0)
-            distance = (
-                (points * points).sum(axis=1)[:, None] - 2.0 * points @ start.T + (start * start).sum(axis=1)
-            )
-            distance += share * (share * length - 2.0 * along)
-            off &= (distance > radii**2).all(axis=1)
+            # The square of a point's distance from a capsule's line, less that of the radius, shape (m, n), is computed
+            # in place and in single precision, which is off by some 0.01 mm.
+            at = (points - points[0]).T.astype(np.float32)
+            start, way = ends[:, 0] - points[0], ends[:, 1] - ends[:, 0]
+            length = np.maximum((way * way).sum(axis=1), ROUNDING**2)[:, None]
+            past = (way / length).astype(np.float32) @ at
+            past -= ((start * way).sum(axis=1, keepdims=True) / length).astype(np.float32)
+            share = np.clip(past, 0.0, 1.0)
+            past *= -2.0
+            past += share
+            past *= share
+            past *= length.astype(np.float32)
+            gap = (-2.0 * start).astype(np.float32) @ at
+            gap += ((start * start).sum(axis=1) - radii * radii)[:, None].astype(np.float32)
+            gap += past
+            gap += (at * at).sum(axis=0)
+            off &= gap.min(axis=0) > 0.0
         return off

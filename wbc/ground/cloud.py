@@ -126,16 +126,17 @@ class PointCloud:
             raise InputError(
                 f"std of a cloud (m) must be a number or have shape ({count},), got shape {std.shape}"
             )
-        std = _numbers("std of a cloud (m)", _part(std, chosen) if std.shape == (count,) else std)
-        std = np.broadcast_to(std, len(points))
+        each = std.shape == (count,)
+        std = _numbers("std of a cloud (m)", _part(std, chosen) if each else std)
         finite = np.isfinite(points)
         if not finite.all():
-            good = finite.all(axis=1)
-            points, std = points[good], std[good]
+            good = np.flatnonzero(finite[:, 0] & finite[:, 1] & finite[:, 2])
+            points = points.take(good, axis=0)
+            std = std.take(good) if each else std
         if not (std > 0.0).all():
             raise InputError("std of a cloud (m) must be above zero for every point")
         object.__setattr__(self, "points", points)
-        object.__setattr__(self, "std", std)
+        object.__setattr__(self, "std", np.broadcast_to(std, len(points)))
 
 
 @checked

@@ -46,9 +46,9 @@ FUSED = 0.02
 WAITING = 64
 """Number of clouds that may wait for a tick; with more the oldest are dropped."""
 
-MOST = 2500
+MOST = 2000
 """Number of points near the robot that one tick fuses, in up to 2 ms. Of more a part is taken, another one from each
-cloud. The map has as many cells on 1 m²."""
+cloud. The map has as many cells on 0.8 m²."""
 
 WAY = np.array([0.2, 0.4, 0.6, 0.8])
 """Shares of the way of a swing at which the ground under the sole is looked at."""

@@ -11,10 +11,12 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, scalar
-from wbc.base.vectors import Vector, largest
+from wbc.base.vectors import Vector, largest, part_way
+from wbc.core.estimation.feet import FootComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -22,6 +24,8 @@ from wbc.core.signals import Measurement
 logger = logging.getLogger(__name__)
 
 _ONE = scalar(1.0)
+
+STILL = (0.0, 0.0, 0.0)
 
 FROZEN_AFTER, BUSY = 20, 0.8
 """Ticks for which a reading must stay the same to the bit to count as frozen, and share of the ticks before in which it
@@ -62,6 +66,11 @@ an error of the gyroscope does not."""
 
 DRIFT = 0.3
 """Time over which the speeds of legs and accelerometer are compared, s."""
+
+FEET_TURN, LEGS, TURN_SHARE, FEET_LASTING = 0.05, 0.02, 0.5, 0.06
+"""Speed from which both feet of a robot that stands turn alike, rad/s; part of the speed which that turn gives the legs
+that the accelerometer must not show; and time for which that must last, s. Feet that stand do not turn, and where soft
+soles let them turn, the accelerometer shows it."""
 
 OFFSET = 1.0
 """Time constant with which a constant difference of them, an accelerometer's bias, is taken for normal, s."""
@@ -166,6 +175,10 @@ class ConsistencyMonitor:
         self._keep, self._offset_gain = 1.0 - lag_gain(dt, DRIFT), lag_gain(dt, OFFSET)
         self._smoothing, self._slowly = lag_gain(dt, SMOOTHING), lag_gain(dt, SLOWLY)
         self._gain_scalar = scalar(self._gain)
+        data = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+        self._height = float(data.oMf[robot.frame_id(robot.imu_frame)].translation[2])  # of the IMU
+        self._feet = FootComparison(dt) if len(self._names) == 2 else None
         self.reset()
 
     def reset(self) -> None:
@@ -178,12 +191,17 @@ class ConsistencyMonitor:
         self._ticks = 0
         self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
         self._speed = np.zeros(self._na)
-        self._share, self._gravity, self._rotation, self._stood = 1.0, 1.0, 0.0, 0.0
+        self._shares = [1.0 / len(self._names)] * len(self._names)
+        self._gravity, self._stood, self._rotation = 1.0, 0.0, STILL
         self._since = [0.0, 0.0, 0.0, 0.0]
         self._calm, self._shaken, self._rate = 0.0, 0j, np.zeros(3)
         self._drift = self._offset = self._parted = 0j
         self._suspected = self._gyro_doubted = 0.0
-        self._turned: Vector = (0.0, 0.0, 0.0)
+        self._turned: Vector = STILL
+        self._feet_turned, self._turn = 0.0, 0j
+        self._tilt = self._expected = 0j
+        if self._feet is not None:
+            self._feet.reset()
 
     def update(self, values: Array, measurement: Measurement, observer: Observer) -> None:
         """Compare the sensors of one tick.
@@ -204,23 +222,37 @@ class ConsistencyMonitor:
             self._sensed = True
         elif self._sensed:
             doubts.append("force sensors silent, wrenches estimated")
-        loads, weight = [row[2] for row in measurement.wrenches.tolist()], self._robot.mass * GRAVITY
-        x, y, z = observer.inertial.rotation.dot(measurement.specific_force).tolist()
-        self._watch_calm(complex(x, y), measurement)
-        gain = self._gain
-        self._gravity += gain * (z / GRAVITY - self._gravity)
-        self._share += gain * (sum(loads) / weight - self._share)
-        self._stood = self._stood + self._dt if min(loads) > CARRIES * weight else 0.0
-        alike = observer.foot_rotation if self._stood > STANDING else 0.0
-        self._rotation += gain * (alike - self._rotation)
+        weight, gain = self._robot.mass * GRAVITY, self._gain
+        loads = [row[2] for row in measurement.wrenches.tolist()]
+        force = observer.inertial.rotation.dot(measurement.specific_force).tolist()
+        self._watch_calm(complex(force[0], force[1]), measurement)
+        self._gravity += gain * (force[2] / GRAVITY - self._gravity)
+        self._shares = [
+            share + gain * (load / weight - share) for share, load in zip(self._shares, loads, strict=True)
+        ]
+        feet = self._feet
+        if feet is not None:
+            feet.move(observer.foot_velocities, force)
+        stands = min(loads) > CARRIES * weight or (
+            self._stood > STANDING and feet is not None and feet.together
+        )
+        self._stood = self._stood + self._dt if stands else 0.0
+        alike = observer.foot_rotation if self._stood > STANDING else STILL
+        self._rotation = part_way(self._rotation, alike, gain)
         blind = measurement.wrench_source != "sensor"
+        if feet is not None:
+            if self._turn_contradicts(feet):
+                self._gyro_doubted = REMEMBERED
+            if not blind:
+                doubts += self._contradicted_forces(feet)
         if self._gyroscope_contradicts(observer.stance_rotation, observer.inertial.unexplained, blind):
             doubts.append("gyroscope contradicts accelerometer and legs")
+        total = sum(self._shares)
         wrong = (
-            self._gravity > GRAVITY_SHARE > self._share,
-            self._share > WEIGHT_EXCESS * max(self._gravity, 1.0),
-            self._gravity < GRAVITY_SHARE < self._share,
-            self._rotation > FOOT_ROTATION,
+            self._gravity > GRAVITY_SHARE > total,
+            total > WEIGHT_EXCESS * max(self._gravity, 1.0),
+            self._gravity < GRAVITY_SHARE < total,
+            math.hypot(*self._rotation) > FOOT_ROTATION,
         )
         if not (doubts or any(wrong) or self.doubts):
             self._since = [0.0, 0.0, 0.0, 0.0]
@@ -230,7 +262,7 @@ class ConsistencyMonitor:
             self._since[i] = self._since[i] + self._dt if is_wrong and begun else 0.0
             if self._since[i] >= LASTING:
                 doubts.append(self._contradiction(i, loads, weight))
-        found = tuple(doubts)
+        found = tuple(dict.fromkeys(doubts))
         if found and found != self.doubts:
             logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
         self.doubts = found
@@ -274,7 +306,7 @@ class ConsistencyMonitor:
         most, lasting = SPEED_DIFFERENCE, SUSPICION
         if blind:
             most, lasting = BLIND * most, BLIND_SUSPICION
-        hops = self._share < WEIGHT_SHARE or abs(rotation[2]) > FOOT_SPIN
+        hops = sum(self._shares) < WEIGHT_SHARE or abs(rotation[2]) > FOOT_SPIN
         if hops or self._calm < CALM:  # or slides, or steps out of a push
             self._suspected = 0.0
             self._drift, self._parted, unexplained = self._offset, 0j, 0j
@@ -289,11 +321,39 @@ class ConsistencyMonitor:
             if turns and self._suspected >= lasting:
                 self._gyro_doubted = REMEMBERED
         elif self._suspected:
-            self._suspected, self._turned = 0.0, (0.0, 0.0, 0.0)
+            self._suspected, self._turned = 0.0, STILL
         if self._gyro_doubted <= 0.0:
             return False
         self._gyro_doubted -= self._dt
         return True
+
+    def _turn_contradicts(self, feet: FootComparison) -> bool:
+        """Compare the turn of both feet of a robot that stands with legs and accelerometer.
+
+        A gyroscope that is wrong by ω about a horizontal axis turns both feet by ω, adds h ω to the velocity of the
+        legs, with the height h of the IMU, and makes the tilt wrong, so that a part of gravity seems to accelerate the
+        robot. Where the feet truly turn, the accelerometer shows what the legs show.
+        """
+        x, y, _ = self._rotation
+        turn, before = complex(y, -x), self._turn
+        self._turn = turn
+        self._tilt = self._keep * self._tilt + self._dt * turn
+        expected = (
+            self._keep * self._expected + self._height * (turn - before) - GRAVITY * self._dt * self._tilt
+        )
+        self._expected = expected
+        along = (feet.parted * expected.conjugate()).real
+        alike = abs(turn) > FEET_TURN and abs(expected) > LEGS and along > TURN_SHARE * abs(expected) ** 2
+        self._feet_turned = self._feet_turned + self._dt if alike else 0.0
+        return self._feet_turned >= FEET_LASTING
+
+    def _contradicted_forces(self, feet: FootComparison) -> list[str]:
+        """Compare force sensors with the motion of the feet."""
+        feet.compare(self._shares, self._gravity)
+        doubts = ["force sensors swapped between the feet"] if feet.swapped else []
+        if feet.silent is not None:
+            doubts.append(f"force sensor of {self._names[feet.silent]} too low for the weight")
+        return doubts
 
     def _frozen_readings(self, values: Array, last: Array) -> list[str]:
         """Names of the channels whose reading has stayed the same for too long."""

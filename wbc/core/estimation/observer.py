@@ -41,9 +41,6 @@ LONGEST_DELAY = 0.1
 UNAIDED = 2.0
 """Error of the inertial velocity that may have come up while no foot gave a reference, over the time, m/s²."""
 
-SHARED = 0.15
-"""Part of the load from which a foot counts for the rotation that both feet have in common."""
-
 
 @settings
 class ObserverSettings:
@@ -95,8 +92,8 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
-        foot_rotation: Angular velocity about the vertical that both feet on the ground have in common, by encoders and
-            gyroscope, rad/s. Zero if the feet turn differently, as on stones, or if one foot carries everything.
+        foot_rotation: Angular velocity that both feet have in common, by encoders and gyroscope, along the world axes,
+            shape (3,), rad/s. Zero if the feet turn differently, as on stones or in a step.
         stance_rotation: Angular velocity of the foot that carries more load, by encoders and gyroscope, along the world
             axes, shape (3,), rad/s; zero in flight.
         lifts: True for each foot that moves up or down faster than the setting `slip`, by gyroscope and accelerometer.
@@ -156,8 +153,11 @@ class Observer:
         self._time: float | None = None
         outside = self.settings.outside
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
-        self.foot_rotation = 0.0
+        self.foot_rotation: Vector = (0.0, 0.0, 0.0)
         self.stance_rotation: Vector = (0.0, 0.0, 0.0)
+        # Velocities of the feet's CoPs in the world while the base does not move but turns, and that of the IMU, m/s.
+        self._foot_motions: Sequence[Vector] = ()
+        self._imu_motion: Vector = (0.0, 0.0, 0.0)
         self.lifts = [False] * n
         self._unaided = 0.0  # time since a foot gave a reference, s
         self.reset(q)
@@ -186,6 +186,12 @@ class Observer:
     def least_share(self) -> float:
         """Share of the load on the foot that carries least."""
         return min(self._shares)
+
+    @property
+    def foot_velocities(self) -> list[Vector]:
+        """Velocities of the feet's CoPs against the IMU, by encoders and gyroscope, along the world axes, m/s."""
+        x, y, z = self._imu_motion
+        return [(u - x, v - y, w - z) for u, v, w in self._foot_motions]
 
     @property
     def net_wrench(self) -> Array:
@@ -297,7 +303,8 @@ class Observer:
         points = [(x + u, y + v, z + w) for (_, (x, y, z)), (u, v, w) in zip(frames, arms, strict=True)]
         ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
         moving, at_imu = turned_all(turn, (imu_rate.linear.tolist(), self._imu_position.tolist()))
-        imu_arm = np.array(add_cross(moving, turning, at_imu))
+        self._imu_motion = add_cross(moving, turning, at_imu)
+        imu_arm = np.array(self._imu_motion)
         expected = None if first else (self.inertial.velocity - imu_arm).tolist()
         velocity, yaw_error = self._motion_from_anchors(turn, turning, arms, points, ahead, expected, dt)
         if velocity is not None:
@@ -391,10 +398,9 @@ class Observer:
         centres to the CoPs, `points` are the CoPs, m, and `ahead` the first axes of the soles; `expected` is the
         velocity of the base by the inertial measurement unit, m/s, None in the first tick, `dt` after the last, s.
         """
-        self.foot_rotation, self.stance_rotation = 0.0, (0.0, 0.0, 0.0)
+        self.stance_rotation = (0.0, 0.0, 0.0)
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
         yaw_error = 0.0
-        rotations: list[Vector] = []
         slip, unaided = self.settings.slip, self._unaided + dt
         fastest = slip + UNAIDED * unaided
         motions: list[tuple[Vector, Vector, Vector]] = []
@@ -410,6 +416,10 @@ class Observer:
                 x, y, z = (a + b for a, b in zip(speed, expected, strict=True))
                 motion = math.hypot(x, y, z)
                 moves[i], slips[i], self.lifts[i] = motion > fastest, motion > slip, abs(z) > fastest
+        self._foot_motions = [speed for speed, _, _ in motions]
+        a, b, c = spin
+        rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]
+        self.foot_rotation = _common(rotations)
         shares = [0.0 if moving else share for share, moving in zip(self._shares, moves, strict=True)]
         total = sum(shares)
         self._shares = [share / total for share in shares] if total > 0.0 else shares
@@ -418,20 +428,17 @@ class Observer:
             return None, 0.0
         if not any(fast and share > 0.0 for fast, share in zip(slips, self._shares, strict=True)):
             self._unaided = 0.0  # feet and inertial unit agree again
-        for i, ((x, y, z), (rx, ry, rz), axis) in enumerate(motions):
+        for i, ((x, y, z), (_, _, rz), axis) in enumerate(motions):
             share = self._shares[i]
             if share == 0.0:
                 continue
-            if share > SHARED:
-                rotations.append((rx + spin[0], ry + spin[1], rz + spin[2]))
-                if share >= 0.5:
-                    self.stance_rotation = rotations[-1]
+            if share >= 0.5:
+                self.stance_rotation = rotations[i]
             vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
             if abs(rz + spin[2]) > self.settings.spin:
                 self._anchor_yaw[i] = _yaw(axis)
             else:
                 yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(axis))
-        self.foot_rotation = _common(rotations)
         return np.array((vx, vy, vz)), yaw_error
 
     def _update_position(
@@ -480,13 +487,14 @@ class Observer:
             self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
 
 
-def _common(rotations: Sequence[Vector]) -> float:
-    """Return the angular speed that two feet have in common; zero for one foot, or feet that turn differently."""
-    if len(rotations) != 2:
-        return 0.0
-    (a, b, c), (d, e, f) = rotations
-    mean = 0.5 * math.hypot(a + d, b + e, c + f)
-    return mean if math.hypot(a - d, b - e, c - f) < mean else 0.0
+def _common(rotations: Sequence[Vector]) -> Vector:
+    """Return the angular velocity that two feet have in common; zero if they turn differently, or are not two."""
+    if len(rotations) == 2:
+        (a, b, c), (d, e, f) = rotations
+        mean = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
+        if math.hypot(a - d, b - e, c - f) < math.hypot(*mean):
+            return mean
+    return (0.0, 0.0, 0.0)
 
 
 def _yaw(axis: Vector) -> float:
