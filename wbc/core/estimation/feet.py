@@ -56,7 +56,8 @@ class FootComparison:
 
     def reset(self) -> None:
         """Forget the past."""
-        self.swapped, self.silent, self.together = False, None, True
+        self.swapped, self.together = False, True
+        self.silent: int | None = None
         self.parted = self._offset = 0j
         self._last: Sequence[Vector] | None = None
         # Of each leg: the velocity that the accelerometer does not show, and its low-pass, in the world, m/s.
