@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Self
 
 from wbc.base.errors import InputError
-from wbc.base.settings import Positive, from_json, settings, to_json, units
+from wbc.base.settings import Positive, from_json, json_object, settings, to_json, units
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.plant.robot import DivergedError
@@ -51,7 +51,7 @@ class PushLimitSpec:
 
 def _parted(data: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the fields of the search, and those of the trial that is pushed."""
-    values = {key: value for key, value in data.items() if key != "kind"}
+    values = {key: value for key, value in json_object("a push limit", data).items() if key != "kind"}
     return {name: values.pop(name) for name in OWN if name in values}, values
 
 

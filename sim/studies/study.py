@@ -19,7 +19,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from wbc.base.errors import InputError, choose, unknown_name
-from wbc.base.settings import Count, Seed, from_json, settings, to_json
+from wbc.base.settings import Count, Seed, from_json, json_object, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
 from wbc.sim.studies.provenance import differences
 from wbc.sim.studies.trials import KINDS, AnyTrialSpec, trial_from_json, with_seed
@@ -205,7 +205,7 @@ class Study:
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> Study:
         """Return the study that `to_json` wrote."""
-        values = dict(data)
+        values = json_object("a study", data)
         cells = values.get("cells", {})
         if not isinstance(cells, Mapping) or not all(isinstance(parts, Mapping) for parts in cells.values()):
             raise InputError("cells of a study must be an object: name → parts of the specs")

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Self
 
 from wbc.base.errors import choose
-from wbc.base.settings import Positive, Seed, from_json, settings, to_json
+from wbc.base.settings import Positive, Seed, from_json, json_object, settings, to_json
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.robot import Robot
@@ -96,7 +96,7 @@ class TrialSpec:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default."""
-        values = dict(data)
+        values = json_object(cls.__name__, data)
         choose("kind of trial", values.pop("kind", cls.kind), (cls.kind,))
         return from_json(cls, values)
 

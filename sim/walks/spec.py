@@ -14,7 +14,7 @@ from wbc.base.changes import Changes, as_changes, changed, normal_changes
 from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, file_hash
 from wbc.base.numbers import whole_number
-from wbc.base.settings import Angle, NonNegative, Number, Seed, settings
+from wbc.base.settings import Angle, NonNegative, Number, Seed, json_object, settings
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
@@ -186,7 +186,8 @@ class WalkSpec(TrialSpec):
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the spec that `to_json` wrote; specs of earlier versions are accepted."""
-        return super().from_json(without_law(data) if "law" in data else data)
+        values = json_object(cls.__name__, data)
+        return super().from_json(without_law(values) if "law" in values else values)
 
     def foot_design(self) -> Foot:
         """Return the foot."""

@@ -240,3 +240,10 @@ def test_a_table_of_results_that_mean_nothing_is_made_or_refused_in_a_line(resul
     with contextlib.suppress(InputError):
         study_table(study, entries).markdown()
     study_frame(study, entries).to_csv()
+
+
+@pytest.mark.parametrize("kind", [WalkSpec, Study])
+@pytest.mark.parametrize("data", [None, [1, 2], "walk", 3.0])
+def test_a_spec_is_read_from_an_object_alone(kind: Any, data: Any) -> None:
+    with pytest.raises(InputError, match="must be an object of names and values"):
+        kind.from_json(data)

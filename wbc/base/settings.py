@@ -195,6 +195,13 @@ def to_json(value: Any) -> Any:
     return value
 
 
+def json_object(kind: str, data: Any) -> dict[str, Any]:
+    """Return the names and values of a JSON object as a new dictionary; `InputError` for anything else."""
+    if not isinstance(data, Mapping):
+        raise InputError(f"{kind} must be an object of names and values, got {shown(data)}")
+    return dict(data)
+
+
 def from_json(kind: type[T], data: Any) -> T:
     """Return the settings that `to_json` wrote, or shorter ones: what is left out has its default.
 
