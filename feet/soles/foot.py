@@ -10,7 +10,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.contact import ContactSpheres
-from wbc.feet.soles.sole import FootFit, SoleGeometry
+from wbc.feet.soles.sole import AnkleSole, FootFit
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Foot(ABC):
     contact: ContactSpheres = field(default_factory=ContactSpheres)
 
     @abstractmethod
-    def fit(self, sole: SoleGeometry) -> FootFit:
+    def fit(self, sole: AnkleSole) -> FootFit:
         """Return the data of the foot under an ankle, in place of the robot's own sole.
 
         Args:
@@ -73,7 +73,7 @@ class Foot(ABC):
         """
 
     @abstractmethod
-    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
+    def build(self, spec: Any, ankle_body: Any, side: str, sole: AnkleSole) -> FootParts:
         """Add the foot to a MuJoCo model under construction.
 
         The robot's own sole geoms must have been removed from the ankle body.
@@ -95,14 +95,14 @@ LARGEST_FOOT = 2.0
 
 @checked
 def fitted_sole(
-    sole: SoleGeometry,
+    sole: AnkleSole,
     *,
     length: Annotated[Positive, "m"],
     width: Annotated[Positive, "m"],
     ankle_behind: Annotated[Number, "m"],
     ankle_height: Annotated[Positive, "m"] | None = None,
     min_height: Annotated[NonNegative, "m"],
-) -> SoleGeometry:
+) -> AnkleSole:
     """Return the rectangle of a foot under an ankle, with the orientation and lateral place of the robot's own sole.
 
     Args:
@@ -143,6 +143,6 @@ def fitted_sole(
         )
     ankle_in_sole = (-ankle_behind, lateral, height)
     translation = -(sole.rotation_matrix @ ankle_in_sole)
-    return SoleGeometry(
+    return AnkleSole(
         sole.ankle_link, tuple(translation.tolist()), sole.rotation, length, width, spacing=sole.spacing
     )

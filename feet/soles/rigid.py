@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
-from wbc.feet.soles.sole import FootFit, SoleGeometry, box_inertia
+from wbc.feet.soles.sole import AnkleSole, FootFit, box_inertia
 
 SOFT_LENGTH = 0.27782
 """Length of the soft foot, m: twice the 138.91 mm of the authors' public controller configuration."""
@@ -22,11 +22,11 @@ SOFT_ANKLE_BEHIND = 0.030
 class FlatFoot(Foot):
     """The robot's own sole: rigid, with its rectangle and height; its mass is part of the ankle link."""
 
-    def fit(self, sole: SoleGeometry) -> FootFit:
+    def fit(self, sole: AnkleSole) -> FootFit:
         """Return the foot in place of the robot's own sole; see `Foot.fit`."""
         return FootFit(sole, box_inertia(0.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), 0.0, 0.0)
 
-    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
+    def build(self, spec: Any, ankle_body: Any, side: str, sole: AnkleSole) -> FootParts:
         """Add the foot to a MuJoCo model; see `Foot.build`."""
         from wbc.feet.soles.common_mjcf import build_rigid  # noqa: PLC0415 - only `build` needs MuJoCo
 
@@ -53,7 +53,7 @@ class RigidFoot(Foot):
     ankle_height: Annotated[Positive, "m"] | None = None
     mass: Annotated[NonNegative, "kg"] = 0.34
 
-    def fit(self, sole: SoleGeometry) -> FootFit:
+    def fit(self, sole: AnkleSole) -> FootFit:
         """Return the foot in place of the robot's own sole; see `Foot.fit`."""
         fitted = fitted_sole(
             sole,
@@ -68,7 +68,7 @@ class RigidFoot(Foot):
             fitted, fitted.placement.act(plate), self.mass, float(fitted.ankle[2]) - float(sole.ankle[2])
         )
 
-    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
+    def build(self, spec: Any, ankle_body: Any, side: str, sole: AnkleSole) -> FootParts:
         """Add the foot to a MuJoCo model; see `Foot.build`."""
         from wbc.feet.soles.common_mjcf import build_rigid  # noqa: PLC0415 - only `build` needs MuJoCo
 

@@ -12,7 +12,7 @@ from wbc.base.settings import Count, settings
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.foot import FootParts
 from wbc.feet.soles.soft_design import SoftDesign
-from wbc.feet.soles.sole import SoleGeometry
+from wbc.feet.soles.sole import AnkleSole
 
 
 @settings
@@ -22,7 +22,7 @@ class SoftFoot(SoftDesign):
     Its attributes are those of `SoftDesign`.
     """
 
-    def build(self, spec: Any, ankle_body: Any, side: str, sole: SoleGeometry) -> FootParts:
+    def build(self, spec: Any, ankle_body: Any, side: str, sole: AnkleSole) -> FootParts:
         """Add the foot to a MuJoCo model; see `Foot.build`."""
         from wbc.feet.soles.soft_mjcf import SoftFootBuilder  # noqa: PLC0415 - only `build` needs MuJoCo
 

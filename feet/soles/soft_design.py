@@ -14,7 +14,7 @@ from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Number, Positive, settings
 from wbc.feet.soles.foot import Foot, fitted_sole
 from wbc.feet.soles.rigid import SOFT_ANKLE_BEHIND, SOFT_LENGTH, SOFT_WIDTH
-from wbc.feet.soles.sole import FootFit, SoleGeometry, bar_inertia, box_inertia
+from wbc.feet.soles.sole import AnkleSole, FootFit, bar_inertia, box_inertia
 
 ARCH_WIDTH = 0.03
 """Width of the arches, m; for their inertia and picture alone, they touch nothing."""
@@ -143,7 +143,7 @@ class SoftDesign(Foot):
         """Mass of the whole foot, kg."""
         return self.phalanges * self.phalanx_mass + self.frontal_arch_mass + self.backward_arch_mass
 
-    def fit(self, sole: SoleGeometry) -> FootFit:
+    def fit(self, sole: AnkleSole) -> FootFit:
         """Return the foot in place of the robot's own sole; see `Foot.fit`."""
         fitted = fitted_sole(
             sole,
@@ -161,7 +161,7 @@ class SoftDesign(Foot):
             fitted, fitted.placement.act(inertia), self.mass, float(fitted.ankle[2]) - float(sole.ankle[2])
         )
 
-    def layout(self, fitted: SoleGeometry) -> SoftLayout:
+    def layout(self, fitted: AnkleSole) -> SoftLayout:
         """Return places and inertias of the parts in the rest shape, under a given ankle."""
         n, z = self.phalanges, self.hinge_height
         pitch = self.length / n

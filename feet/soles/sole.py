@@ -1,4 +1,4 @@
-"""`SoleGeometry` and `FootFit`: a robot's own sole, and a foot fitted in its place; inertias of boxes and bars."""
+"""`AnkleSole` and `FootFit`: a robot's own sole, and a foot fitted in its place; inertias of boxes and bars."""
 
 from __future__ import annotations
 
@@ -31,8 +31,11 @@ def _quaternion(rotation: Any) -> tuple[float, ...]:
 
 
 @settings
-class SoleGeometry:
-    """A rectangular sole under an ankle link.
+class AnkleSole:
+    """A rectangular sole seen from its ankle: all that a foot needs to be fitted and built.
+
+    It names no robot, so that a test rig has one too. A robot's `wbc.core.frames.Sole` is a named frame in any link of
+    its model; `wbc.sim.plant.feet.ankle_soles` makes these from it.
 
     The sole frame has its origin at the centre of the rectangle, x forward, y left, z away from the ground.
     The ankle is the origin of the ankle link, on the axis of the last joint.
@@ -85,7 +88,7 @@ class SoleGeometry:
         ankle_link: str = "ankle",
         ankle_behind: float = 0.0,
         spacing: float | None = None,
-    ) -> SoleGeometry:
+    ) -> AnkleSole:
         """Return a level sole below an upright ankle link, its centre `ankle_behind` ahead of it; all in m."""
         positive("ankle height over the sole (m)", ankle_height)
         return cls(
@@ -117,7 +120,7 @@ class FootFit:
             `FootParts.range_site`.)
     """
 
-    sole: SoleGeometry
+    sole: AnkleSole
     added_inertia: pin.Inertia = field(compare=False)
     mass: float
     height_change: float

@@ -18,7 +18,7 @@ from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.feet.soles.sole import SoleGeometry
+from wbc.feet.soles.sole import AnkleSole
 from wbc.robots import urdf
 from wbc.robots.description import RobotDescription
 from wbc.robots.registry import as_description
@@ -28,7 +28,7 @@ MASS_SUFFIX = "/mass"
 """Suffix of a sole's name in the name of the link that carries the mass of its foot."""
 
 
-def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
+def ankle_soles(robot: Robot) -> tuple[AnkleSole, ...]:
     """Return the robot's own soles as input for fitting feet, left first; `ModelError` for one on the floating base."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
@@ -48,7 +48,7 @@ def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
         )
         place = frame.placement
         soles.append(
-            SoleGeometry(
+            AnkleSole(
                 str(link),
                 tuple(place.translation.tolist()),
                 tuple(pin.Quaternion(place.rotation).normalized().coeffs().tolist()),
@@ -77,7 +77,7 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
     soles = []
     tree = urdf.read(description.urdf)
 
-    for sole, geometry in zip(description.soles, sole_geometries(robot), strict=True):
+    for sole, geometry in zip(description.soles, ankle_soles(robot), strict=True):
         fit = foot.fit(geometry)
         if mass and fit.mass > 0.0:
             _add_mass(tree, f"{sole.name}{MASS_SUFFIX}", geometry.ankle_link, fit.added_inertia)

@@ -17,7 +17,7 @@ from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
 from wbc.robots.readers.compile_mjcf import refuse_pipes
-from wbc.sim.plant.feet import sole_geometries
+from wbc.sim.plant.feet import ankle_soles
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.plant.shapes import add_body_shapes, add_stage, add_visuals, drop_meshes
@@ -217,7 +217,7 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
 
 
 def _add_feet(spec: mujoco.MjSpec, robot: Robot, foot: Foot) -> tuple[FootParts, ...]:
-    soles = sole_geometries(robot)
+    soles = ankle_soles(robot)
     if len(soles) > len(SIDES):
         raise ModelError(f"the plant has feet for {len(SIDES)} soles, '{robot.name}' has {len(soles)}")
     return tuple(

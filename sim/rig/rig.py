@@ -18,13 +18,13 @@ from wbc.feet import Foot, FootFit, foot
 from wbc.feet.soles.catalog import foot_name
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
 from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
-from wbc.feet.soles.sole import SoleGeometry
+from wbc.feet.soles.sole import AnkleSole
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain.render import add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain
 
-HRP4C_SOLE = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
+HRP4C_SOLE = AnkleSole.under_ankle(0.093, 0.160, 0.076)
 """Sole and ankle height of HRP-4C, whose contact rectangle HRP-4J shares (hrp4c_description, BSD-3)."""
 
 ANKLE_INERTIA = 0.1
@@ -75,7 +75,7 @@ class FootTest:
     y: Annotated[Number, "m"] = 0.0
     yaw: Angle = 0.0
     ankle_stiffness: Annotated[NonNegative, "Nm/rad"] = 2000.0
-    robot_sole: SoleGeometry = HRP4C_SOLE
+    robot_sole: AnkleSole = HRP4C_SOLE
     drop: Annotated[NonNegative, Field(le=1.0), "m"] = 0.01
     settle: Annotated[Positive, "s"] = 1.4
     hold: Annotated[Positive, "s"] = 0.5

@@ -11,9 +11,9 @@ from wbc.base.errors import InputError
 from wbc.feet import foot
 from wbc.feet.sensing.roughness import roughness
 from wbc.feet.sensing.scan import GroundScan, ScanSettings, resample
-from wbc.feet.soles.sole import SoleGeometry
+from wbc.feet.soles.sole import AnkleSole
 
-OWN = SoleGeometry.under_ankle(0.093, 0.16, 0.076)
+OWN = AnkleSole.under_ankle(0.093, 0.16, 0.076)
 GRID, FLAT = 0.007 * np.arange(20), np.zeros(20)
 
 REFUSED: list[tuple[Callable[[], object], str]] = [
@@ -21,7 +21,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: foot("soft", loop_phalanx=10), "loop_phalanx"),
     (lambda: foot("variable", stiffness=2001.0), "stiffness"),
     (lambda: foot("soft", ankle_height=0.02).fit(OWN), "ankle"),
-    (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 2.0), 0.1, 0.1), "quaternion"),
+    (lambda: AnkleSole("a", (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 2.0), 0.1, 0.1), "quaternion"),
     (lambda: ScanSettings(max_gap=0.001), "max_gap"),
     (lambda: GroundScan().start((0.0, 0.0)), "direction"),
     (lambda: GroundScan().profile(), "hits"),

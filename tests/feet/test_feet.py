@@ -14,17 +14,17 @@ from scipy.spatial.transform import Rotation
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.feet import RangeSensor, SoftFoot, StiffnessActuator, foot
 from wbc.feet.sensing.range_sensor import RangeSampler
-from wbc.feet.soles.sole import SoleGeometry, bar_inertia
+from wbc.feet.soles.sole import AnkleSole, bar_inertia
 
-OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
+OWN = AnkleSole.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
 FITTING = ("rigid", "soft", "long_arch", "variable")
 
 
-def tilted_sole(seed: int) -> SoleGeometry:
+def tilted_sole(seed: int) -> AnkleSole:
     """A sole whose ankle link has arbitrary axes, with the ankle 90 mm above, 20 mm behind, 5 mm left of it."""
     rotation = Rotation.random(rng=np.random.default_rng(seed))
     translation = -rotation.apply([-0.02, 0.005, 0.09])
-    return SoleGeometry("link", tuple(translation), tuple(rotation.as_quat()), 0.2, 0.1)
+    return AnkleSole("link", tuple(translation), tuple(rotation.as_quat()), 0.2, 0.1)
 
 
 # --- names and bad input ---------------------------------------------------------------------------------------------
@@ -57,7 +57,7 @@ def test_ankle_sits_where_the_design_says_whatever_the_axes_of_its_link(name: st
 
 
 def test_a_low_ankle_is_raised_and_the_difference_said() -> None:
-    low = SoleGeometry.under_ankle(0.025, 0.16, 0.076)
+    low = AnkleSole.under_ankle(0.025, 0.16, 0.076)
     fit = foot("soft").fit(low)
     assert fit.sole.ankle[2] == pytest.approx(0.034)
     assert fit.height_change == pytest.approx(0.009)

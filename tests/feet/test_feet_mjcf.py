@@ -14,12 +14,12 @@ from wbc.feet import Foot, FootParts, StiffnessActuator, foot
 from wbc.feet.soles.common_mjcf import RANGE_OFFSET
 from wbc.feet.soles.contact import LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw, solver_parameters
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
-from wbc.feet.soles.sole import SoleGeometry
+from wbc.feet.soles.sole import AnkleSole
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain
 
-OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
+OWN = AnkleSole.under_ankle(0.093, 0.160, 0.076)
 LOAD = 200.0  # N
 GRAVITY = PhysicsSettings().gravity
 
@@ -42,7 +42,7 @@ class Stand:
         *,
         tilting: bool = True,
         x: float = 0.0,
-        own: SoleGeometry = OWN,
+        own: AnkleSole = OWN,
         drop: float = 0.001,
     ) -> None:
         spec = mujoco.MjSpec()
@@ -140,9 +140,7 @@ def test_mujoco_uses_the_papers_equations(law: ConstraintLaw) -> None:
 @pytest.mark.parametrize("name", DESIGNS)
 def test_mujoco_and_the_fit_agree_on_the_inertia_of_the_foot(name: str) -> None:
     rotation = Rotation.random(rng=np.random.default_rng(1))
-    own = SoleGeometry(
-        "link", tuple(-rotation.apply([0.01, 0.004, 0.09])), tuple(rotation.as_quat()), 0.2, 0.1
-    )
+    own = AnkleSole("link", tuple(-rotation.apply([0.01, 0.004, 0.09])), tuple(rotation.as_quat()), 0.2, 0.1)
     stand = Stand(DESIGNS[name], "nothing", own=own)
     model, data = stand.model, stand.data
     link = data.body("link")

@@ -15,7 +15,7 @@ from wbc.base.errors import InputError
 from wbc.feet import foot
 from wbc.feet.sensing.scan import PROFILE_STEP, GroundScan, ScanSettings, resample
 from wbc.feet.soles.soft import toe_sensor
-from wbc.feet.soles.sole import SoleGeometry
+from wbc.feet.soles.sole import AnkleSole
 
 DOWN = (0.0, 0.0, -1.0)
 
@@ -162,9 +162,7 @@ def test_the_toe_sensor_is_where_the_model_has_it(phalanges: int) -> None:
     ankle.add_freejoint()
     ankle.mass, ankle.inertia = 1.0, [0.01] * 3
     design = foot("variable", phalanges=phalanges)
-    built = design.build(
-        spec, ankle, "left", SoleGeometry.under_ankle(0.093, 0.16, 0.076, ankle_link="ankle")
-    )  # type: ignore[arg-type]
+    built = design.build(spec, ankle, "left", AnkleSole.under_ankle(0.093, 0.16, 0.076, ankle_link="ankle"))  # type: ignore[arg-type]
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

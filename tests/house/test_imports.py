@@ -29,9 +29,9 @@ for name in ("base", "core", "robots", "feet", "tasks", "walking", "machine"):
             importlib.import_module(module.name)
 assert wbc.balance_controller(wbc.load_robot("hrp4_class").robot(), 0.005).solve().ok
 from wbc.feet.soles.catalog import foot, foot_names
-from wbc.feet.soles.sole import SoleGeometry
+from wbc.feet.soles.sole import AnkleSole
 for name in foot_names():
-    foot(name).fit(SoleGeometry.under_ankle(0.09, 0.16, 0.08))
+    foot(name).fit(AnkleSole.under_ankle(0.09, 0.16, 0.08))
 assert "mujoco" not in sys.modules, "something imported mujoco"
 assert "matplotlib" not in sys.modules and "meshcat" not in sys.modules, "something imported a viewer"
 """

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
+from wbc.base.lag import lag_gain
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, SoleSizes, other
 from wbc.walking.plans.gait import Gait, pace
@@ -164,6 +165,7 @@ class PathSteering(Steering):
     ) -> None:
         """Stand, with settings in SI units; beyond the velocity `brisk`, m/s, steps take longer."""
         self._s, self._c, self._brisk, self._dt = settings, in_si(PathConstants(), scale), brisk, dt
+        self._path_gain = lag_gain(dt, self._c.path_lag)
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
@@ -256,7 +258,7 @@ class PathSteering(Steering):
         ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
         # A robot that walks is never behind its path; one that walks sideways or turns takes it along.
         along = 0.0 if x == 0.0 and y == 0.0 and turn == 0.0 else ahead
-        across = 0.0 if y == 0.0 and turn == 0.0 else aside * min(self._dt / c.path_lag, 1.0)
+        across = 0.0 if y == 0.0 and turn == 0.0 else aside * self._path_gain
         self._path = (path[0] + cos * along - sin * across, path[1] + sin * along + cos * across)
         most = c.drift_speed
         back = -c.drift_gain * (ahead - along), -c.drift_gain * aside

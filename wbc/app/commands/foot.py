@@ -18,9 +18,9 @@ from wbc.base.settings import NonNegative, Positive, settings, to_json
 from wbc.feet import Foot, SoftFoot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.catalog import foot_names
-from wbc.feet.soles.sole import SoleGeometry
+from wbc.feet.soles.sole import AnkleSole
 from wbc.robots import load, names
-from wbc.sim.plant.feet import sole_geometries
+from wbc.sim.plant.feet import ankle_soles
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
@@ -132,8 +132,8 @@ def _list(robot: str | None, output: Output) -> Report:
     return output.report({"feet": listed}, "\n".join(_lines(listed)))
 
 
-def _sole(robot: str) -> SoleGeometry:
-    return sole_geometries(load(robot).robot())[0]
+def _sole(robot: str) -> AnkleSole:
+    return ankle_soles(load(robot).robot())[0]
 
 
 def parameters(design: Foot) -> list[dict[str, Any]]:

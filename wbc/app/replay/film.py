@@ -23,6 +23,7 @@ from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError
 from wbc.base.files import check_target, replacing
+from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 
@@ -134,7 +135,7 @@ def _pictures(replay: Replay, ticks: Iterable[int], rate: float, size: tuple[int
     camera, places = mujoco.MjvCamera(), replay.base_places
     camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
     camera.lookat[:] = (*places[0, :2], replay.floor + 0.85 * height)
-    share = 1.0 - np.exp(-1.0 / (rate * FOLLOW_TIME))
+    share = lag_gain(1.0 / rate, FOLLOW_TIME)
     with renderer(replay.model, *size) as drawn:
         for tick in ticks:
             picture = replay.picture(tick)

@@ -7,6 +7,7 @@ there than a wrong estimate costs. On ground that has been level in the last ste
 
 from __future__ import annotations
 
+from wbc.base.lag import lag_gain
 from wbc.base.vectors import Rotation, Vector
 from wbc.walking.stepping.law import SteppingConstants
 
@@ -25,6 +26,7 @@ class HeldArea:
     def __init__(self, sole: tuple[float, float], constants: SteppingConstants, dt: float) -> None:
         """Hold a point of a sole of half a length and half a width, m."""
         c, self._c, self._dt = constants, constants, dt
+        self._spin_gain = lag_gain(dt, c.spin_lag)
         self._centre = c.carrying, 0.0
         least, full = c.trusted
         trust = min(max((sole[1] - least) / (full - least), 0.0), 1.0)
@@ -54,10 +56,9 @@ class HeldArea:
         """Take in a tick: the rotation of the sole, row by row, and the wrench on it in its frame, N and Nm."""
         heights, c, dt = turn[2], self._c, self._dt
         if self._heights is not None:
-            gain = min(dt / c.spin_lag, 1.0)
             for i in (0, 1):
                 rate = (heights[i] - self._heights[i]) / dt
-                self._spin[i] += gain * (rate - self._spin[i])
+                self._spin[i] += self._spin_gain * (rate - self._spin[i])
         self._heights = heights
         _, _, force, roll, pitch, _ = wrench
         if force < c.carries:

@@ -121,7 +121,7 @@ class SteppingWalk(GaitMachine):
         )
         self._period = max(1, round(c.period / dt))  # of decisions, ticks
         self._gait = Gait(feet_spacing=self.settings.width)
-        self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), dt / max(c.time_lag, dt)
+        self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), lag_gain(dt, c.time_lag)
         self._level_gain = lag_gain(dt, c.level_lag)
         self.begin(heading)
 

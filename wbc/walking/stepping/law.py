@@ -47,7 +47,7 @@ class SteppingConstants:
     # Velocity about which steps begin to take longer, because hips have no torque for quicker ones.
     brisk: Annotated[float, "hω"] = 0.23
     # Low-pass of the time of a step: noise of ξ would move it by more than 10 ms.
-    time_lag: Annotated[float, "1/ω"] = 0.12
+    time_lag: Annotated[float, "1/ω"] = 0.111
     # Greatest time of a step when it begins, over the nominal time.
     later: float = 1.15
     # Distance of the DCM past the outer CoP bound from which on the step ends as soon as it can.
@@ -81,7 +81,7 @@ class SteppingConstants:
     # Greatest rate of a foot that stands; least rate of a foot that turns over an edge; low-pass of both rates.
     still: Annotated[float, "ω"] = 0.07
     turning: Annotated[float, "ω"] = 0.14
-    spin_lag: Annotated[float, "1/ω"] = 0.053
+    spin_lag: Annotated[float, "1/ω"] = 0.044
     # Normal force from which on the centre of pressure shows where a foot holds.
     carries: Annotated[float, "mg"] = 0.3
     # Greatest speed of the commanded centre of pressure: moments do not jump.
