@@ -207,7 +207,11 @@ FAULTS: dict[str, tuple[Callable[[Measurement, int], Measurement], str, str]] = 
 """Name → fault of a measurement, the check that names it and words of the cause."""
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+BY_CHECK = {name: fault for fault, (_, name, _) in FAULTS.items()}
+"""Check → one of the faults that it names."""
+
+
+@pytest.mark.parametrize("fault", by_default(FAULTS, *BY_CHECK.values()))
 def test_a_fault_of_the_measurement_is_named(fault: str) -> None:
     make, name, words = FAULTS[fault]
     report = conformance(Recorded(make))

@@ -445,8 +445,19 @@ MESHES = {
 }
 
 
-@pytest.mark.parametrize("kind", ["path", "model", "spec", "attached", "scene"])
-@pytest.mark.parametrize("what", MESHES)
+MESH_SOURCES = ("path", "model", "spec", "attached", "scene")
+USUAL_MESHES = [*((what, "path") for what in MESHES), *(("meshdir", kind) for kind in MESH_SOURCES[1:])]
+"""Each mesh in a file, and one mesh in each kind of source; the slow run tries all pairs."""
+
+
+@pytest.mark.parametrize(
+    ("what", "kind"),
+    [
+        pytest.param(what, kind, marks=() if (what, kind) in USUAL_MESHES else pytest.mark.slow)
+        for what in MESHES
+        for kind in MESH_SOURCES
+    ],
+)
 def test_meshes_are_found_whatever_the_file_names_and_whoever_attaches_it(
     what: str, kind: str, tmp_path: Path
 ) -> None:

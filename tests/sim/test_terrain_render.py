@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from properties import by_default
 
 from wbc.base.numbers import Array
 from wbc.sim.terrain.families.base import terrain_families
@@ -22,8 +23,26 @@ GROUNDS += [_image(), terrain("iso8608", 0.04, 1, isotropic=True), terrain("slat
 GROUNDS += [terrain("cylinder_obstacles", 0.08, 1), terrain("roof_tiles", 0.08, 1, rising=False)]
 
 
+KINDS_OF_SURFACE = [
+    "random-30",  # the same across
+    "iso8608-40",  # in all directions
+    "image-30",
+    "slats-120",  # tilted boxes
+    "cylinder_obstacles-80",  # capsules
+    "stones-30",  # ellipsoids
+    "pyramidal_stones-30",
+    "cobble_stones-30",  # spheres
+    "roof_tiles-80",  # cylinders
+]
+"""Grounds of which each is made of something else: by default these alone are touched and hit by rays."""
+
+
 def _name(t: Terrain) -> str:
     return f"{t.name}-{1e3 * t.amplitude:.0f}"
+
+
+BY_NAME = {_name(t): t for t in GROUNDS}
+grounds = pytest.mark.parametrize("name", by_default(BY_NAME, *KINDS_OF_SURFACE))
 
 
 def _cast(t: Terrain, x: Array, y: Array) -> Array:
@@ -44,8 +63,9 @@ def _cast(t: Terrain, x: Array, y: Array) -> Array:
     return z
 
 
-@pytest.mark.parametrize("t", GROUNDS, ids=_name)
-def test_random_rays_find_the_height(t: Terrain) -> None:
+@grounds
+def test_random_rays_find_the_height(name: str) -> None:
+    t = BY_NAME[name]
     rng = np.random.default_rng(0)
     x0, x1, y0, y1 = t.extent
     x, y = rng.uniform(x0 - 0.1, x1 + 0.1, 1500), rng.uniform(y0 - 0.1, y1 + 0.1, 1500)
@@ -66,8 +86,9 @@ def test_rays_a_micrometre_beside_grid_lines_are_not_lost(name: str) -> None:
     assert np.abs(_cast(t, x, y) - t.height(x, y)).max() < 1e-6
 
 
-@pytest.mark.parametrize("t", GROUNDS, ids=_name)
-def test_contacts_lie_on_the_surface(t: Terrain) -> None:
+@grounds
+def test_contacts_lie_on_the_surface(name: str) -> None:
+    t = BY_NAME[name]
     radius, depth = 0.002, 1e-4
     rng = np.random.default_rng(3)
     x, y = rng.uniform(t.start, t.stop, 150), rng.uniform(-t.width / 2 + 0.01, t.width / 2 - 0.01, 150)
