@@ -79,7 +79,7 @@ class Study:
     Attributes:
         name: Name.
         about: Question that the study answers.
-        kind: Kind of the trials.
+        kind: Kind of the trials: a registered name, or "FILE.py:NAME".
         base: Parts of a spec that all trials share.
         cells: Rows.
         arms: Columns: name → parts of the specs.
@@ -101,7 +101,7 @@ class Study:
     decision: str | None = None
 
     def __post_init__(self) -> None:
-        choose("kind of trial", self.kind, KINDS.names())
+        KINDS.find(self.kind)
         if not self.cells or not self.arms or not self.seeds:
             raise InputError(f"study '{self.name}' needs at least one cell, one arm and one seed")
         names = [cell.name for cell in self.cells]
@@ -130,11 +130,11 @@ class Study:
     @property
     def measured(self) -> str:
         """Part of the results that the table shows: `metric`, or that of the kind of trial."""
-        return self.metric or KINDS[self.kind].metric
+        return self.metric or KINDS.find(self.kind)[1].metric
 
     def titled(self, part: str) -> str:
         """Return a part of the results with its unit, such as "zmp_error.mean (m)"."""
-        unit = KINDS[self.kind].units.get(part)
+        unit = KINDS.find(self.kind)[1].units.get(part)
         return part if unit is None else f"{part} ({unit})"
 
     @property

@@ -23,10 +23,11 @@ from typing import Annotated, Any
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, check_parts
+from wbc.base.registry import in_file
 from wbc.base.settings import Count, Positive, to_json
 from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.provenance import differences, provenance
-from wbc.sim.studies.trials import AnyTrialSpec, Outcome, run_trial
+from wbc.sim.studies.trials import AnyTrialSpec, Outcome, run_trial, trial_from_json
 
 TIMEOUT = 600.0
 """Default time-out of a trial, s: a walk of 22 steps takes some ten seconds of wall time."""
@@ -192,7 +193,9 @@ def _feed(
         while (pending and not lost) or running:
             while pending and len(running) < in_flight and not lost:
                 try:
-                    future = executor.submit(_run, pending[0][0], timeout, provenance(), stuck_ends)
+                    spec, plain = pending[0]  # another process cannot import the class of a spec from a file
+                    sent = plain if in_file(spec.kind) else spec
+                    future = executor.submit(_run, sent, timeout, provenance(), stuck_ends)
                 except BrokenExecutor:
                     lost.append(pending.popleft())
                     break
@@ -271,7 +274,9 @@ def _start_worker(parent: int) -> None:
     threading.Thread(target=follow, daemon=True, name="follow the sweep").start()
 
 
-def _run(spec: AnyTrialSpec, timeout: float | None, version: Mapping[str, Any], stuck_ends: bool) -> Outcome:
+def _run(
+    spec: AnyTrialSpec | dict[str, Any], timeout: float | None, version: Mapping[str, Any], stuck_ends: bool
+) -> Outcome:
     """Run a trial, by the code that the journal will name alone; its process may end when a library does not return.
 
     Other code, since sources have changed meanwhile or a cluster has its own, is a `SweepError`.
@@ -281,6 +286,7 @@ def _run(spec: AnyTrialSpec, timeout: float | None, version: Mapping[str, Any], 
             f"a process that runs trials has other code than the sweep, which has {', '.join(other)}; run the sweep "
             "again with one version of the code"
         )
+    spec = trial_from_json(spec) if isinstance(spec, dict) else spec
     return run_trial(spec, timeout, exit_when_stuck=stuck_ends)
 
 

@@ -2,7 +2,7 @@
 
 A trial is a frozen, picklable spec that can be written as JSON and run. Its result depends on the spec alone, so that
 it need not be run twice. The kinds of the library are in `kinds` and `push_limit`; your own are registered with
-`register_trial`, or are an entry point of a package, in the group "wbc.trials".
+`register_trial`, are an entry point of a package, in the group "wbc.trials", or are named "FILE.py:NAME".
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 from wbc.base.checked import checked
-from wbc.base.registry import Registry
+from wbc.base.errors import InputError, shown
+from wbc.base.registry import Registry, in_file
 from wbc.base.settings import Positive
 from wbc.sim.trial.loop import TrialHook, TrialTick
 
@@ -35,7 +36,9 @@ class TrialTimeout(Exception):  # noqa: N818 - it is no error of the trial
 class AnyTrialSpec(Protocol):
     """Spec that a sweep can run."""
 
-    kind: ClassVar[str]
+    @property
+    def kind(self) -> str:
+        """Name of its kind."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the spec as plain values, with its kind."""
@@ -69,7 +72,12 @@ class TrialKind:
     metric: str = "steps_done"  # part of the results that tables are about, unless a study names another
 
 
-KINDS: Registry[TrialKind] = Registry("kind of trial", group="wbc.trials")
+def _check_kind(kind: object) -> None:
+    if not isinstance(kind, TrialKind):
+        raise InputError(f"a kind of trial must be a wbc.sim.studies.trials.TrialKind, got {shown(kind)}")
+
+
+KINDS: Registry[TrialKind] = Registry("kind of trial", group="wbc.trials", check=_check_kind)
 """Kinds of trials by the `kind` of their specs; other packages offer theirs by entry points."""
 
 
@@ -85,12 +93,18 @@ def register_trial(name: str, kind: TrialKind) -> None:
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
     """Return a spec of any kind that its `to_json` wrote; without "kind" it is that of a walk."""
-    return KINDS[data.get("kind", "walk")].read(data)
+    name, kind = KINDS.find(data.get("kind", "walk"))
+    spec = kind.read({**data, "kind": name} if in_file(name) else data)
+    if in_file(name) and (spec.kind, spec.to_json().get("kind")) != (name, name):
+        raise InputError(
+            f"a spec of '{name}' must keep the kind that it is read with, in `kind` and in `to_json`"
+        )
+    return spec
 
 
 def with_seed(spec: Any, seed: int) -> Any:
     """Return a spec of any kind with another seed."""
-    seeded = KINDS[spec.kind].seeded
+    seeded = KINDS.find(spec.kind)[1].seeded
     return trial_from_json({**spec.to_json(), "seed": seed}) if seeded is None else seeded(spec, seed)
 
 
@@ -112,7 +126,7 @@ def run_trial(
     if exit_when_stuck and timeout is not None:
         faulthandler.dump_traceback_later(2.0 * timeout + 30.0, exit=True, file=2)
     try:
-        return KINDS[spec.kind].run(spec, check)
+        return KINDS.find(spec.kind)[1].run(spec, check)
     except TrialTimeout as error:
         return Outcome("timeout", error=str(error))
     except Exception as error:

@@ -11,21 +11,15 @@ package, is known to all.
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
-from types import ModuleType
 from typing import Any, Protocol
 
 from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, WbcError, shown
-from wbc.base.files import file_hash
+from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.registry import Registry
 from wbc.core.robot import Robot
@@ -41,9 +35,6 @@ PLANT = "plant"
 
 NEEDED = ("control_period", "timestep", "noise", "seed", "machine")
 """Options that every loop must take."""
-
-HASH_LENGTH = 12
-"""Hex digits of the hash of a file in the name of a loop."""
 
 
 class TrialLoop(Protocol):
@@ -224,38 +215,5 @@ def trial_loop(name: str) -> LoopKind:
         InputError: The loop is unknown, or the file cannot be run, has changed since the spec was made, or does not
             have the name.
     """
-    if name in LOOPS or ".py:" not in name:
-        return LoopKind(name, LOOPS[name], _options(LOOPS[name]))
-    place, _, attribute = name.rpartition(":")
-    attribute, _, given = attribute.partition("#")
-    path = Path(place).expanduser()
-    now = file_hash(path)[:HASH_LENGTH]
-    if given and given != now:
-        raise InputError(f"loop {place} has changed: a spec has its content {given}, now it is {now}")
-    module = _module(str(path.resolve()), now)
-    factory = getattr(module, attribute, None)
-    if factory is None:
-        own = [key for key, it in vars(module).items() if getattr(it, "__module__", "") == module.__name__]
-        raise InputError(f"{place} has no '{attribute}' that makes a loop; it has {', '.join(own)}")
-    _check_factory(factory)
-    return LoopKind(f"{place}:{attribute}#{now}", factory, _options(factory))
-
-
-@cache
-def _module(path: str, content: str) -> ModuleType:
-    """Return the module of a file, run once for each content; it may import what lies beside it."""
-    name = f"wbc_loop_{Path(path).stem}_{content}"
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise InputError(f"{path} is no Python file")
-    module, folder = importlib.util.module_from_spec(spec), str(Path(path).parent)
-    sys.path.append(folder)
-    try:
-        spec.loader.exec_module(module)
-    except WbcError:
-        raise
-    except Exception as error:  # whatever a file of somebody else raises
-        raise InputError(f"{path} cannot be run: {type(error).__name__}: {error}") from error
-    finally:
-        sys.path.remove(folder)
-    return module
+    name, factory = LOOPS.find(name)
+    return LoopKind(name, factory, _options(factory))

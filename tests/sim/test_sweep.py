@@ -402,3 +402,71 @@ def test_corrected_p_values_and_exact_shares() -> None:
     assert (low, high) == (pytest.approx(0.272, abs=1e-3), pytest.approx(0.728, abs=1e-3))
     with pytest.raises(InputError, match="successes"):
         share_interval(6, 5)
+
+
+OF_A_FILE = """
+from __future__ import annotations
+from dataclasses import asdict, dataclass
+from wbc.sim.studies.trials import Outcome, TrialKind
+
+@dataclass(frozen=True)
+class Square:
+    number: int
+    seed: int = 0
+    kind: str = "square"
+
+    def to_json(self):
+        return {**asdict(self)}
+
+def run(spec, check):
+    return Outcome("done", {"square": spec.number ** 2})
+
+SQUARE = TrialKind(lambda data: Square(**data), run, metric="square")
+FORGETFUL = TrialKind(lambda data: Square(data["number"]), run)
+"""
+
+
+def study_of(kind: str) -> Study:
+    return Study(
+        name="s",
+        kind=kind,
+        cells=(Cell("c", {"number": 3}),),
+        arms={"a": {}, "b": {"number": 4}},
+        seeds=(1, 2),
+    )
+
+
+def test_a_kind_of_trial_in_a_file_is_run_in_processes_that_have_not_imported_it(tmp_path: Path) -> None:
+    file, path = tmp_path / "own.py", tmp_path / "journal.jsonl"
+    file.write_text(OF_A_FILE)
+    study = Study.from_json(study_of(f"{file}:SQUARE").to_json())
+    with Journal(path) as journal:
+        sweep([trial.spec for trial in study.trials()], journal, workers=1)
+    table = study_table(study, read_journal(path)).markdown()
+    assert "| c | 9 (2) | 16 (2) |" in table
+    with Journal(path) as journal:
+        assert sweep([trial.spec for trial in study.trials()], journal).run == 0
+        file.write_text(OF_A_FILE.replace("** 2", "** 3"))
+        summary = sweep([t.spec for t in study.trials()], journal, executor=ThreadPoolExecutor(1))
+        assert (summary.found, summary.run) == (0, 4)
+        assert {entry.result["square"] for entry in journal.entries.values() if entry.result} == {
+            9,
+            16,
+            27,
+            64,
+        }
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("CUBE", "no kind of trial 'CUBE'; it has SQUARE, FORGETFUL"),
+        ("run", "must be a wbc.sim.studies.trials.TrialKind"),
+        ("FORGETFUL", "must keep the kind"),
+        ("SQUARE#0123", "has changed"),
+    ],
+)
+def test_a_kind_of_trial_in_a_file_that_is_none_is_refused(name: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OF_A_FILE)
+    with pytest.raises(InputError, match=message):
+        list(study_of(f"{tmp_path / 'own.py'}:{name}").trials())

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import importlib.util
 import inspect
 import logging
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeVar, get_args
 
 from wbc.base.errors import InputError, WbcError, choose, shown, unknown_name
+from wbc.base.files import file_hash
 
 logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
+
+HASH_LENGTH = 12
+"""Hex digits of the hash of a file in the name of an entry of this file."""
 
 
 class Registry(dict[str, T]):
@@ -72,6 +79,44 @@ class Registry(dict[str, T]):
         """Return all names, those of other packages last."""
         return (*self, *self.offered())
 
+    def find(self, name: str) -> tuple[str, T]:
+        """Return an entry, and its name as a spec keeps it: that of a file has the hash of the file behind it.
+
+        Args:
+            name: A name, or a file and a name in it, such as "mine.py:NAME". "#" and the hash of the file may follow.
+
+        Raises:
+            InputError: The name is unknown, or the file cannot be run, has changed since the spec was made, or does
+                not have the name, or has no such entry under it.
+        """
+        if not in_file(name) or name in self:
+            return name, self[name]
+        place, _, attribute = name.rpartition(":")
+        attribute, _, given = attribute.partition("#")
+        path = Path(place).expanduser()
+        now = file_hash(path)[:HASH_LENGTH]
+        if given and given != now:
+            raise InputError(
+                f"{self.kind} {place} has changed: a spec has its content {given}, now it is {now}"
+            )
+        module = _module(str(path.resolve()), now)
+        value = getattr(module, attribute, None)
+        if value is None:
+            own = [key for key, it in vars(module).items() if self._accepts(it, module)]
+            raise InputError(f"{place} has no {self.kind} '{attribute}'; it has {', '.join(own) or 'none'}")
+        if self._check is not None:
+            self._check(value)
+        return f"{place}:{attribute}#{now}", value
+
+    def _accepts(self, value: Any, module: ModuleType) -> bool:
+        """Return True for an entry of this kind that a module defines and does not import."""
+        if callable(value) and getattr(value, "__module__", "") != module.__name__:
+            return False
+        try:
+            return self._check is None or self._check(value) is None
+        except InputError:
+            return False
+
     def loaded(self) -> Mapping[str, T]:
         """Return all entries, those of other packages loaded; one that cannot be is left out with a warning."""
         for name in self.offered():
@@ -108,6 +153,33 @@ def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any
         if isinstance(error, WbcError):
             raise
         raise InputError(f"the {what} cannot use {shown(dict(parameters))}: {error}") from error
+
+
+def in_file(name: object) -> bool:
+    """Return True for the name of an entry in a Python file, such as "mine.py:NAME"."""
+    return isinstance(name, str) and ".py:" in name
+
+
+@cache
+def _module(path: str, content: str) -> ModuleType:
+    """Return the module of a file, run once for each content; it may import what lies beside it."""
+    name = f"wbc_file_{Path(path).stem}_{content}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path} is no Python file")
+    module, folder = importlib.util.module_from_spec(spec), str(Path(path).parent)
+    sys.path.append(folder)
+    sys.modules[name] = module  # where dataclasses look up their annotations
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever a file of somebody else raises
+        del sys.modules[name]
+        if isinstance(error, WbcError):
+            raise
+        raise InputError(f"{path} cannot be run: {type(error).__name__}: {error}") from error
+    finally:
+        sys.path.remove(folder)
+    return module
 
 
 @cache
