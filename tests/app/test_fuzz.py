@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from made_person import LAFAN1, person, write_bvh
 from mjcf_biped import biped
 from PIL import Image
-from properties import examples
+from properties import by_default, examples
 from recorded import recorded_stand
 
 import wbc
@@ -140,7 +140,11 @@ BAD_FILES: dict[str, tuple[Callable[[Path], object], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", BAD_FILES)
+ALIKE = ("pipe.npy", "pipe.xml", "mesh.xml", "attached.xml", "big.png")
+"""Files that cannot be used for a reason that another one shows by default."""
+
+
+@pytest.mark.parametrize("name", by_default(BAD_FILES, *(name for name in BAD_FILES if name not in ALIKE)))
 def test_a_file_that_cannot_be_used_is_refused(commands: fuzzing.Commands, tmp_path: Path, name: str) -> None:
     make, words = BAD_FILES[name]
     make(file := tmp_path / name)

@@ -89,7 +89,7 @@ def test_servo_torque_is_its_law_within_the_limit(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
-@pytest.mark.parametrize("foot", ["flat", "rigid"])
+@pytest.mark.parametrize("foot", by_default(["flat", "rigid"], "flat"))
 def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: str) -> None:
     """Eight or nine spheres a sole: the same corners, levers of friction within 12 %, and the same rest under load."""
     few, all_of_them = (

@@ -178,11 +178,11 @@ AGES = {
 @pytest.mark.parametrize(
     ("ages", "rounded_down"),
     [
-        ({"joint_position": 3}, 0.0),
+        pytest.param({"joint_position": 3}, 0.0, marks=pytest.mark.slow),
         ({"joint_position": 3, "sole_wrench": 3}, 0.0009),
         ({"joint_position": 0}, 0.0),
         ({"sole_wrench": 12}, 0.0),
-        (AGES, 0.0),  # the youngest readings are not even sampled
+        pytest.param(AGES, 0.0, marks=pytest.mark.slow),  # the youngest readings are not even sampled
         (AGES | {"joint_velocity": 7}, 0.0),
     ],
 )

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from made_motions import make_motion
+from properties import by_default
 
 from wbc.base.errors import InputError
 from wbc.core.drive.control import Mode
@@ -226,7 +227,7 @@ def scaled_biped(share: float, effort: float = 1.0) -> RobotDescription:
 
 
 @pytest.mark.parametrize("drive", [PositionControl, TorqueControl])
-@pytest.mark.parametrize("share", [0.06, 0.02])
+@pytest.mark.parametrize("share", by_default([0.06, 0.02], 0.02))
 def test_a_light_robot_stands_as_a_heavy_one(
     share: float, drive: type[PositionControl | TorqueControl]
 ) -> None:

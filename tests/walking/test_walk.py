@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from pendulum import analytic_pattern, com_after, support_area
+from properties import by_default
 
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots import load
@@ -310,7 +311,7 @@ def test_without_a_push_no_step_is_moved() -> None:
         np.testing.assert_allclose([step.x, step.y], [wanted.x, wanted.y], atol=1e-3)
 
 
-@pytest.mark.parametrize("width", [1.0, 0.7])
+@pytest.mark.parametrize("width", by_default([1.0, 0.7], 0.7))
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
 def test_the_constant_error_of_sensors_moves_no_step(robot: str, width: float) -> None:
     """An accelerometer that is off by 0.05 m/s² shifts the DCM by 4 mm; soles of any width have room for it."""
