@@ -274,7 +274,7 @@ def stranger(xml: str, floor: str = FLOOR) -> tuple[MujocoLoop, float]:
     return loop, float(np.abs(loop.truth().com - start).max())
 
 
-@pytest.mark.parametrize("kinds", ["door", "robot", "both"])
+@pytest.mark.parametrize("kinds", by_default(["door", "robot", "both"], "both"))
 def test_controls_are_found_where_actuators_have_several(kinds: str) -> None:
     """A pid of a door in front of the motors, pids as the robot's servos; controls of the door are left alone."""
     xml = BIPED.replace("</worldbody>", DOOR).replace(
@@ -386,7 +386,7 @@ def sprung(springs: Sequence[str]) -> str:
     return xml
 
 
-@pytest.mark.parametrize("springs", [("shank",), ("leaf",), ("shank", "leaf")])
+@pytest.mark.parametrize("springs", by_default([("shank",), ("leaf",), ("shank", "leaf")], ("shank", "leaf")))
 def test_joints_that_the_description_locks_move_in_the_model(springs: tuple[str, ...]) -> None:
     """The robot stands on its springs; joints, soles and their wrenches are those of the model."""
     xml = sprung(springs)

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pendulum import BY_TIME
+from properties import by_default
 
 from wbc.base.settings import from_json, to_json
 from wbc.robots import load
@@ -267,7 +268,7 @@ def test_a_plan_from_the_start_is_walked_as_one_that_is_given_later() -> None:
             np.testing.assert_allclose(one.placement.homogeneous, other.placement.homogeneous, atol=1e-9)
 
 
-@pytest.mark.parametrize("when", [6.0, 6.5, 7.0, 7.5])
+@pytest.mark.parametrize("when", by_default([6.0, 6.5, 7.0, 7.5], 6.0, 7.5))
 @pytest.mark.parametrize("first", [True, False])
 def test_a_robot_that_is_stopped_on_a_stair_brings_its_feet_together_there(first: bool, when: float) -> None:
     start = FootstepPlan.standing(ROBOTS["hrp4_class"])
