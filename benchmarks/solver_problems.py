@@ -20,7 +20,6 @@ import numpy as np
 import qpsolvers
 from problem_streams import ProblemStream, least_violation
 
-from wbc.app.output import quiet
 from wbc.base.settings import Count, Seed, Share, settings, to_json
 from wbc.core.qp.solving.other_solvers import standard_form
 from wbc.core.qp.solving.problem import Problem
@@ -141,8 +140,7 @@ def bench_solver(
             if progress is not None:
                 progress((done * options.ticks + ticks) // options.repeat)
 
-        with quiet("wbc.core.qp.solving.solver", logging.ERROR):  # infeasible problems are expected here
-            passes.append(_pass(options, report))
+        passes.append(_pass(options, report))
     tally = passes[0]
     first = np.array(tally.wall)
     for again in passes[1:]:
@@ -222,6 +220,8 @@ def main() -> None:
         default = getattr(BenchSolverOptions, name)
         parser.add_argument(f"--{name}", type=type(default), default=default, help="default %(default)s")
     options = BenchSolverOptions(**vars(parser.parse_args()))
+    # Infeasible problems are expected here.
+    logging.getLogger("wbc.core.qp.solving.solver").setLevel(logging.ERROR)
     print(
         json.dumps(
             bench_solver(options, progress=lambda done: print(done, "ticks", file=sys.stderr)), indent=1

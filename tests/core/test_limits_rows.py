@@ -91,6 +91,17 @@ def test_collision_rows_are_the_derivative_of_the_distance(name: str, make: obje
         np.testing.assert_allclose(rows @ v, (ends[0] - ends[1]) / (2 * STEP), atol=1e-6)
 
 
+def test_collision_bounds_are_filled_in_whatever_arrays_are_given() -> None:
+    robot = make_robot("hrp4_class")
+    limit = capsules(robot)
+    limit.bind(robot)
+    rows = np.zeros((limit.dim, robot.nv))
+    for _ in range(2):
+        lower, upper = np.zeros(limit.dim), np.zeros(limit.dim)
+        limit.write(0.005, rows, lower, upper)
+        assert (upper == np.inf).all()
+
+
 @robots
 @pytest.mark.usefixtures("all_rows")
 def test_collision_bound_counts_drift_and_damper(name: str) -> None:

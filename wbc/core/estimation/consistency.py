@@ -16,7 +16,7 @@ import pinocchio as pin
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, scalar
 from wbc.base.vectors import Vector, largest, part_way
-from wbc.core.estimation.feet import FootComparison
+from wbc.core.estimation.feet import STILL, FootComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -24,8 +24,6 @@ from wbc.core.signals import Measurement
 logger = logging.getLogger(__name__)
 
 _ONE = scalar(1.0)
-
-STILL = (0.0, 0.0, 0.0)
 
 FROZEN_AFTER, BUSY = 20, 0.8
 """Ticks for which a reading must stay the same to the bit to count as frozen, and share of the ticks before in which it

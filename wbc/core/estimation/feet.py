@@ -33,7 +33,7 @@ MISSING, NEARLY = 0.25, 0.15
 """Share of the weight that force sensors do not report, and greatest difference of the vertical specific force from
 gravity, over gravity, at which the ground must carry the weight."""
 
-_STILL = (0.0, 0.0, 0.0)
+STILL = (0.0, 0.0, 0.0)
 
 
 class FootComparison:
@@ -61,9 +61,9 @@ class FootComparison:
         self.parted = self._offset = 0j
         self._last: Sequence[Vector] | None = None
         # Of each leg: the velocity that the accelerometer does not show, and its low-pass, in the world, m/s.
-        self._parted: list[Vector] = [_STILL, _STILL]
-        self._smooth: list[Vector] = [_STILL, _STILL]
-        self._between: Vector = _STILL
+        self._parted: list[Vector] = [STILL, STILL]
+        self._smooth: list[Vector] = [STILL, STILL]
+        self._between: Vector = STILL
         self._since = [0.0, 0.0]
         self._alone: int | None = None  # foot that carries the robot by its sensor
 
@@ -102,7 +102,7 @@ class FootComparison:
         few = shares[1 - carrying] < SILENT
         alone = carrying if few and shares[carrying] > CARRIES else None
         if alone != self._alone and alone is not None:  # its swing is over
-            self._parted, self._smooth = [_STILL, _STILL], [_STILL, _STILL]
+            self._parted, self._smooth = [STILL, STILL], [STILL, STILL]
         self._alone = alone
         sizes = [math.hypot(*parted) for parted in self._smooth]
         moves = alone is not None and sizes[carrying] > max(MOVES, MORE * sizes[1 - carrying])

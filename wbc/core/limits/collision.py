@@ -429,12 +429,12 @@ class CollisionLimit(Limit):
         return f"{size:.3g} m ('{one}' and '{other}')"
 
     def _clear(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Empty the rows that are filled; all of them in arrays that were not seen before."""
+        """Empty the rows that are filled, all of them in an array that was not seen before, and the bounds."""
         lower.fill(-np.inf)
+        upper.fill(np.inf)
         if rows is not self._written:
             self._written = rows
             rows.fill(0.0)
-            upper.fill(np.inf)
         elif self._filled.size:
             rows[self._filled] = 0.0
         self._filled = _NO_ROWS

@@ -169,9 +169,8 @@ class Assembly:
         self._motion: list[tuple[Task, Array, Array, Array]] = []
         self._variable: list[tuple[VariableTask, Array, Array]] = []
         self._selection: list[tuple[SelectionTask, Rows]] = []
-        self._hard_selection: list[
-            tuple[Array, Array]
-        ] = []  # their targets as equalities, and as they are computed
+        # Of the hard ones: their targets as equalities, and as they are computed.
+        self._hard_selection: list[tuple[Array, Array]] = []
         self._row_blocks: list[tuple[Limit, Array, Array, Array]] = []
 
         self._place_hard_first(hard_first, hard_rows.start)

@@ -152,9 +152,8 @@ class Task(Targeted):
             self._linear_rows = int(mask[[axis in POSITION_AXES for axis in rows]].sum())
         joints = given.pop("joints", None)
         self._only_joints = None if joints is None else distinct_joints(joints)
-        self._others: Array | None = (
-            None  # 1 for each coordinate that the task must not use, 0 for the others
-        )
+        # 1 for each coordinate that the task must not use, 0 for the others.
+        self._others: Array | None = None
         self._full: tuple[Array, Array, Array] | None = None  # rows of all axes, where some are chosen
         self._spared: NDArray[np.intp] | None = None
         self.spared_acceleration = np.zeros(0)

@@ -19,7 +19,7 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING
-from wbc.base.vectors import Rotation, Vector
+from wbc.base.vectors import Rotation, Vector, part_way
 from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.trajectories import Follower
@@ -237,7 +237,7 @@ class SteppingWalk(GaitMachine):
     def _follow_pendulum(self) -> None:
         """Low-pass the contact point and find the DCM about it."""
         now, state, scale = self._contact_point(), self._state, self.scale
-        contact = now if self._contact is None else _towards(self._contact, now, self._cop_gain)
+        contact = now if self._contact is None else part_way(self._contact, now, self._cop_gain)
         self._contact = contact
         if self.phase is not GaitPhase.SINGLE:
             self.dcm = self._own_dcm(contact[2])
@@ -577,7 +577,7 @@ class SteppingWalk(GaitMachine):
         if self.met is None:
             self._carrying = self._carrying_point(swing)
         else:
-            self._carrying = _towards(self._carrying, self._centre_of_pressure(swing), self._cop_gain)
+            self._carrying = part_way(self._carrying, self._centre_of_pressure(swing), self._cop_gain)
 
     def _is_to_carry(self, steps: StepVelocity) -> bool:
         """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
@@ -685,9 +685,3 @@ class SteppingWalk(GaitMachine):
         return self._reference(
             pendulum, self._frames, heading, events, most_push=push, most_force=most_force, cop=cop
         )
-
-
-def _towards(place: Vector, goal: Vector, gain: float) -> Vector:
-    """Return a place moved towards another one by a ratio of the distance: a tick of a low-pass."""
-    (x, y, z), (u, v, w) = place, goal
-    return x + gain * (u - x), y + gain * (v - y), z + gain * (w - z)
