@@ -154,8 +154,8 @@ class WrenchEstimator:
                 self.wrench[i] = alone[i]
                 self.outside -= alone[i].dot(self._jacobian[self._soles[i]])
         elif soles:
-            loaded = matrix.reshape(len(self._legs), 6, -1)[soles].reshape(6 * len(soles), -1)
-            self.wrench[soles] = self._solve(loaded, residual).reshape(-1, 6)
+            carrying = matrix.reshape(len(self._legs), 6, -1)[soles].reshape(6 * len(soles), -1)
+            self.wrench[soles] = self._solve(carrying, residual).reshape(-1, 6)
         return self.wrench
 
     def _solve(self, matrix: Array, residual: Array) -> Array:
