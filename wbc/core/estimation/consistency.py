@@ -57,6 +57,10 @@ FOOT_ROTATION, FOOT_SPIN = 0.5, 0.5
 0.5 s: in a walk both may roll over the edges of stones or boards; and speed about the vertical above which a foot on
 the ground slides, so that speeds are not compared, rad/s."""
 
+SLAP, SLAPPED = 2.0, 0.05
+"""Speed about a horizontal axis above which a foot that carries slaps down from an edge, rad/s, and time for which legs
+and accelerometer are not compared after that, s: such a foot leaves the ground in part, and its end is a blow."""
+
 SPEED_DIFFERENCE, STANCE_ROTATION = 0.035, 0.05
 """Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the foot on the ground
 seems to turn, which it does from the second on, rad/s: a foot that turns, as on stones, moves the accelerometer, too;
@@ -194,7 +198,7 @@ class ConsistencyMonitor:
         self._since = [0.0, 0.0, 0.0, 0.0]
         self._calm, self._shaken, self._rate = 0.0, 0j, np.zeros(3)
         self._drift = self._offset = self._parted = 0j
-        self._suspected = self._gyro_doubted = 0.0
+        self._suspected = self._gyro_doubted = self._slapped = 0.0
         self._turned: Vector = STILL
         self._feet_turned, self._turn = 0.0, 0j
         self._tilt = self._expected = 0j
@@ -305,7 +309,8 @@ class ConsistencyMonitor:
         if blind:
             most, lasting = BLIND * most, BLIND_SUSPICION
         hops = sum(self._shares) < WEIGHT_SHARE or abs(rotation[2]) > FOOT_SPIN
-        if hops or self._calm < CALM:  # or slides, or steps out of a push
+        self._slapped = SLAPPED if math.hypot(rotation[0], rotation[1]) > SLAP else self._slapped - self._dt
+        if hops or self._slapped > 0.0 or self._calm < CALM:  # or slides, or steps out of a push
             self._suspected = 0.0
             self._drift, self._parted, unexplained = self._offset, 0j, 0j
         self._drift = drift = self._keep * self._drift + unexplained
