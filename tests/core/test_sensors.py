@@ -232,8 +232,8 @@ def test_feet_tell_which_force_sensor_is_wrong() -> None:
 
     assert told(lambda _: (1.0, 0.0), swings) == []
     assert told(lambda _: (0.0, 1.0), swings) == ["force sensors swapped between the feet"]
-    assert told(lambda _: (0.65, 0.0), rests) == ["force sensor of right_foot too low for the weight"]
-    assert told(lambda _: (0.0, 0.65), rests) == ["force sensor of left_foot too low for the weight"]
+    assert told(lambda _: (0.6, 0.0), rests) == ["force sensor of right_foot too low for the weight"]
+    assert told(lambda _: (0.0, 0.6), rests) == ["force sensor of left_foot too low for the weight"]
     assert told(lambda _: (1.0, 0.0), rests) == []
     assert told(lambda _: (0.7, 0.0), swings) == []
 
