@@ -16,7 +16,7 @@ import pinocchio as pin
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, scalar
 from wbc.base.vectors import Vector, largest, part_way
-from wbc.core.estimation.feet import STILL, FootComparison
+from wbc.core.estimation.feet import LASTING, MEMORY, OFFSET, SMOOTHING, STILL, FootComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -29,8 +29,8 @@ FROZEN_AFTER, BUSY = 20, 0.8
 """Ticks for which a reading must stay the same to the bit to count as frozen, and share of the ticks before in which it
 must have changed: noise changes a reading in every tick, one that is rounded comes to rest by and by."""
 
-TIME_CONSTANT, LASTING = 0.05, 0.1
-"""Low-pass of the compared signals; time that a contradiction must last before it is named, s."""
+TIME_CONSTANT = 0.05
+"""Low-pass of the compared signals, s."""
 
 WEIGHT_SHARE, WEIGHT_EXCESS, GRAVITY_SHARE = 0.6, 2.0, 0.6
 """The soles must carry at least the first part of the weight and at most the second, and the accelerometer must show at
@@ -66,19 +66,13 @@ SPEED_DIFFERENCE, STANCE_ROTATION = 0.035, 0.05
 seems to turn, which it does from the second on, rad/s: a foot that turns, as on stones, moves the accelerometer, too;
 an error of the gyroscope does not."""
 
-DRIFT = 0.3
-"""Time over which the speeds of legs and accelerometer are compared, s."""
-
 FEET_TURN, LEGS, TURN_SHARE, FEET_LASTING = 0.05, 0.02, 0.5, 0.06
 """Speed from which both feet of a robot that stands turn alike, rad/s; part of the speed which that turn gives the legs
 that the accelerometer must not show; and time for which that must last, s. Feet that stand do not turn, and where soft
 soles let them turn, the accelerometer shows it."""
 
-OFFSET = 1.0
-"""Time constant with which a constant difference of them, an accelerometer's bias, is taken for normal, s."""
-
-SMOOTHING, SUSPICION = 0.03, 0.1
-"""Low-pass of the difference, and time for which it must be too large while the robot stays calm, s."""
+SUSPICION = 0.1
+"""Time for which the difference must be too large while the robot stays calm, s."""
 
 BLIND, BLIND_SUSPICION = 1.5, 0.15
 """Factor of the difference, and time for which it must be too large, where wrenches are estimated: the loads of feet
@@ -174,7 +168,7 @@ class ConsistencyMonitor:
         self._na = robot.na
         self._wrenches = len(channels) - 6 * len(self._names)
         self._gain = lag_gain(dt, TIME_CONSTANT)
-        self._keep, self._offset_gain = 1.0 - lag_gain(dt, DRIFT), lag_gain(dt, OFFSET)
+        self._keep, self._offset_gain = 1.0 - lag_gain(dt, MEMORY), lag_gain(dt, OFFSET)
         self._smoothing, self._slowly = lag_gain(dt, SMOOTHING), lag_gain(dt, SLOWLY)
         self._gain_scalar = scalar(self._gain)
         data = robot.model.createData()

@@ -17,13 +17,14 @@ from wbc.core.robot import GRAVITY
 
 MEMORY, SMOOTHING, LASTING, OFFSET = 0.3, 0.03, 0.1, 1.0
 """Time over which velocities of a leg and of the accelerometer are compared, low-pass of speeds, time for which a
-contradiction must last, and time constant with which a lasting difference is taken for normal, s."""
+contradiction must last, and time constant with which a lasting difference, an accelerometer's bias, is taken for
+normal, s."""
 
 MOVES, MORE = 0.15, 3.0
 """Velocity of a leg that the accelerometer does not show, from which on its foot moves, m/s, if it is so many times
 that of the other leg."""
 
-CARRIES, SILENT = 0.6, 0.05
+ALONE, SILENT = 0.6, 0.05
 """Shares of the weight that the foot which seems to carry the robot reports at least, and the other one at most."""
 
 RESTS = 0.1
@@ -100,7 +101,7 @@ class FootComparison:
         """
         carrying = 0 if shares[0] > shares[1] else 1
         few = shares[1 - carrying] < SILENT
-        alone = carrying if few and shares[carrying] > CARRIES else None
+        alone = carrying if few and shares[carrying] > ALONE else None
         if alone != self._alone and alone is not None:  # its swing is over
             self._parted, self._smooth = [STILL, STILL], [STILL, STILL]
         self._alone = alone
