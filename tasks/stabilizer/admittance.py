@@ -14,12 +14,14 @@ Source: S. Caron et al., ICRA 2019, section V.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
+from wbc.base.vectors import Vector
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair
 
 HEIGHT_LEAK = 1.0
@@ -53,17 +55,15 @@ class FootCorrection(NamedTuple):
         return pin.SE3(rotation, np.array((x, y, z + self.height))), velocity
 
 
-def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[float, float]:
+def cop_rates(gains: StabilizerGains, measured: Vector, target: Vector) -> tuple[float, float]:
     """Return roll and pitch rate of a foot from its torque errors: about the sole's x and y axes, rad/s, clamped.
 
-    Measured and desired [force; moment] are in the sole frame, shape (6,), N and Nm.
+    Measured and desired [force; moment] are in the sole frame, six numbers, N and Nm.
     """
     assert gains.cop_admittance is not None, "gains.for_mass(mass) fills it in"
     along, across = pair(gains.cop_admittance)
     bound = gains.max_angular_velocity
-    _, _, _, roll_torque, pitch_torque, _ = measured.tolist()
-    _, _, _, roll_target, pitch_target, _ = target.tolist()
-    roll, pitch = across * (roll_torque - roll_target), along * (pitch_torque - pitch_target)
+    roll, pitch = across * (measured[3] - target[3]), along * (measured[4] - target[4])
     return min(max(roll, -bound), bound), min(max(pitch, -bound), bound)
 
 
@@ -110,31 +110,31 @@ class FootAdmittance:
         """Return the correction of a foot (0 left, 1 right) now."""
         return FootCorrection(*self._state[foot], *self._rate[foot])
 
-    def update(self, measured: Array, target: Array, contact: tuple[bool, bool], dt: float) -> None:
+    def update(
+        self, measured: Sequence[Vector], target: Sequence[Vector], contact: tuple[bool, bool], dt: float
+    ) -> None:
         """Integrate over one period, s; feet that are not in contact keep their correction.
 
-        Measured and desired [force; moment] of both feet are in their sole frames, shape (2, 6), N and Nm.
+        Measured and desired [force; moment] of both feet are in their sole frames, six numbers each, N and Nm.
         """
         g = self.gains
         heights = (self._state[0][2], self._state[1][2])
         if all(contact):
-            left, right = measured[:, 2].tolist()
-            climb = height_rates(g, (left, right), tuple(target[:, 2].tolist()), heights)
+            (left, right), wanted = measured, (target[0][2], target[1][2])
+            climb = height_rates(g, (left[2], right[2]), wanted, heights)
         else:
             # An exact decay, however long the period.
             decay = (math.exp(-g.support_height_leak * dt) - 1.0) / dt
             climb = (decay * heights[0], decay * heights[1])
-        bounds = (MAX_ROTATION, MAX_ROTATION, MAX_HEIGHT)
         for foot in (0, 1):
-            before = self._state[foot]
             if not contact[foot]:
                 self._rate[foot] = [0.0, 0.0, 0.0]
                 continue
-            roll, pitch = cop_rates(g, measured[foot], target[foot])
-            rates = (roll, pitch, climb[foot])
-            after = [
-                min(max(value + dt * rate, -bound), bound)
-                for value, rate, bound in zip(before, rates, bounds, strict=True)
+            roll, pitch, height = self._state[foot]
+            roll_rate, pitch_rate = cop_rates(g, measured[foot], target[foot])
+            self._state[foot] = x, y, z = [
+                min(max(roll + dt * roll_rate, -MAX_ROTATION), MAX_ROTATION),
+                min(max(pitch + dt * pitch_rate, -MAX_ROTATION), MAX_ROTATION),
+                min(max(height + dt * climb[foot], -MAX_HEIGHT), MAX_HEIGHT),
             ]
-            self._state[foot] = after
-            self._rate[foot] = [(new - old) / dt for new, old in zip(after, before, strict=True)]
+            self._rate[foot] = [(x - roll) / dt, (y - pitch) / dt, (z - height) / dt]

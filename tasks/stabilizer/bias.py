@@ -23,6 +23,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.base.numbers import Array
+from wbc.base.vectors import Vector
 from wbc.base.settings import NonNegative, settings
 
 Limit = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
@@ -96,10 +97,10 @@ class BiasEstimator:
         """Keep the bias over a time without updates, in which the DCM goes elsewhere: the next one measures it anew."""
         self._begins = True
 
-    def update(self, dcm: Array, zmp: Array, yaw: float, omega: float, dt: float) -> Array:
+    def update(self, dcm: Vector, zmp: Vector, yaw: float, omega: float, dt: float) -> Array:
         """Take in a measurement, `dt` seconds after the last, and return the bias in the world, shape (2,), m.
 
-        Measured DCM and ZMP are in the world, shape (2,) or longer, m; `omega` is the natural frequency, 1/s.
+        Measured DCM and ZMP are in the world, x and y first, m; `omega` is the natural frequency, 1/s.
         """
         noise = DCM_STD**2 * (REFERENCE_PERIOD / dt)
         heading = complex(math.cos(yaw), math.sin(yaw))

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
+from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
@@ -121,8 +122,9 @@ class Stabilizer:
         outside: Array | None = None,
     ) -> StabilizerOutput:
         """Compute one tick from measured CoM, wrenches and soles; for the rest see `StabilizerTask.update`."""
-        self._update_in_air(wrenches)
-        measured_zmp = self._measured_zmp(target, wrenches, soles, contact)
+        rows = wrenches.tolist()
+        self._update_in_air(rows)
+        measured_zmp = self._measured_zmp(target, rows, soles, contact)
         if outside is not None:
             weight = self.mass * GRAVITY
             offset = zmp_offset(
@@ -154,7 +156,7 @@ class Stabilizer:
         if idle:
             self.feet.hold()
         else:
-            self.feet.update(filtered, feet.wrenches, contact, dt)
+            self.feet.update(filtered.tolist(), feet.wrenches.tolist(), contact, dt)
         return StabilizerOutput(
             errors,
             acceleration,
@@ -166,20 +168,20 @@ class Stabilizer:
             self._in_air,
         )
 
-    def _update_in_air(self, wrenches: Array) -> None:
+    def _update_in_air(self, wrenches: Sequence[Vector]) -> None:
         """Both feet without load are in the air; the first tick on the ground starts with an empty memory."""
-        in_air = max(wrenches[:, 2].tolist()) < self._gains.min_force
+        in_air = max(row[2] for row in wrenches) < self._gains.min_force
         if self._in_air and not in_air:
             self._feedback.reset()
             self._wrench.reset()
         self._in_air = in_air
 
     def _measured_zmp(
-        self, target: Pendulum, wrenches: Array, soles: Sequence[pin.SE3], contact: tuple[bool, bool]
+        self, target: Pendulum, wrenches: Sequence[Vector], soles: Sequence[pin.SE3], contact: tuple[bool, bool]
     ) -> Array:
         """ZMP of the feet in contact, on the level of the target, shape (3,), m; NaN without load."""
-        standing = [i for i in (0, 1) if contact[i]]
-        total = net_wrench([wrenches[i] for i in standing], [soles[i] for i in standing])
+        standing = slice(0 if contact[0] else 1, 2 if contact[1] else 1)
+        total = net_wrench(wrenches[standing], soles[standing])
         if total[2] < MIN_FORCE:
             return np.full(3, np.nan)
         return level_zmp(total, target.zmp)

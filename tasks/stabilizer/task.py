@@ -67,8 +67,8 @@ class StabilizerTask(CoMTask):
     """
 
     __slots__ = (
-        "_aim", "_away", "_contacts", "_gains", "_given", "_places", "_settings", "_sole_ids",
-        "_stabilizer", "_stands", "_torque", "_wrench_weight", "_yaw", "output", "parts",
+        "_aim", "_away", "_contacts", "_gains", "_given", "_places", "_seen", "_settings", "_sole_ids",
+        "_soles", "_stabilizer", "_stands", "_torque", "_wrench_weight", "_yaw", "output", "parts",
     )  # fmt: skip
 
     @checked
@@ -166,6 +166,8 @@ class StabilizerTask(CoMTask):
         gains = self._gains if self._stabilizer is None else self._stabilizer.gains  # as they were set since
         self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, settings), gains)
         self._sole_ids = [robot.frame_id(sole.frame) for sole in soles]
+        self._seen: Robot | None = None  # the estimated robot whose soles are these
+        self._soles: list[pin.SE3] = []
         self._stand()
 
     def keeps(self) -> Sequence[object]:
@@ -252,6 +254,8 @@ class StabilizerTask(CoMTask):
             The output, which `apply` passes to the QP.
         """
         estimate, stabilizer = self._given or self._measured(), self.stabilizer
+        if estimate is not self._seen:
+            self._seen, self._soles = estimate, [estimate.placement(sole) for sole in self._sole_ids]
         if stabilizer.mass != estimate.mass:  # a load was taken over or given back
             stabilizer.mass = estimate.mass
         self.output = output = stabilizer.update(
@@ -259,7 +263,7 @@ class StabilizerTask(CoMTask):
             np.array(estimate.com),
             np.array(estimate.com_velocity),
             wrenches,
-            [estimate.placement(sole) for sole in self._sole_ids],
+            self._soles,
             contact,
             yaw,
             dt,

@@ -103,15 +103,15 @@ class Balance:
         if self.load is not None:
             self._hold(self.load)
         robot, hands = state.robot, self.hands
-        dcm = robot.com + robot.com_velocity / self._divisor
         self._bias = None if self.bias is None else self._estimate_bias(self.bias, robot)
-        if hands is not None and hands.gripping:
-            # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
-            return state
+        dcm = robot.com + robot.com_velocity / self._divisor
         if self._bias is not None:
             dcm[:2] -= self._bias
-        if hands is not None and hands.active:  # the plan is that without hands
-            dcm[:2] -= hands.shift
+        if hands is not None and hands.active:
+            if hands.gripping:
+                # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
+                return state
+            dcm[:2] -= hands.shift  # the plan is that without hands
         return state._replace(dcm=dcm)
 
     def update(self, reference: Reference, state: State) -> Reference:
@@ -155,13 +155,14 @@ class Balance:
         output = self.output
         if output is None:
             return estimator.bias
-        in_air = output.in_air or not math.isfinite(output.measured_zmp[0])
+        zmp = output.measured_zmp.tolist()
+        in_air = output.in_air or not math.isfinite(zmp[0])
         if in_air or (self.load is not None and self.load.changing):
             estimator.pause()
             return estimator.bias
         omega = self._driven
-        dcm = robot.com + robot.com_velocity / omega
-        return estimator.update(dcm, output.measured_zmp, self._heading, omega, self._dt)
+        (x, y, _), (u, v, _) = robot.com.tolist(), robot.com_velocity.tolist()
+        return estimator.update((x + u / omega, y + v / omega), zmp, self._heading, omega, self._dt)
 
     def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
         for side, stands in enumerate(contact):

@@ -24,7 +24,7 @@ from wbc.walking.plans.gait import Gait, SwingShape
 from wbc.walking.plans.reach import Extent, Reach
 from wbc.walking.plans.sources import FootstepSource, Standing, dropped, next_steps
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.swing import FootMotion, SwingFoot
+from wbc.walking.swing import REST, FootMotion, SwingFoot
 
 
 class GaitMachine(ReferenceSource):
@@ -121,14 +121,14 @@ class GaitMachine(ReferenceSource):
         most_force: tuple[float, float] | None = None,
         cop: tuple[float, float] = (0.0, 0.0),
     ) -> Reference:
-        """Return the references of a tick; the swing foot pushes at most so hard, m/s², and the other ones stand."""
-        side = self.air
-        feet = [
-            self.swing.at(self.elapsed, most_push)
-            if i == side and self.swing is not None
-            else FootMotion.at_rest(pin.SE3(place))
-            for i, place in enumerate(places)
-        ]
+        """Return the references of a tick; the swing foot pushes at most so hard, m/s², and the other ones stand.
+
+        The placements of the feet are kept, not copied.
+        """
+        side, swing = self.air, self.swing
+        feet = [FootMotion(place, REST, REST) for place in places]
+        if side is not None and swing is not None:
+            feet[side] = swing.at(self.elapsed, most_push)
         if most_force is None:
             contact, most_force = (side != 0, side != 1), (math.inf, math.inf)
         else:
@@ -141,7 +141,7 @@ class GaitMachine(ReferenceSource):
             self.phase,
             self.steps_done,
             events,
-            None if self.swing is None else self.swing.landing,
+            None if swing is None else swing.landing,
             self.elapsed,
             self.duration,
             self.stance,

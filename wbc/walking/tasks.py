@@ -36,6 +36,9 @@ UP = np.array([0.0, 0.0, 1.0])
 STRAIGHT = Twist(0.0, 0.0, 0.0, by_waist=False)
 """No turn of the trunk against the heading."""
 
+UNTURNED = (STRAIGHT, STRAIGHT)
+"""No turn of pelvis and torso."""
+
 GAINS = ("weight", "stiffness", "damping")
 """Gains of a task that a user may set at any tick."""
 
@@ -203,10 +206,12 @@ class WalkTasks:
         A trunk that is turned far from there is brought upright as it turns back: a rotation that is large about the
         vertical has parts about the level axes that are no tilt, so the heading of the target stays near the trunk's.
         """
-        turns = [STRAIGHT if twist is None or (part == 0 and twist.by_waist) else twist for part in (0, 1)]
+        turns = UNTURNED
+        if twist is not None:
+            turns = (STRAIGHT if twist.by_waist else twist, twist)
         now = [heading(task.rotation) - own for task, own in zip(self._trunk, self._trunk_yaws, strict=True)]
         off = [math.remainder(yaw + turn.angle - at, math.tau) for turn, at in zip(turns, now, strict=False)]
-        far = max(map(abs, off)) > TURNED
+        far = max(off) > TURNED or min(off) < -TURNED
         if not far and twist is None and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
         self._trunk_target = (yaw, lean) if not far and twist is None else (None, UPRIGHT)

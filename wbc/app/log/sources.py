@@ -235,7 +235,7 @@ def _balance(tick: Tick) -> tuple[Array, Array] | None:
     point, wrenches = np.full(3, math.nan), tick.measurement.sole_wrench
     if wrenches is not None:
         with contextlib.suppress(NoContactForceError):
-            point = level_zmp(net_wrench(wrenches, soles), low)
+            point = level_zmp(net_wrench(wrenches.tolist(), soles), low)
     height = max(float(robot.com[2] - low[2]), 1e-3)  # of a robot that lies
     return point, dcm(robot.com[:2], robot.com_velocity[:2], natural_frequency(height))
 

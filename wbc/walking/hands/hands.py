@@ -97,14 +97,16 @@ class Hands:
         self._measurement: Measurement | None = None  # the last one
         self._middle: MovingFrame | None = None
         self.active, self.barred = False, ""
+        # Views, which move on with the estimate.
+        self._pelvis = estimate.placement(estimate.base_frame).rotation
+        self._vertical = estimate.placement(estimate.imu_frame).rotation[2]
         self._turn, self._start_yaw, self.slip = GyroTurn(), self._yaw, 0.0
-        self._imu = self._estimate.placement(self._estimate.imu_frame)
         self._shift = Follower(SHIFT_TIME, np.zeros(2))
 
     @property
     def _yaw(self) -> float:
         """Heading of the pelvis as estimated, rad."""
-        return heading(self._estimate.placement(self._estimate.base_frame).rotation)
+        return heading(self._pelvis)
 
     @property
     def _weight(self) -> float:
@@ -327,7 +329,7 @@ class Hands:
 
     def _watch_slip(self, measurement: Measurement, rests: bool, dt: float) -> None:
         """Compare the turn by the gyroscope with that of the estimate."""
-        self._turn.update(measurement.angular_velocity, self._imu.rotation[2], rests, dt)
+        self._turn.update(measurement.angular_velocity, self._vertical, rests, dt)
         if not rests:
             self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
 

@@ -31,7 +31,7 @@ class GyroTurn:
 
         `rests` is True while the robot does not turn: its mean then is the bias.
         """
-        rate = float(gyro @ vertical)
+        rate = float(gyro.dot(vertical))
         if not rests:
             self._sum = self._rest = 0.0
             self.angle += (rate - self.bias) * dt
