@@ -23,8 +23,8 @@ import numpy as np
 from pydantic import Field
 
 from wbc.base.numbers import Array
-from wbc.base.vectors import Vector
 from wbc.base.settings import NonNegative, settings
+from wbc.base.vectors import Vector
 
 Limit = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
 """A number of at least zero, or infinity."""

@@ -49,7 +49,7 @@ class DcmFeedback:
 
     def __init__(self, gains: StabilizerGains) -> None:
         self.gains = gains
-        self._average = Average(gains.integrator_time, gains.max_average_dcm_error, 2)
+        self._average = Average(gains.integrator_time, gains.max_average_dcm_error)
         self._rate = HighPass(gains.derivator_time)
 
     def reset(self) -> None:
@@ -72,27 +72,23 @@ class DcmFeedback:
         memory fades. By the `bias` of the measured DCM, shape (2,), m (`wbc.tasks.stabilizer.bias`), CoM and DCM errors
         are corrected alike, so that the velocity's stays as it is.
         """
-        omega = target.omega
-        x, y, z = (there - here for there, here in zip(target.com.tolist(), com.tolist(), strict=True))
-        u, v, w = (
-            there - here
-            for there, here in zip(target.com_velocity.tolist(), com_velocity.tolist(), strict=True)
-        )
-        dcm_x, dcm_y = x + u / omega, y + v / omega
+        omega, (x, y, z), (u, v, w) = target.omega, target.com.tolist(), target.com_velocity.tolist()
+        (at_x, at_y, at_z), (now_u, now_v, now_w) = com.tolist(), com_velocity.tolist()
+        x, y, z, u, v, w = x - at_x, y - at_y, z - at_z, u - now_u, v - now_v, w - now_w
         if bias is not None:
             bias_x, bias_y = bias.tolist()
-            dcm_x, dcm_y = dcm_x + bias_x, dcm_y + bias_y
             x, y = x + bias_x, y + bias_y
+        dcm = complex(x + u / omega, y + v / omega)
         if zmp is None:
             self._rate.reset()
-            average, rate, zmp_x, zmp_y = self._average.update((0.0, 0.0), dt), [0.0, 0.0], 0.0, 0.0
+            average, rate, off = self._average.update(0j, dt), 0j, 0j
         else:
             there, here = target.zmp.tolist(), zmp.tolist()
-            zmp_x, zmp_y = there[0] - here[0], there[1] - here[1]
-            average = self._average.update((dcm_x, dcm_y), dt)
-            rate = self._rate.update((omega * (dcm_x - zmp_x), omega * (dcm_y - zmp_y)), dt)
+            off = complex(there[0] - here[0], there[1] - here[1])
+            average, rate = self._average.update(dcm, dt), self._rate.update(omega * (dcm - off), dt)
         # One array and its parts: making an array costs more than a slice.
-        all_ = np.array((x, y, z, u, v, w, dcm_x, dcm_y, *average, *rate, zmp_x, zmp_y))
+        plane = (dcm.real, dcm.imag, average.real, average.imag, rate.real, rate.imag, off.real, off.imag)
+        all_ = np.array((x, y, z, u, v, w, *plane))
         return PendulumErrors(all_[:3], all_[3:6], all_[6:8], all_[8:10], all_[10:12], all_[12:])
 
     def acceleration(self, target: Pendulum, errors: PendulumErrors, yaw: float) -> Array:

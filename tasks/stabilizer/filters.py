@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from wbc.base.lag import LagGain
@@ -40,35 +38,32 @@ class LowPass:
 
 
 class Average:
-    """Exponential moving average of an error, from zero, each component within a bound; in plain numbers.
+    """Exponential moving average of an error in the plane, x + i y, from zero; each component within a bound.
 
     Attributes:
         value: Average.
     """
 
-    def __init__(self, time_constant: float, bound: float, size: int) -> None:
-        """Start at zero, with a memory of `time_constant` seconds; each of `size` components stays within ± `bound`."""
+    def __init__(self, time_constant: float, bound: float) -> None:
+        """Start at zero, with a memory of `time_constant` seconds; each component stays within ± `bound`."""
         self._time_constant, self._bound = time_constant, bound
-        self.value = [0.0] * size
+        self.value = 0j
         self._gain = LagGain()
 
     def reset(self) -> None:
         """Set the value to zero."""
-        self.value = [0.0] * len(self.value)
+        self.value = 0j
 
-    def update(self, error: Sequence[float], dt: float) -> list[float]:
+    def update(self, error: complex, dt: float) -> complex:
         """Return the average with one more error."""
         self._gain(dt, self._time_constant)
-        gain, bound = self._gain.number, self._bound
-        self.value = [
-            min(max(old + gain * (new - old), -bound), bound)
-            for old, new in zip(self.value, error, strict=True)
-        ]
+        value, bound = self.value + self._gain.number * (error - self.value), self._bound
+        self.value = complex(min(max(value.real, -bound), bound), min(max(value.imag, -bound), bound))
         return self.value
 
 
 class HighPass:
-    """First-order high-pass in plain numbers: the input without its low-pass.
+    """First-order high-pass of a point in the plane, x + i y: the input without its low-pass.
 
     The pendulum gives the derivative of the DCM error as ė = ω (e − e_zmp), at all frequencies but with an offset when
     CoM or force sensors are off; a high-pass takes the offset away.
@@ -77,19 +72,18 @@ class HighPass:
     def __init__(self, time_constant: float) -> None:
         """Start at zero, with the time constant of the low-pass, s."""
         self._time_constant = non_negative("time constant of a high-pass (s)", time_constant)
-        self._low: list[float] | None = None
+        self._low: complex | None = None
         self._gain = LagGain()
 
     def reset(self) -> None:
         """Start over: the next output is zero."""
         self._low = None
 
-    def update(self, u: Sequence[float], dt: float) -> list[float]:
+    def update(self, u: complex, dt: float) -> complex:
         """Return the output for one more input."""
         if self._low is None:
-            self._low = list(u)
+            self._low = u
         else:
             self._gain(dt, self._time_constant)
-            gain = self._gain.number
-            self._low = [old + gain * (new - old) for old, new in zip(self._low, u, strict=True)]
-        return [new - low for low, new in zip(self._low, u, strict=True)]
+            self._low += self._gain.number * (u - self._low)
+        return u - self._low

@@ -177,7 +177,11 @@ class Stabilizer:
         self._in_air = in_air
 
     def _measured_zmp(
-        self, target: Pendulum, wrenches: Sequence[Vector], soles: Sequence[pin.SE3], contact: tuple[bool, bool]
+        self,
+        target: Pendulum,
+        wrenches: Sequence[Vector],
+        soles: Sequence[pin.SE3],
+        contact: tuple[bool, bool],
     ) -> Array:
         """ZMP of the feet in contact, on the level of the target, shape (3,), m; NaN without load."""
         standing = slice(0 if contact[0] else 1, 2 if contact[1] else 1)

@@ -307,13 +307,13 @@ def test_it_mirrors() -> None:
 
 
 def test_filters_are_exact_at_any_period() -> None:
-    for make in (lambda: LowPass(0.3, 1), lambda: Average(0.3, 10.0, 1)):
+    for make, one in ((lambda: LowPass(0.3, 1), np.ones(1)), (lambda: Average(0.3, 10.0), 1 + 0j)):
         values = []
         for dt in (0.1, 0.01):
             f = make()
-            f.update(np.zeros(1), dt)
+            f.update(0.0 * one, dt)
             for _ in range(round(1.0 / dt)):
-                f.update(np.ones(1), dt)
+                f.update(one, dt)
             values.append(np.array(f.value))
         np.testing.assert_allclose(values[0], values[1], atol=1e-9)
         np.testing.assert_allclose(values[0], 1 - np.exp(-1.0 / 0.3))
@@ -322,8 +322,9 @@ def test_filters_are_exact_at_any_period() -> None:
 def test_the_high_pass_drops_offsets_and_keeps_motion() -> None:
     high_pass = HighPass(1.0)
     for k in range(4000):
-        out = high_pass.update(np.array([0.3 + np.cos(20 * k * DT)]), DT)
-    assert out[0] == pytest.approx(np.cos(20 * 3999 * DT), abs=0.06)
+        out = high_pass.update(complex(0.3 + np.cos(20 * k * DT), -0.2), DT)
+    assert out.real == pytest.approx(np.cos(20 * 3999 * DT), abs=0.06)
+    assert out.imag == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_known_bias_changes_nothing_but_the_measurement() -> None:

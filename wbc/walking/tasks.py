@@ -209,14 +209,18 @@ class WalkTasks:
         turns = UNTURNED
         if twist is not None:
             turns = (STRAIGHT if twist.by_waist else twist, twist)
-        now = [heading(task.rotation) - own for task, own in zip(self._trunk, self._trunk_yaws, strict=True)]
-        off = [math.remainder(yaw + turn.angle - at, math.tau) for turn, at in zip(turns, now, strict=False)]
+        off = [
+            math.remainder(yaw + turn.angle + own - heading(task.rotation), math.tau)
+            for task, turn, own in zip(self._trunk, turns, self._trunk_yaws, strict=False)
+        ]
         far = max(off) > TURNED or min(off) < -TURNED
         if not far and twist is None and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
         self._trunk_target = (yaw, lean) if not far and twist is None else (None, UPRIGHT)
-        for task, tilt, turn, at, error in zip(self._trunk, self._trunk_tilts, turns, now, off, strict=False):
-            towards = at + min(max(error, -TURNED), TURNED) if far else yaw + turn.angle
+        for task, tilt, turn, error in zip(self._trunk, self._trunk_tilts, turns, off, strict=False):
+            towards = yaw + turn.angle
+            if far:
+                towards += min(max(error, -TURNED), TURNED) - error
             task.follow(
                 lean.rotation.dot(_yaw_rotation(towards)).dot(tilt),
                 lean.velocity + turn.rate * UP,

@@ -32,7 +32,7 @@ from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.wrenches import WrenchSettings
-from wbc.core.robot import BASE_DOF, Robot, checked_configuration
+from wbc.core.robot import Robot, checked_configuration
 from wbc.core.signals import SIGNALS, Measurement
 
 LONGEST_DELAY = 0.1
@@ -142,6 +142,11 @@ class Observer:
         self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
         self._anchors: list[Vector] = [(0.0, 0.0, 0.0)] * n
         self._anchor_yaw = [0.0] * n
+        # Parts of q and v: of the base, and of the joints; then place and attitude of the base, and their rates.
+        own, rate = self._q, self._v
+        self._base, self._joints = (own[:7], rate[:6]), (own[7:], rate[6:])
+        self._pose, self._rates = (own[:3], own[3:7]), (rate[:3], rate[3:6])
+        self._frames = self._imu, *self._soles
         # Live views of Pinocchio's frames.
         imu, soles = self._data.oMf[self._imu], [self._data.oMf[sole] for sole in self._soles]
         self._imu_rotation_t, self._imu_position = imu.rotation.T, imu.translation
@@ -283,18 +288,20 @@ class Observer:
         self._time = measurement.time
 
         # Kinematics with the base at rest at the origin.
-        model, data = self.robot.model, self._data
-        self._q[7:] = measurement.joint_position
-        self._v[BASE_DOF:] = measurement.joint_velocity
-        pin.forwardKinematics(model, data, self._q, self._v)
-        for frame in (self._imu, *self._soles):
+        model, data, q, v, inertial = self.robot.model, self._data, self._q, self._v, self.inertial
+        base_q, base_v = self._base
+        joints, joint_rates = self._joints
+        base_q[:], base_v[:] = self._origin, 0.0
+        joints[:], joint_rates[:] = measurement.joint_position, measurement.joint_velocity
+        pin.forwardKinematics(model, data, q, v)
+        for frame in self._frames:
             pin.updateFramePlacement(model, data, frame)
         imu_rate = pin.getFrameVelocity(model, data, self._imu, pin.LOCAL_WORLD_ALIGNED)
 
         gyro = measurement.angular_velocity
-        self.inertial.predict(gyro, measurement.specific_force, dt)
-        base = self.inertial.rotation.dot(self._imu_rotation_t)
-        spin = self.inertial.rotation.dot(gyro - self.inertial.gyro_bias) - base.dot(imu_rate.angular)
+        inertial.predict(gyro, measurement.specific_force, dt)
+        base = inertial.rotation.dot(self._imu_rotation_t)
+        spin = inertial.rotation.dot(gyro - inertial.gyro_bias) - base.dot(imu_rate.angular)
 
         turn, turning = base.tolist(), spin.tolist()
         frames = [(rotation.tolist(), position.tolist()) for rotation, position in self._sole_frames]
@@ -305,31 +312,29 @@ class Observer:
         moving, at_imu = turned_all(turn, (imu_rate.linear.tolist(), self._imu_position.tolist()))
         self._imu_motion = add_cross(moving, turning, at_imu)
         imu_arm = np.array(self._imu_motion)
-        expected = None if first else (self.inertial.velocity - imu_arm).tolist()
+        expected = None if first else (inertial.velocity - imu_arm).tolist()
         velocity, yaw_error = self._motion_from_anchors(turn, turning, arms, points, ahead, expected, dt)
         if velocity is not None:
             velocity += imu_arm
             if first:
-                self.inertial.velocity = velocity
-        self.inertial.correct(velocity, yaw_error, dt)
+                inertial.velocity = velocity
+        inertial.correct(velocity, yaw_error, dt)
 
-        base = self.inertial.rotation.dot(self._imu_rotation_t)
-        base_velocity = self.inertial.velocity - imu_arm
+        base = inertial.rotation.dot(self._imu_rotation_t)
+        base_velocity = inertial.velocity - imu_arm
         turn = base.tolist()
         self._update_position(turn, base_velocity, points, ahead, arms, soles, dt)
 
-        q, v = self._q, self._v
-        q[:3] = self._position
-        q[3:7] = quaternion(turn)
-        np.dot(base_velocity, base, out=v[:3])
-        np.dot(spin, base, out=v[3:6])
+        (place, attitude), (linear, angular) = self._pose, self._rates
+        place[:] = self._position
+        attitude[:] = quaternion(turn)
+        np.dot(base_velocity, base, out=linear)
+        np.dot(spin, base, out=angular)
         self._measured[0][:], self._measured[1][:] = q, v
         if self._predictor is not None:
             self._update_robot(*self._predictor.ahead(q, v))
         else:
             self._update_robot(q, v)
-        q[:7] = self._origin
-        v[:BASE_DOF] = 0.0
         self._wrenches[:] = measurement.wrenches
         if self.outside is not None:
             self.outside.update(self._wrenches, dt)
@@ -413,9 +418,9 @@ class Observer:
             speed = add_cross(sliding, spin, point)
             motions.append((speed, turn, forward))
             if expected is not None:
-                x, y, z = (a + b for a, b in zip(speed, expected, strict=True))
-                motion = math.hypot(x, y, z)
-                moves[i], slips[i], self.lifts[i] = motion > fastest, motion > slip, abs(z) > fastest
+                (x, y, z), (u, v, w) = speed, expected
+                motion = math.hypot(x + u, y + v, z + w)
+                moves[i], slips[i], self.lifts[i] = motion > fastest, motion > slip, abs(z + w) > fastest
         self._foot_motions = [speed for speed, _, _ in motions]
         a, b, c = spin
         rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from wbc.base.errors import MeasurementError, shown
-from wbc.base.numbers import ROUNDING, Array
+from wbc.base.numbers import FLOAT64, ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Positive, settings
 from wbc.base.vectors import largest
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
@@ -102,8 +102,12 @@ class Plausibility:
         self._hands = tuple(robot.frames)
         lower, upper = robot.position_lower, robot.position_upper
         known = np.isfinite(lower) & np.isfinite(upper)
-        self._middle = np.zeros(2 * na + 6 + 6 * n)
-        self._bound = np.full(self._middle.size, np.finfo(float).max)
+        # What every number is compared with, and how far it may be from there: its range, and its last value.
+        self._centres = np.zeros((2, 2 * na + 6 + 6 * n))
+        self._most = np.full(self._centres.shape, np.finfo(float).max)
+        self._excess = np.zeros(self._centres.shape)
+        self._all_excess = self._excess.reshape(-1)
+        self._middle, self._bound = self._centres[0], self._most[0]
         self._middle[:na][known] = 0.5 * (lower[known] + upper[known])
         self._bound[:na][known] = (0.5 * upper - 0.5 * lower)[known] + s.position_margin
         speed = robot.velocity_limit
@@ -120,9 +124,7 @@ class Plausibility:
         self._torque = s.torque_margin * robot.torque_limit
         self._step = self._speed * dt + s.position_jump
         self._gyro = slice(2 * na, 2 * na + 3)
-        self._jump = np.full(self._middle.size, np.inf)  # largest change of every number in a period
-        self._jump[:na], self._jump[self._gyro] = self._step, s.gyro_jump
-        self._excess = np.zeros(self._middle.size)
+        self._most[1, :na], self._most[1, self._gyro] = self._step, s.gyro_jump
         self._forgiven = np.zeros(2 * na + 2 + n, dtype=bool)
         self._channels = (
             *(f"encoder of {joint}" for joint in robot.joint_names),
@@ -185,10 +187,7 @@ class Plausibility:
             self._check_frozen(values, stamp)
         else:
             self._older, self._identical, self._changed_at = last, 0, stamp
-        good = self._within(values, self._middle, self._bound) and (
-            last is None or self._within(values, last, self._jump)
-        )
-        if good and not self._faults:
+        if self._within(values, last) and not self._faults:
             self._values = values
         else:
             m = self._repair(m, values)
@@ -198,12 +197,13 @@ class Plausibility:
             self._optional_faults = ()
         return m, renewed
 
-    def _within(self, values: Array, middle: Array, bound: Array) -> bool:
-        """Return True if no number is farther than its bound from the middle; False for NaN."""
-        excess = np.subtract(values, middle, out=self._excess)
+    def _within(self, values: Array, last: Array | None) -> bool:
+        """Return True if all numbers are in their ranges and have not jumped from the last ones; False for NaN."""
+        self._centres[1] = values if last is None else last
+        excess = np.subtract(values, self._centres, out=self._excess)
         np.abs(excess, out=excess)
-        excess -= bound
-        return largest(excess) <= 0.0
+        excess -= self._most
+        return largest(self._all_excess) <= 0.0
 
     def _check_optional(self, m: Measurement) -> Measurement:
         """Return a measurement without impossible torques of joints, and with NaN for impossible wrenches of hands."""
@@ -279,7 +279,7 @@ class Plausibility:
             raise MeasurementError(f"a measurement must be a Measurement, got {type(m).__name__}")
         given = m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, m.sole_wrench
         for got, of_shape in zip(given, self._shapes, strict=True):
-            if type(got) is not np.ndarray or got.dtype != np.float64 or got.shape != of_shape:
+            if type(got) is not np.ndarray or got.dtype is not FLOAT64 or got.shape != of_shape:
                 shapes = zip(SIGNALS, self._shapes, strict=True)
                 arrays: dict[str, Any] = {name: _numbers(m, name, shape) for name, shape in shapes}
                 return replace(m, **arrays)

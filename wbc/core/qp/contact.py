@@ -429,11 +429,14 @@ class _HeldFrame(Contact):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the motion rows in the axes of the frame; see `Contact.evaluate`."""
-        self.first_order(jacobian, error)
+        self._fill(jacobian, error)
         drift[:] = pin.getFrameAcceleration(self._model, self._data, self._id, self._local).vector
 
     def first_order(self, jacobian: Array, error: Array) -> None:
         """Fill the rows without the drift; see `Contact.first_order`."""
+        self._fill(jacobian, error)
+
+    def _fill(self, jacobian: Array, error: Array) -> None:
         jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._local)
         error[:] = pin.log6(self._placement.actInv(self._target)).vector
 
