@@ -16,8 +16,9 @@ import pinocchio as pin
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, scalar
 from wbc.base.vectors import Vector, largest, part_way
-from wbc.core.estimation.feet import LASTING, MEMORY, OFFSET, SMOOTHING, STILL, FootComparison
+from wbc.core.estimation.feet import LASTING, MEMORY, SMOOTHING, STILL, FootComparison
 from wbc.core.estimation.observer import Observer
+from wbc.core.estimation.turning import OFFSET, TurnComparison
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 
@@ -65,11 +66,6 @@ SPEED_DIFFERENCE, STANCE_ROTATION = 0.035, 0.05
 """Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the foot on the ground
 seems to turn, which it does from the second on, rad/s: a foot that turns, as on stones, moves the accelerometer, too;
 an error of the gyroscope does not."""
-
-FEET_TURN, LEGS, TURN_SHARE, FEET_LASTING = 0.05, 0.02, 0.5, 0.06
-"""Speed from which both feet of a robot that stands turn alike, rad/s; part of the speed which that turn gives the legs
-that the accelerometer must not show; and time for which that must last, s. Feet that stand do not turn, and where soft
-soles let them turn, the accelerometer shows it."""
 
 SUSPICION = 0.1
 """Time for which the difference must be too large while the robot stays calm, s."""
@@ -173,7 +169,8 @@ class ConsistencyMonitor:
         self._gain_scalar = scalar(self._gain)
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
-        self._height = float(data.oMf[robot.frame_id(robot.imu_frame)].translation[2])  # of the IMU
+        height = float(data.oMf[robot.frame_id(robot.imu_frame)].translation[2])  # of the IMU
+        self._turning = TurnComparison(dt, height, robot.mass * GRAVITY, len(self._names))
         self._feet = FootComparison(dt) if len(self._names) == 2 else None
         self.reset()
 
@@ -194,8 +191,7 @@ class ConsistencyMonitor:
         self._drift = self._offset = self._parted = 0j
         self._suspected = self._gyro_doubted = self._slapped = 0.0
         self._turned: Vector = STILL
-        self._feet_turned, self._turn = 0.0, 0j
-        self._tilt = self._expected = 0j
+        self._turning.reset()
         if self._feet is not None:
             self._feet.reset()
 
@@ -227,8 +223,12 @@ class ConsistencyMonitor:
             share + gain * (load / weight - share) for share, load in zip(self._shares, loads, strict=True)
         ]
         feet = self._feet
+        velocities = observer.foot_velocities
+        self._turning.compare(velocities, observer.foot_rotations, loads, force)
+        if self._turning.wrong:
+            self._gyro_doubted = REMEMBERED
         if feet is not None:
-            feet.move(observer.foot_velocities, force)
+            feet.move(velocities, force)
         stands = min(loads) > CARRIES * weight or (
             self._stood > STANDING and feet is not None and feet.together
         )
@@ -236,11 +236,8 @@ class ConsistencyMonitor:
         alike = observer.foot_rotation if self._stood > STANDING else STILL
         self._rotation = part_way(self._rotation, alike, gain)
         blind = measurement.wrench_source != "sensor"
-        if feet is not None:
-            if self._turn_contradicts(feet):
-                self._gyro_doubted = REMEMBERED
-            if not blind:
-                doubts += self._contradicted_forces(feet)
+        if feet is not None and not blind:
+            doubts += self._contradicted_forces(feet)
         if self._gyroscope_contradicts(observer.stance_rotation, observer.inertial.unexplained, blind):
             doubts.append("gyroscope contradicts accelerometer and legs")
         total = sum(self._shares)
@@ -323,26 +320,6 @@ class ConsistencyMonitor:
             return False
         self._gyro_doubted -= self._dt
         return True
-
-    def _turn_contradicts(self, feet: FootComparison) -> bool:
-        """Compare the turn of both feet of a robot that stands with legs and accelerometer.
-
-        A gyroscope that is wrong by ω about a horizontal axis turns both feet by ω, adds h ω to the velocity of the
-        legs, with the height h of the IMU, and makes the tilt wrong, so that a part of gravity seems to accelerate the
-        robot. Where the feet truly turn, the accelerometer shows what the legs show.
-        """
-        x, y, _ = self._rotation
-        turn, before = complex(y, -x), self._turn
-        self._turn = turn
-        self._tilt = self._keep * self._tilt + self._dt * turn
-        expected = (
-            self._keep * self._expected + self._height * (turn - before) - GRAVITY * self._dt * self._tilt
-        )
-        self._expected = expected
-        along = (feet.parted * expected.conjugate()).real
-        alike = abs(turn) > FEET_TURN and abs(expected) > LEGS and along > TURN_SHARE * abs(expected) ** 2
-        self._feet_turned = self._feet_turned + self._dt if alike else 0.0
-        return self._feet_turned >= FEET_LASTING
 
     def _contradicted_forces(self, feet: FootComparison) -> list[str]:
         """Compare force sensors with the motion of the feet."""

@@ -15,10 +15,9 @@ from wbc.base.lag import lag_gain
 from wbc.base.vectors import Vector, part_way
 from wbc.core.robot import GRAVITY
 
-MEMORY, SMOOTHING, LASTING, OFFSET = 0.3, 0.03, 0.1, 1.0
-"""Time over which velocities of a leg and of the accelerometer are compared, low-pass of speeds, time for which a
-contradiction must last, and time constant with which a lasting difference, an accelerometer's bias, is taken for
-normal, s."""
+MEMORY, SMOOTHING, LASTING = 0.3, 0.03, 0.1
+"""Time over which velocities of a leg and of the accelerometer are compared, low-pass of speeds, and time for which a
+contradiction must last, s."""
 
 MOVES, MORE = 0.15, 3.0
 """Velocity of a leg that the accelerometer does not show, from which on its foot moves, m/s, if it is so many times
@@ -43,8 +42,6 @@ class FootComparison:
     Attributes:
         swapped: True while the foot in the air reports the weight, and the one on the ground none.
         together: True while the feet do not move against each other.
-        parted: Mean horizontal velocity of the legs that the accelerometer does not show, over 0.3 s, without what
-            lasts, x + iy in the world, m/s.
         silent: Index of a foot that stands on the ground, carries a part of the weight, and reports no force; else
             None.
     """
@@ -52,14 +49,12 @@ class FootComparison:
     def __init__(self, dt: float) -> None:
         """Start with nothing known; dt is the control period, s."""
         self._dt, self._keep, self._gain = dt, 1.0 - lag_gain(dt, MEMORY), lag_gain(dt, SMOOTHING)
-        self._slowly = lag_gain(dt, OFFSET)
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
         self.swapped, self.together = False, True
         self.silent: int | None = None
-        self.parted = self._offset = 0j
         self._last: Sequence[Vector] | None = None
         # Of each leg: the velocity that the accelerometer does not show, and its low-pass, in the world, m/s.
         self._parted: list[Vector] = [STILL, STILL]
@@ -87,10 +82,6 @@ class FootComparison:
         (x, y, z), (u, v, w) = feet
         self._between = a, b, c = part_way(self._between, (x - u, y - v, z - w), gain)
         self.together = a * a + b * b + c * c < RESTS**2
-        (a, b, _), (p, q, _) = self._smooth
-        mean = 0.5 * complex(a + p, b + q)
-        self._offset += self._slowly * (mean - self._offset)
-        self.parted = mean - self._offset
 
     def compare(self, shares: Sequence[float], gravity: float) -> None:
         """Compare the force sensors with the motion of the feet in one tick.

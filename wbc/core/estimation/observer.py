@@ -92,6 +92,7 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
+        foot_rotations: Angular velocities of the feet by encoders and gyroscope, along the world axes, rad/s.
         foot_rotation: Angular velocity that both feet have in common, by encoders and gyroscope, along the world axes,
             shape (3,), rad/s. Zero if the feet turn differently, as on stones or in a step.
         stance_rotation: Angular velocity of the foot that carries more load, by encoders and gyroscope, along the world
@@ -158,6 +159,7 @@ class Observer:
         self._time: float | None = None
         outside = self.settings.outside
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
+        self.foot_rotations: list[Vector] = [(0.0, 0.0, 0.0)] * n
         self.foot_rotation: Vector = (0.0, 0.0, 0.0)
         self.stance_rotation: Vector = (0.0, 0.0, 0.0)
         # Velocities of the feet's CoPs in the world while the base does not move but turns, and that of the IMU, m/s.
@@ -423,7 +425,7 @@ class Observer:
                 moves[i], slips[i], self.lifts[i] = motion > fastest, motion > slip, abs(z + w) > fastest
         self._foot_motions = [speed for speed, _, _ in motions]
         a, b, c = spin
-        rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]
+        self.foot_rotations = rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]
         self.foot_rotation = _common(rotations)
         shares = [0.0 if moving else share for share, moving in zip(self._shares, moves, strict=True)]
         total = sum(shares)
