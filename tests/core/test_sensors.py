@@ -25,6 +25,7 @@ def observed(**parts: Any) -> Any:
     inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
     still = {"foot_rotation": (0.0, 0.0, 0.0), "stance_rotation": (0.0, 0.0, 0.0), "inertial": inertial}
     still["foot_velocities"] = still["foot_rotations"] = [(0.0, 0.0, 0.0)] * 2
+    still["load_shares"] = [0.5, 0.5]
     return SimpleNamespace(**(still | parts))
 
 
@@ -211,6 +212,7 @@ def told(shares: Any, feet: Any, shown: Any = None, rotations: Any = None) -> li
         wrench = np.zeros((2, 6))
         wrench[:, 2] = np.array(shares(time) if time >= 0.0 else (0.5, 0.5)) * ROBOT.mass * GRAVITY
         seen = observed(
+            load_shares=shares(time) if time >= 0.0 else (0.5, 0.5),
             foot_velocities=feet(time) if time >= 0.0 else [(0.0, 0.0, 0.0)] * 2,
             foot_rotations=rotations(time) if rotations and time >= 0.0 else [(0.0, 0.0, 0.0)] * 2,
         )

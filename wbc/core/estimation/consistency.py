@@ -170,7 +170,7 @@ class ConsistencyMonitor:
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
         height = float(data.oMf[robot.frame_id(robot.imu_frame)].translation[2])  # of the IMU
-        self._turning = TurnComparison(dt, height, robot.mass * GRAVITY, len(self._names))
+        self._turning = TurnComparison(dt, height, len(self._names))
         self._feet = FootComparison(dt) if len(self._names) == 2 else None
         self.reset()
 
@@ -224,7 +224,7 @@ class ConsistencyMonitor:
         ]
         feet = self._feet
         velocities = observer.foot_velocities
-        self._turning.compare(velocities, observer.foot_rotations, loads, force)
+        self._turning.compare(velocities, observer.foot_rotations, observer.load_shares, force)
         if self._turning.wrong:
             self._gyro_doubted = REMEMBERED
         if feet is not None:

@@ -92,6 +92,7 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
+        load_shares: Shares of the load that the feet bear; also of a foot that moves, which has no `share`.
         foot_rotations: Angular velocities of the feet by encoders and gyroscope, along the world axes, rad/s.
         foot_rotation: Angular velocity that both feet have in common, by encoders and gyroscope, along the world axes,
             shape (3,), rad/s. Zero if the feet turn differently, as on stones or in a step.
@@ -159,6 +160,7 @@ class Observer:
         self._time: float | None = None
         outside = self.settings.outside
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
+        self.load_shares: Sequence[float] = [0.0] * n
         self.foot_rotations: list[Vector] = [(0.0, 0.0, 0.0)] * n
         self.foot_rotation: Vector = (0.0, 0.0, 0.0)
         self.stance_rotation: Vector = (0.0, 0.0, 0.0)
@@ -367,7 +369,7 @@ class Observer:
         ]
         shares = [max(load - self._min_load, 0.0) for load in self._loads]
         total = sum(shares)
-        self._shares = [share / total for share in shares] if total > 0.0 else shares
+        self.load_shares = self._shares = [share / total for share in shares] if total > 0.0 else shares
         gain = 1.0 if first else lag_gain(dt, s.cop_time_constant)
         arms: list[Vector] = []
         for i, (_, _, force, roll, pitch, _) in enumerate(wrenches):

@@ -16,11 +16,11 @@ from wbc.base.vectors import Vector
 from wbc.core.estimation.feet import MEMORY, SMOOTHING
 from wbc.core.robot import GRAVITY
 
-CARRYING, LIGHT = 0.3, 0.5
-"""Share of the load from which a foot carries: it rests on the ground, and its leg moves with the IMU; and share of the
-weight up to which the whole load counts as so much."""
+CARRYING, SETTLED = 0.4, 0.04
+"""Share of the load from which a foot carries, and time for which it must have carried until it is compared, s: the
+blow of its landing moves leg and IMU as no model knows."""
 
-TURN, LEGS, DIFFERENT, LASTING = 0.05, 0.02, 0.65, 0.06
+TURN, LEGS, DIFFERENT, LASTING = 0.05, 0.03, 0.65, 0.06
 """Speed from which a foot turns, rad/s; velocity from which an error of the gyroscope shows in the legs, m/s; greatest
 difference of what the legs show from this velocity, over it, which is 1 if the foot truly turns; and time for which all
 this must last, s."""
@@ -36,16 +36,15 @@ class TurnComparison:
         wrong: True while a foot turns, by the gyroscope, as only a wrong gyroscope explains.
     """
 
-    def __init__(self, dt: float, height: float, weight: float, feet: int) -> None:
+    def __init__(self, dt: float, height: float, feet: int) -> None:
         """Start with nothing known.
 
         Args:
             dt: Control period, s.
             height: Height of the IMU over the soles of the robot, m.
-            weight: Weight of the robot, N.
             feet: Number of feet.
         """
-        self._dt, self._height, self._light = dt, height, LIGHT * weight
+        self._dt, self._height = dt, height
         self._keep, self._gain = 1.0 - lag_gain(dt, MEMORY), lag_gain(dt, SMOOTHING)
         self._slowly = lag_gain(dt, OFFSET)
         self._feet = [_Foot() for _ in range(feet)]
@@ -62,7 +61,7 @@ class TurnComparison:
         self,
         feet: Sequence[Vector],
         rotations: Sequence[Vector],
-        loads: Sequence[float],
+        shares: Sequence[float],
         force: Sequence[float],
     ) -> None:
         """Compare in one tick.
@@ -70,17 +69,18 @@ class TurnComparison:
         Args:
             feet: Velocities of the feet against the IMU, in the world, m/s.
             rotations: Angular velocities of the feet by encoders and gyroscope, in the world, rad/s.
-            loads: Normal forces on the feet, N.
+            shares: Shares of the load that the feet bear.
             force: Specific force at the IMU, in the world, m/s².
         """
         dt, keep, gain, slowly, height = self._dt, self._keep, self._gain, self._slowly, self._height
-        least, shown = CARRYING * max(sum(loads), self._light), dt * complex(force[0], force[1])
+        shown = dt * complex(force[0], force[1])
         self.wrong = False
-        for foot, (x, y, _), (a, b, _), load in zip(self._feet, feet, rotations, loads, strict=True):
+        for foot, (x, y, _), (a, b, _), share in zip(self._feet, feet, rotations, shares, strict=True):
             leg, turn = -complex(x, y), complex(b, -a)
-            if not load > least:
-                foot.leave()
-            elif foot.carries:
+            if share <= CARRYING:
+                if foot.carried:
+                    foot.leave()
+            elif foot.carried >= SETTLED:
                 foot.moved = keep * foot.moved + leg - foot.leg - shown
                 foot.tilt = keep * foot.tilt + dt * turn
                 foot.expected = keep * foot.expected + height * (turn - foot.turn) - GRAVITY * dt * foot.tilt
@@ -93,14 +93,16 @@ class TurnComparison:
                 explained = size > LEGS and abs(foot.smooth_turn) > TURN and alike
                 foot.since = foot.since + dt if explained else 0.0
                 self.wrong |= foot.since >= LASTING
-            foot.carries, foot.leg, foot.turn = load > least, leg, turn
+            foot.leg, foot.turn = leg, turn
+            if share > CARRYING:
+                foot.carried += dt
 
 
 class _Foot:
     """What is known of one foot: velocities as x + iy in the world, m/s, of the IMU by its leg.
 
     Attributes:
-        carries: True while it carries a part of the load.
+        carried: Time for which it has carried, s; 0 while it does not.
         leg: Velocity by the leg in the last tick.
         turn: Direction in which a turn of the foot moves the IMU, times its speed, in the last tick, rad/s.
         moved: Velocity that the accelerometer does not show, over the last time.
@@ -114,12 +116,12 @@ class _Foot:
     """
 
     __slots__ = (
-        "carries", "leg", "turn", "moved", "tilt", "expected", "offset",
+        "carried", "leg", "turn", "moved", "tilt", "expected", "offset",
         "smooth_moved", "smooth_expected", "smooth_turn", "since",
     )  # fmt: skip
 
     def leave(self) -> None:
         """Forget what belongs to the last support."""
-        self.carries, self.since = False, 0.0
+        self.carried = self.since = 0.0
         self.leg = self.turn = self.moved = self.tilt = self.expected = 0j
         self.smooth_moved = self.smooth_expected = self.smooth_turn = 0j
