@@ -271,6 +271,22 @@ def test_a_foot_that_turns_without_the_accelerometer_shows_a_wrong_gyroscope(
     assert doubts(0.05) == []
 
 
+@pytest.mark.parametrize(("after", "doubted"), [(0.02, False), (0.1, True)])
+def test_the_blow_of_a_landing_is_no_fault_of_the_gyroscope(after: float, doubted: bool) -> None:
+    """The left foot lands 0.1 s from now; some time later it turns as by a wrong gyroscope."""
+    height = float(ROBOT.placement(ROBOT.imu_frame).translation[2])
+
+    def turns(time: float) -> float:
+        return 0.4 if time >= 0.1 + after else 0.0  # rad/s
+
+    found = told(
+        lambda time: (1.0, 0.0) if time >= 0.1 else (0.0, 1.0),
+        lambda time: [(-height * turns(time), 0.0, 0.0), (0.0, 0.0, 0.0)],
+        rotations=lambda time: [(0.0, turns(time), 0.0), (0.0, 0.0, 0.0)],
+    )
+    assert ("gyroscope contradicts accelerometer and legs" in found) is doubted
+
+
 @pytest.mark.parametrize(("slap", "doubted"), [(-4.0, False), (3.0, False), (-0.6, True)])
 def test_a_foot_that_slaps_down_is_no_fault_of_the_gyroscope(slap: float, doubted: bool) -> None:
     """The legs jump by 0.15 m/s as the foot has come down, and it rolls on slowly, as a gyroscope that is off."""
