@@ -161,7 +161,7 @@ class Observer:
         outside = self.settings.outside
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
         self.load_shares: Sequence[float] = [0.0] * n
-        self.foot_rotations: list[Vector] = [(0.0, 0.0, 0.0)] * n
+        self.foot_rotations: Sequence[Vector] = [(0.0, 0.0, 0.0)] * n
         self.foot_rotation: Vector = (0.0, 0.0, 0.0)
         self.stance_rotation: Vector = (0.0, 0.0, 0.0)
         # Velocities of the feet's CoPs in the world while the base does not move but turns, and that of the IMU, m/s.

@@ -120,6 +120,11 @@ class _Foot:
         "smooth_moved", "smooth_expected", "smooth_turn", "since",
     )  # fmt: skip
 
+    def __init__(self) -> None:
+        """Start with nothing known."""
+        self.offset = 0j
+        self.leave()
+
     def leave(self) -> None:
         """Forget what belongs to the last support."""
         self.carried = self.since = 0.0
