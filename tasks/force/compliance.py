@@ -26,6 +26,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import Array, finite_array, positive, read_only
 from wbc.base.settings import NonNegative
+from wbc.core.frames import pose_of
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
@@ -157,7 +158,7 @@ class ComplianceTask(FrameTask):
     @property
     def offset(self) -> pin.SE3:
         """Offset by which the frame has yielded: the reference pose in the frame of the target."""
-        return pin.SE3(self._offset_rotation, self._offset_position)
+        return pose_of(self._offset_rotation, self._offset_position)
 
     @property
     def reference(self) -> pin.SE3:

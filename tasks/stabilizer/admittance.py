@@ -22,6 +22,7 @@ import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.base.vectors import Vector
+from wbc.core.frames import pose_of
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair
 
 HEIGHT_LEAK = 1.0
@@ -52,7 +53,7 @@ class FootCorrection(NamedTuple):
         up_x, up_y, up_z = rotation[2].tolist()  # the world's vertical in the sole frame
         climb = self.height_rate
         velocity = np.array((climb * up_x, climb * up_y, climb * up_z, self.roll_rate, self.pitch_rate, 0.0))
-        return pin.SE3(rotation, np.array((x, y, z + self.height))), velocity
+        return pose_of(rotation, np.array((x, y, z + self.height))), velocity
 
 
 def cop_rates(gains: StabilizerGains, measured: Vector, target: Vector) -> tuple[float, float]:

@@ -149,6 +149,7 @@ class WrenchDistribution:
         self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
         self._bounds: list[tuple[float, float, float] | None] = [None, None]  # of normal forces and cones
         self._both: bool | None = None  # as the costs are written
+        self._net = pin.Force.Zero()  # the constructor of an array takes five times as long as to assign it
         # In newtons: a residual of a millinewton is negligible.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
 
@@ -202,7 +203,8 @@ class WrenchDistribution:
 
     def _on_one_foot(self, foot: int, net: Array, soles: Sequence[pin.SE3]) -> FootWrenches | None:
         """Return the whole wrench as that of the only foot on the ground; None where the foot cannot give it."""
-        wrench = soles[foot].actInv(pin.Force(net)).vector
+        self._net.vector = net
+        wrench = soles[foot].actInv(self._net).vector
         rows = self._cones[foot].dot(wrench)  # of the cone, then the normal force
         normal, rows[-1] = float(rows[-1]), 0.0
         if not (largest(rows) <= 0.0 and normal >= self.settings.min_force):

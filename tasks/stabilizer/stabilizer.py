@@ -55,10 +55,18 @@ class Stabilizer:
     """
 
     def __init__(
-        self, mass: float, distribution: WrenchDistribution, gains: StabilizerGains | None = None
+        self,
+        mass: float,
+        distribution: WrenchDistribution,
+        gains: StabilizerGains | None = None,
+        *,
+        yields: bool = True,
     ) -> None:
-        """Start on the ground, with an empty memory, for a mass above zero, kg, and its soles."""
-        self._mass = mass
+        """Start on the ground, with an empty memory, for a mass above zero, kg, and its soles.
+
+        With `yields` False the feet have no corrections: drives that are commanded torques need none.
+        """
+        self._mass, self._yields = mass, yields
         self.distribution = distribution
         self._given = gains or StabilizerGains()
         self._gains = self._given.for_mass(self._mass)
@@ -150,13 +158,16 @@ class Stabilizer:
             feet_zmp = feet_zmp + np.array((*zmp_offset(outside, target.zmp, weight), 0.0))
             net = net - outside
             desired_zmp = level_zmp(net, desired_zmp)
-        ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)
+        ratio = float(contact[0])
+        if all(contact):
+            ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)
         feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact)
-        filtered = self._wrench.update(wrenches, dt)
-        if idle:
-            self.feet.hold()
-        else:
-            self.feet.update(filtered.tolist(), feet.wrenches.tolist(), contact, dt)
+        if self._yields:
+            filtered = self._wrench.update(wrenches, dt)
+            if idle:
+                self.feet.hold()
+            else:
+                self.feet.update(filtered.tolist(), feet.wrenches.tolist(), contact, dt)
         return StabilizerOutput(
             errors,
             acceleration,

@@ -164,7 +164,8 @@ class StabilizerTask(CoMTask):
         sizes = ((soles[0].length, soles[0].width), (soles[1].length, soles[1].width))
         settings = replace(self._settings, min_force=self._settings.min_force * robot.force_scale)
         gains = self._gains if self._stabilizer is None else self._stabilizer.gains  # as they were set since
-        self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, settings), gains)
+        wrenches = WrenchDistribution(sizes, settings)
+        self._stabilizer = Stabilizer(robot.mass, wrenches, gains, yields=not self._torque)
         self._sole_ids = [robot.frame_id(sole.frame) for sole in soles]
         self._seen: Robot | None = None  # the estimated robot whose soles are these
         self._soles: list[pin.SE3] = []

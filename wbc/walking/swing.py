@@ -20,6 +20,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.vectors import Vector
+from wbc.core.frames import pose_of
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import QuinticPath
 from wbc.walking.plans.footsteps import Footstep
@@ -157,7 +158,7 @@ class SwingFoot:
         spin, turning = _spin(*angles)
         rotation = pin.rpy.rpyToMatrix(angles[0][0], angles[1][0], angles[2][0])
         return FootMotion(
-            pin.SE3(rotation, np.array((x, y, z))),
+            pose_of(rotation, np.array((x, y, z))),
             np.array((vx, vy, vz, *spin)),
             np.array((ax, ay, az, *turning)),
         )

@@ -205,9 +205,10 @@ class Observer:
     @property
     def net_wrench(self) -> Array:
         """Wrench of the ground on the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
-        net = pin.Force.Zero()
+        net, felt = pin.Force.Zero(), pin.Force.Zero()
         for placement, wrench in zip(self._robot_soles, self._wrenches, strict=True):
-            net += placement.act(pin.Force(wrench))
+            felt.vector = wrench
+            net += placement.act(felt)
         return np.array(net.vector)
 
     @property

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING, Array
+from wbc.core.frames import pose_of
 from wbc.core.trajectories import Trajectory
 
 USUAL_SPEED = {"m": 0.2, "rad": 1.0}
@@ -77,7 +78,7 @@ class PoseCoordinates(Coordinates):
         """Return pose, velocity and acceleration, shape (6,), of point and rotation vector."""
         rotation, angular, rate = self._rotations.target(place[3:], velocity[3:], acceleration[3:])
         return (
-            pin.SE3(rotation, place[:3]),
+            pose_of(rotation, place[:3]),
             np.concatenate([velocity[:3], angular]),
             np.concatenate([acceleration[:3], rate]),
         )

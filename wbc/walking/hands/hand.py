@@ -28,6 +28,7 @@ import pinocchio as pin
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
+from wbc.core.frames import pose_of
 from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
@@ -390,7 +391,7 @@ class Hand:
         self._travelled += settings.approach * dt
         point = self._start.translation + self._travelled * self.direction
         velocity = np.concatenate((settings.approach * self.direction, ZERO))
-        self._move(pin.SE3(self._start.rotation, point), velocity, REST)
+        self._move(pose_of(self._start.rotation, point), velocity, REST)
 
     def _watch(self, dt: float) -> None:
         """Detect the loss of the contact from a force that stays too small."""

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
+from wbc.core.frames import pose_of
 from wbc.core.trajectories import Follower
 
 FOLLOW = 0.25
@@ -30,7 +31,7 @@ class MovingFrame:
     @property
     def placement(self) -> pin.SE3:
         """Placement in the world."""
-        return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, self._yaw.value), self._point.value)
+        return pose_of(pin.rpy.rpyToMatrix(0.0, 0.0, self._yaw.value), self._point.value)
 
     def velocity(self, point: Array) -> Array:
         """Return the velocity of a point that goes with the frame, both in the world, shape (3,), m and m/s."""

@@ -301,7 +301,7 @@ class Arm:
             velocity v + ω × r + v′,   acceleration a + α × r + ω × (ω × r + 2 v′) + a′.
         """
         if self._within == WORLD:
-            task.follow(pin.SE3(self._reference), self._velocity, acceleration)
+            task.follow(self._reference.copy(), self._velocity, acceleration)
             return
         place, moving, pushed = self._frame_now(self._within)
         there, turn, spin = place * self._reference, place.rotation, pin.skew(moving[3:])

@@ -683,7 +683,7 @@ class SteppingWalk(GaitMachine):
         pendulum = Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self.scale.omega)
         push, heading, cop = self.constants.swing_push, self.steering.heading, self.decision.cop
         flies = None if self.swing is None else self.air
-        places = [place if side == flies else pin.SE3(place) for side, place in enumerate(self._frames)]
+        places = [place if side == flies else place.copy() for side, place in enumerate(self._frames)]
         return self._reference(
             pendulum, places, heading, events, most_push=push, most_force=most_force, cop=cop
         )
