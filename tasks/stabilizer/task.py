@@ -261,8 +261,8 @@ class StabilizerTask(CoMTask):
             stabilizer.mass = estimate.mass
         self.output = output = stabilizer.update(
             target,
-            np.array(estimate.com),
-            np.array(estimate.com_velocity),
+            estimate.com,
+            estimate.com_velocity,
             wrenches,
             self._soles,
             contact,

@@ -319,6 +319,16 @@ def test_filters_are_exact_at_any_period() -> None:
         np.testing.assert_allclose(values[0], 1 - np.exp(-1.0 / 0.3))
 
 
+def test_feet_on_torque_drives_have_no_corrections_and_the_same_wrenches() -> None:
+    firm = Stabilizer(MASS, WrenchDistribution(SIZES, DistributionSettings.mc_rtc()), MC_RTC, yields=False)
+    soft, away = stabilizer(), [0.01, 0.02, HEIGHT]
+    for _ in range(20):
+        one, other = (tick(s, com=away, wrenches=STANDING + 1.0) for s in (firm, soft))
+    assert one.corrections == (FootCorrection(), FootCorrection())
+    assert other.corrections[0] != FootCorrection()
+    np.testing.assert_array_equal(one.feet.wrenches, other.feet.wrenches)
+
+
 def test_the_high_pass_drops_offsets_and_keeps_motion() -> None:
     high_pass = HighPass(1.0)
     for k in range(4000):

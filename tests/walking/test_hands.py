@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,16 @@ from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Follower
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
+from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import Hand, HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.motion import FOLLOW, MovingFrame
 from wbc.walking.hands.turn import GyroTurn
+from wbc.walking.source import Reference
+from wbc.walking.swing import FootMotion
 
 TABLE = {"distance": 0.18, "height": 0.7}
 DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
@@ -310,6 +315,31 @@ def test_a_turn_is_integrated_without_the_bias_that_was_averaged_at_rest() -> No
     for _ in range(20):  # a short rest: too short for a new bias
         turn.update(0.05 * vertical, vertical, True, 0.005)
     assert turn.bias == pytest.approx(bias, abs=1e-12) and turn.angle == pytest.approx(0.6, abs=1e-9)
+
+
+def test_feet_that_slip_are_noticed_while_a_hand_is_used() -> None:
+    """The gyroscope turns and the estimate, which holds on to the feet, does not."""
+    walking, hands = standing()
+    robot = walking.controller.robot
+    left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
+    reference = Reference(Pendulum.at_rest(robot.com), (left, right), phase=GaitPhase.DOUBLE)
+    measurement: Any = SimpleNamespace(
+        angular_velocity=np.array([0.0, 0.0, 0.2]), hand_wrenches=np.zeros((2, 6))
+    )
+
+    def turn() -> float:
+        for _ in range(100):
+            hands.update(measurement, reference, 0.005)
+        return hands.slip
+
+    assert turn() == 0.0
+    hands.press("left_hand", 5.0, DOWN, at=(0.3, 0.25, 0.7), firm=True)
+    assert turn() == pytest.approx(0.1)
+    hands.release("left_hand")
+    assert turn() == turn(), "nothing is counted between two orders"
+    first = hands.slip
+    hands.press("left_hand", 5.0, DOWN, at=(0.3, 0.25, 0.7), firm=True)
+    assert turn() == pytest.approx(first + 0.1)
 
 
 def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:

@@ -68,8 +68,8 @@ class Hands:
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
         barred: Reason for which no hand may begin to press or grip now; empty if they may.
-        slip: Angle by which the feet have slipped while the robot walked, rad: turn by the gyroscope less that of the
-            estimate, which holds on to the feet.
+        slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: turn by the
+            gyroscope less that of the estimate, which holds on to the feet.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class Hands:
         # Views, which move on with the estimate.
         self._pelvis = estimate.placement(estimate.base_frame).rotation
         self._vertical = estimate.placement(estimate.imu_frame).rotation[2]
-        self._turn, self._start_yaw, self.slip = GyroTurn(), self._yaw, 0.0
+        self._turn, self._start_yaw, self.slip = GyroTurn(), 0.0, 0.0
         self._shift = Follower(SHIFT_TIME, np.zeros(2))
 
     @property
@@ -305,14 +305,15 @@ class Hands:
     def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
         """Advance all hands; return the filtered wrench on them at the world origin, None while there is none."""
         self._measurement = measurement
-        rests = reference.phase is GaitPhase.STANDING
-        self._watch_slip(measurement, rests, dt)
         pressing = self.wanted
         if not (pressing or self.active):
             return None
+        rests = reference.phase is GaitPhase.STANDING
         feet = [motion.placement.translation for motion in reference.feet]
         if self._middle is None:
             self._middle = MovingFrame(feet, reference.heading)
+            self._start_yaw = self._yaw + self.slip - self._turn.angle
+        self._watch_slip(measurement, rests, dt)
         self._middle.update(feet, reference.heading, dt)
         felt, pulled, planned = self._advance(self._middle, measurement.hand_wrenches, dt)
         self._yield(rests)

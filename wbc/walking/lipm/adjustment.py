@@ -100,22 +100,23 @@ class StepAdjuster:
         remaining = swing.duration - elapsed
         if remaining <= FREEZE:
             return step, remaining
-        here, axis = complex(stance.x, stance.y), cmath.rect(1.0, stance.yaw)
+        here, axis, planned = complex(stance.x, stance.y), cmath.rect(1.0, stance.yaw), swing.dcm(elapsed)
+        left = remaining + swing.transfer
+        grow = math.exp(omega * left)
+        low, high = self._shifts[stance.side]
+        # The plan with the ZMP shifted by δ = e τ*/(τ* − 1), for a DCM error e, keeps the equation. If the stance foot
+        # can take this shift, its cost bounds the least cost from above, and with it every change.
+        shift = (dcm - planned) / axis * (grow / (grow - 1.0))
+        ahead, outwards = shift.real, shift.imag if step.side == "left" else -shift.imag
+        if abs(shift) <= self._idle and low[0] <= ahead <= high[0] and low[1] <= outwards <= high[1]:
+            return step, remaining
 
         def seen(point: complex) -> complex:
             """Return how far a point is ahead and outwards of the stance foot, m."""
             point = (point - here) / axis
             return point if step.side == "left" else point.conjugate()
 
-        left = remaining + swing.transfer
-        grow = math.exp(omega * left)
-        low, high = self._shifts[stance.side]
-        now, xi = seen(swing.dcm(elapsed)), seen(dcm)
-        # The plan with the ZMP shifted by δ = e τ*/(τ* − 1), for a DCM error e, keeps the equation. If the stance foot
-        # can take this shift, its cost bounds the least cost from above, and with it every change.
-        shift = (xi - now) * grow / (grow - 1.0)
-        if abs(shift) <= self._idle and low[0] <= shift.real <= high[0] and low[1] <= shift.imag <= high[1]:
-            return step, remaining
+        now, xi = seen(planned), seen(dcm)
         place, then = seen(complex(step.x, step.y)), seen(swing.dcm(swing.duration + swing.transfer))
         zmp, (b, d) = (grow * now - then) / (grow - 1.0), _parts(then - place)
         # The steps after this one are those of which the planned offset is the orbit: they ask for nothing else.
