@@ -62,6 +62,9 @@ TURNED, MOST_TURN = 0.02, 0.04
 """Angle by which soles have turned on the ground from which on the landings to come are turned back, and greatest angle
 of that in a step, rad."""
 
+FELT = 30.0
+"""Time from which on the steps of a plan change the DCM now by less than rounding, 1/ω."""
+
 DEBOUNCE, HOLD, REPLAN = 0.01, 0.05, 0.1
 """Time that the load of a touch-down must last; remaining time that the pattern plans with while a phase waits for a
 foot; time between plans of the footsteps on both feet, s."""
@@ -538,7 +541,9 @@ class LipmWalk(GaitMachine):
 
     def _replan(self) -> None:
         """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
-        self._pattern = self._preview.plan(self.supports(), self._pattern.at(self._since))
+        steps = math.ceil(FELT / (self.omega * self.plan.gait.full.cycle))
+        count = 2 * steps + (self.phase is not GaitPhase.SINGLE)  # the last support is one on both feet
+        self._pattern = self._preview.plan(self.supports()[:count], self._pattern.at(self._since))
         self._since = 0.0
 
     def _plan_swing(self, landing: Footstep) -> None:
