@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array, finite_array, positive
 from wbc.base.settings import Seed
@@ -29,7 +29,7 @@ from wbc.robots.registry import as_description
 from wbc.sim.loop.floor import lowest_sole_point
 from wbc.sim.plant.drives import delays
 from wbc.sim.plant.places import body_frame
-from wbc.sim.plant.robot import DivergedError, check_period
+from wbc.sim.plant.robot import ANOTHER, DivergedError, check_period
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import Machine, Step, steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
@@ -102,6 +102,10 @@ class EngineLoop(ABC):
         machine: Delays, and which sensors exist.
         ticks: Control periods since the start.
     """
+
+    control_period: float = fixed(ANOTHER)
+    timestep: float = fixed(ANOTHER)
+    steps: int = fixed(ANOTHER)
 
     @checked
     def __init__(

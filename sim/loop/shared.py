@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.base.settings import Seed
@@ -22,6 +22,7 @@ from wbc.robots.registry import as_description
 from wbc.sim.loop.mujoco_loop import MujocoLoop, step_together
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, check_clear
 from wbc.sim.plant.model import bare_spec, compiled, equip, furniture
+from wbc.sim.plant.robot import ANOTHER
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings, Step
 from wbc.sim.plant.shapes import SHAPE_GROUP, add_stage, add_visuals
@@ -58,6 +59,8 @@ class SharedPlant:
         data: MuJoCo's state.
         control_period: Time that `step` advances, s.
     """
+
+    control_period: float = fixed(ANOTHER)
 
     @checked
     def __init__(

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import fixed
 from wbc.base.errors import InputError, MeasurementError, WbcError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
@@ -31,6 +32,9 @@ _log = logging.getLogger(__name__)
 
 if mujoco.get_mju_user_warning() is None:  # else MuJoCo writes a file into the working directory
     mujoco.set_mju_user_warning(lambda message: _log.info("MuJoCo: %s", message))
+
+ANOTHER = "make another loop"
+"""What to do in place of an assignment to what a loop is made of."""
 
 WARNINGS = tuple(range(int(mujoco.mjtWarning.mjNWARNING)))
 """All kinds of warnings of MuJoCo."""
@@ -57,6 +61,10 @@ class SimulatedRobot(ABC):
     """
 
     diverged: str | None
+    timestep: float = fixed(ANOTHER)
+    control_period: float = fixed(ANOTHER)
+    steps: int = fixed(ANOTHER)
+    seed: int = fixed(ANOTHER)
     _truth: GroundTruth | None
     _measurement: Measurement | None
 

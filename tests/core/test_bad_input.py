@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -103,3 +105,76 @@ def test_a_value_that_cannot_be_used_is_refused(
 ) -> None:
     with pytest.raises(kind, match=named):
         make()
+
+
+@cache
+def controller() -> wbc.Controller:
+    made = balance_controller(g1().clone(), 0.002)
+    box = wbc.FramePositionLimit("torso_link", lower=(-1.0, -1.0, 0.0), name="box")
+    if not any(isinstance(limit, wbc.JointLimits) for limit in made.limits):
+        made.add(wbc.JointLimits())
+    made.add(box, wbc.CoMPolygonLimit())
+    return made
+
+
+def limit(kind: type[Any]) -> Any:
+    return next(each for each in controller().limits if isinstance(each, kind))
+
+
+ASSIGNED: dict[str, tuple[Callable[[], Any], tuple[str, ...], tuple[object, ...]]] = {
+    "robot": (
+        g1,
+        (
+            "position_lower",
+            "position_upper",
+            "velocity_limit",
+            "torque_lower",
+            "torque_upper",
+            "torque_limit",
+        ),
+        (2.0, NAN, np.zeros(29)),
+    ),
+    "joint limits": (
+        lambda: limit(wbc.JointLimits),
+        ("lower", "upper", "velocity", "acceleration", "braking"),
+        (2.0, NAN, "far", np.zeros(29)),
+    ),
+    "torque limits": (lambda: limit(wbc.TorqueLimits), ("least", "most", "rate"), (2.0, math.inf, None)),
+    "CoM polygon": (lambda: limit(wbc.CoMPolygonLimit), ("recovery", "time_constant"), (-1.0, NAN, 0.2)),
+    "box": (
+        lambda: limit(wbc.FramePositionLimit),
+        ("lower", "upper"),
+        ("far", NAN, [0.0], [0.0, 0.0, NAN], [True, 0.0, 0.0]),
+    ),
+    "contact": (lambda: controller().contact("left_foot"), ("active",), (NAN, 1, "no", None, [True])),
+    "task": (lambda: controller().tasks[0], ("spared",), (NAN, -1, "12", [-1], [0.5], [[1]], None)),
+    "target": (lambda: controller().tasks[0], ("held_by",), (NAN, True, ["arm"])),
+    "control": (
+        lambda: wbc.TorqueControl(controller()),
+        ("dcm_limit",),
+        (NAN, -1.0, 0.0, math.inf, "far", None),
+    ),
+}
+"""Objects, attributes of them, and values that none of these takes."""
+
+
+@pytest.mark.parametrize("what", ASSIGNED)
+def test_an_attribute_takes_no_value_that_cannot_be_used(what: str) -> None:
+    make, names, values = ASSIGNED[what]
+    made = make()
+    for name in names:
+        before = getattr(made, name)
+        for value in values:
+            with pytest.raises(InputError, match=name if what != "box" else "box"):
+                setattr(made, name, value)
+            np.testing.assert_equal(getattr(made, name), before)
+        if isinstance(before, np.ndarray) and before.size and what != "robot":
+            with pytest.raises(ValueError, match="read-only"):
+                before[0] = 0.0
+
+
+def test_a_box_can_be_moved() -> None:
+    box = wbc.FramePositionLimit("torso_link", lower=(-1.0, -1.0, 0.0))
+    box.lower, box.upper = [0.0, 0.0, 0.0], (1.0, 2.0, math.inf)
+    np.testing.assert_equal(box.lower, [0.0, 0.0, 0.0])
+    np.testing.assert_equal(box.upper, [1.0, 2.0, math.inf])

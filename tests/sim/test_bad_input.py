@@ -114,3 +114,11 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
 def test_an_option_that_cannot_be_used_is_refused(call: Callable[[], Any], named: str) -> None:
     with pytest.raises((InputError, UnknownNameError), match=named):
         call()
+
+
+@pytest.mark.parametrize("name", ["control_period", "timestep", "steps", "seed"])
+def test_what_a_plant_is_made_of_cannot_be_assigned(name: str) -> None:
+    before = getattr(plant(), name)
+    with pytest.raises(InputError, match=f"{name} of Plant cannot be assigned"):
+        setattr(plant(), name, 1)
+    assert getattr(plant(), name) == before

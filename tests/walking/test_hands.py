@@ -132,7 +132,7 @@ def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None
     full, joint = hand.arm.strength(hand.direction, 1.0)
     index = controller.robot.joint_names.index(joint)
     bound = abs(float(controller.solution.torques[index])) - 0.5 * 25.0 * limits.most[index] / full
-    limits.most[index], limits.least[index] = bound, -bound
+    limits._most[index], limits._least[index] = bound, -bound
     bounded: list[bool] = []
     trial.advance(1.5, lambda: bounded.append(hand.bounded))
     assert abs(trial.walking.controller.solution.torques[index]) <= bound + 1e-6

@@ -18,8 +18,11 @@ import typing
 from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, TypeVar, Unpack
 
+import numpy as np
 from pydantic import BeforeValidator, PlainValidator, TypeAdapter, ValidationError
 
+from wbc.base.errors import InputError
+from wbc.base.numbers import read_only
 from wbc.base.settings import CONFIG, Numbers, hashable, refusal, unit_of
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -71,6 +74,65 @@ def checked(function: F) -> F:
         return function(*given, **values)
 
     return typing.cast(F, call)
+
+
+class Fixed:
+    """Attribute that is set once, when its object is made; it is read as fast as any other one.
+
+    class Plant:
+        control_period: float = fixed("make another plant")
+    """
+
+    def __init__(self, instead: str) -> None:
+        """Say what to do in place of an assignment."""
+        self._instead = instead
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name of the attribute."""
+        self._name = name
+
+    def __set__(self, of: Any, value: Any) -> None:
+        """Set the value of an object that has none yet; raise an `InputError` for one that has it."""
+        if self._name in vars(of):
+            raise _not_assigned(self._name, of, self._instead)
+        vars(of)[self._name] = value
+
+
+def fixed(instead: str) -> Any:
+    """Return an attribute that is set once; the text says what to do in place of an assignment."""
+    return Fixed(instead)
+
+
+class Result:
+    """Attribute that shows a value of its object, of which arrays cannot be written."""
+
+    def __init__(self, source: str, instead: str) -> None:
+        """Take the name of the attribute with the value, and what to do in place of an assignment."""
+        self._source, self._instead = source, instead
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the name of the attribute."""
+        self._name = name
+
+    def __get__(self, of: Any, owner: type) -> Any:
+        """Return the value."""
+        if of is None:
+            return self
+        value = getattr(of, self._source)
+        return read_only(value) if isinstance(value, np.ndarray) else value
+
+    def __set__(self, of: Any, value: Any) -> None:
+        """Raise an `InputError`."""
+        raise _not_assigned(self._name, of, self._instead)
+
+
+def result(source: str, instead: str) -> Any:
+    """Return an attribute that shows another one; the text says what to do in place of an assignment."""
+    return Result(source, instead)
+
+
+def _not_assigned(name: str, of: Any, instead: str) -> InputError:
+    return InputError(f"{name} of {type(of).__name__} cannot be assigned: {instead}")
 
 
 def hints_of(function: Callable[..., Any]) -> dict[str, Any]:

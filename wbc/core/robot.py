@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, ModelError, shown, unknown_name
 from wbc.base.numbers import Array, finite_array, finite_scalar, scalar
 from wbc.base.registry import Registry
@@ -65,6 +65,10 @@ class _View:
 
 Reads = Literal["kinematics", "all"]
 """State of a robot that something needs at rest: what `Robot.update_jacobians` computes, or all of `Robot.update`."""
+
+
+DESCRIBED = "make a robot from a description with another value, as of `dataclasses.replace`"
+"""What to do in place of an assignment to what a robot is made of."""
 
 
 def checked_configuration(what: str, value: ArrayLike, nq: int, floating: bool = True) -> Array:
@@ -231,6 +235,14 @@ class Robot:
         springs: Stiffness (Nm/rad) and rest position (rad) of springs beside the drives, each of shape (na,); their
             torques are part of `bias`. None for a robot without springs.
     """
+
+    position_lower: Array = fixed(DESCRIBED)
+    position_upper: Array = fixed(DESCRIBED)
+    velocity_limit: Array = fixed(DESCRIBED)
+    torque_lower: Array = fixed(DESCRIBED)
+    torque_upper: Array = fixed(DESCRIBED)
+    torque_limit: Array = fixed(DESCRIBED)
+    half_sitting: Array = fixed(DESCRIBED)
 
     @checked
     def __init__(

@@ -9,7 +9,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, WbcError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import Period
@@ -169,6 +169,8 @@ class DriverLoop:
         description: The robot.
         control_period: Period of the machine's measurements, s.
     """
+
+    control_period: float = fixed("make another loop")
 
     @checked
     def __init__(self, driver: Driver, control_period: Period) -> None:

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, names_in, shown
 from wbc.base.settings import Angle, NonNegative, Number, Period
 from wbc.core.drive.control import State
@@ -89,6 +89,8 @@ class WalkingControl:
         reference: References of the last tick with a valid measurement; None before the first one.
         stopped: True after `stop`, until the next order to walk.
     """
+
+    dt: float = fixed("make another control, with a robot that stands")
 
     @checked
     def __init__(

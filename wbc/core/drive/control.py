@@ -21,6 +21,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
@@ -133,8 +134,6 @@ class DriveControl:
         accelerometer: Check of the direction of the specific force.
         gate: Limits of commands.
         falls: Detector of a fall, by the estimate.
-        dcm_limit: Distance of the DCM from the nearest sole from which on `status` calls balance lost, over the height
-            of the CoM; a walk sets that of its steps.
     """
 
     _follows_estimate = True
@@ -174,7 +173,7 @@ class DriveControl:
         self.measurement: Measurement | None = None
         self.time = 0.0
         self.falls, self._on_fall = FallDetector(self.observer.robot, dt), safety.on_fall
-        self.dcm_limit = FEET_STAY
+        self._dcm_limit = FEET_STAY
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
@@ -251,13 +250,26 @@ class DriveControl:
             self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names)
         return self.monitor
 
+    @property
+    def dcm_limit(self) -> float:
+        """Distance of the DCM from the nearest sole from which on `status` calls balance lost, over the CoM's height.
+
+        A walk sets that of its steps.
+        """
+        return self._dcm_limit
+
+    @dcm_limit.setter
+    @checked
+    def dcm_limit(self, value: Annotated[Positive, ""]) -> None:
+        self._dcm_limit = value
+
     def _balance_lost(self) -> bool:
         """Return True if the DCM is out of reach of feet and steps."""
         robot = self.observer.robot
         soles = [robot.placement(sole.frame).translation for sole in robot.soles]
         height = max(float(robot.com[2]) - min(float(sole[2]) for sole in soles), 0.0)
         dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
-        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self.dcm_limit * height
+        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._dcm_limit * height
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick, with the targets as they are, and return its command; a failed tick follows the policy."""

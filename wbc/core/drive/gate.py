@@ -10,6 +10,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.vectors import largest
@@ -176,7 +177,7 @@ class CommandGate:
         self._report(wrong)
         return Command(torque, position, velocity, period=self._period)
 
-    def _report(self, wrong: Array, before: tuple[str, ...] = ()) -> None:
+    def _report(self, wrong: NDArray[np.bool_], before: tuple[str, ...] = ()) -> None:
         """Take over the joints that were clipped, beside those of the same command that are counted already."""
         found = [self._names[i] for i in wrong.nonzero()[0]]
         self.faults = (*before, *(name for name in found if name not in before))

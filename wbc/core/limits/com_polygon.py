@@ -14,12 +14,12 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import OPTIONS, Limit
 from wbc.core.robot import Robot
 
 EDGES = 8
@@ -33,10 +33,17 @@ class CoMPolygonLimit(Limit):
     together are never empty, so the rows cannot contradict each other. A row demands at most the acceleration distance
     / time constant² + recovery away from its edge. This is enough while the CoM is inside; when it is outside,
     `recovery` brings it back.
+
+    Attributes:
+        time_constant: Time constant of the approach to an edge, s, once the limit is in a controller; as the next one
+            it cannot be assigned.
+        recovery: Acceleration that brings a CoM back from outside an edge, m/s².
     """
 
     reads = "kinematics"
     step_unit = "m"
+    time_constant: float = result("_time_constant", OPTIONS)
+    recovery: float = result("_recovery", OPTIONS)
 
     @checked
     def __init__(
@@ -143,8 +150,8 @@ class CoMPolygonLimit(Limit):
                     f"limit '{self.name}' needs a time constant: the CoM of {robot!r} is above no sole"
                 )
             time_constant = math.sqrt(max(heights) / -gravity[2])
-        self.time_constant = time_constant
-        self.recovery = 0.5 * self._margin / time_constant**2 if recovery is None else recovery
+        self._time_constant = time_constant
+        self._recovery = 0.5 * self._margin / time_constant**2 if recovery is None else recovery
         self._base_rotation = robot.data.oMi[1].rotation
         if self._of_soles:
             self.use_soles()
@@ -154,12 +161,12 @@ class CoMPolygonLimit(Limit):
         robot, used = self._robot, slice(0, self._edges)
         normals = self._normals[used]
         distance = self._offsets[used] - np.dot(normals, robot.com[:2])
-        bound = (distance / self.time_constant - np.dot(normals, robot.com_velocity[:2])) / dt
+        bound = (distance / self._time_constant - np.dot(normals, robot.com_velocity[:2])) / dt
         demand = np.maximum(distance, 0.0)
         # At the speed distance / time constant towards the edge, the CoM needs the deceleration distance / time
         # constant², and a little more because a period passes before the bound reacts.
-        demand *= (1.0 + 2.0 * dt / self.time_constant) / self.time_constant**2
-        demand += self.recovery
+        demand *= (1.0 + 2.0 * dt / self._time_constant) / self._time_constant**2
+        demand += self._recovery
         np.maximum(bound, -demand, out=bound)
         # Acceleration of the CoM at zero generalised acceleration: the force on the base rows of the bias, less weight.
         drift = np.dot(self._base_rotation[:2], robot.bias[:3])
@@ -184,7 +191,7 @@ class CoMPolygonLimit(Limit):
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the largest velocity of the CoM towards each edge; see `Limit.write_velocity`."""
         self.write_step(rows, lower, upper)
-        upper /= max(dt, self.time_constant)
+        upper /= max(dt, self._time_constant)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', edges={self._edges})"

@@ -14,8 +14,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, Array, finite_array
+from wbc.base.errors import InputError, shown
+from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only
 from wbc.base.settings import Positive
 from wbc.core.limits.base import Limit
 from wbc.core.robot import Robot
@@ -99,27 +99,53 @@ class FramePositionLimit(FrameLimit):
             )
         self._axes = axes / lengths[:, None]
         super().__init__(frame, "bounds", len(axes), name, time_constant)
-        self.lower, self.upper = (
-            np.full(self.dim, none) if bound is None else np.array(bound, dtype=float)
-            for bound, none in ((lower, -np.inf), (upper, np.inf))
-        )
-        if (
-            self.lower.shape != (self.dim,)
-            or self.upper.shape != (self.dim,)
-            or not (self.lower <= self.upper).all()
-        ):
+        self._lower, self._upper = np.full(self.dim, -np.inf), np.full(self.dim, np.inf)
+        self._take(lower, upper)
+
+    def _take(self, lower: ArrayLike | None, upper: ArrayLike | None) -> None:
+        """Take bounds that are right; None leaves one as it is."""
+        taken = []
+        for what, bound, before in (("lower", lower, self._lower), ("upper", upper, self._upper)):
+            try:
+                array = before if bound is None else numbers(bound)
+            except (TypeError, ValueError, OverflowError, RecursionError):
+                raise InputError(
+                    f"{what} of limit '{self.name}' must be numbers, got {shown(bound)}"
+                ) from None
+            taken.append(array)
+        low, high = taken
+        if low.shape != (self.dim,) or high.shape != (self.dim,) or not (low <= high).all():
             raise InputError(
                 f"limit '{self.name}' needs a lower and an upper bound for each of {self.dim} directions, the lower "
-                f"one not above the upper one, got {self.lower} and {self.upper}"
+                f"one not above the upper one, got {low} and {high}"
             )
+        self._lower, self._upper = low, high
+
+    @property
+    def lower(self) -> Array:
+        """Smallest coordinate along each direction, shape (n,), m, read-only; assign an array."""
+        return read_only(self._lower)
+
+    @lower.setter
+    def lower(self, value: ArrayLike) -> None:
+        self._take(value, None)
+
+    @property
+    def upper(self) -> Array:
+        """Largest coordinate along each direction, shape (n,), m, read-only; assign an array."""
+        return read_only(self._upper)
+
+    @upper.setter
+    def upper(self, value: ArrayLike) -> None:
+        self._take(None, value)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill a row for each direction; see `Limit.write`."""
         place, (velocity, drift) = self._axes @ self._placement.translation, self._motion()
         speed, drift = self._axes @ velocity[:3], self._axes @ drift[:3]
         rows[:] = self._axes @ self._jacobian()[:3]
-        lower[:] = least_acceleration(place - self.lower, speed, dt, self._time) - drift
-        upper[:] = -least_acceleration(self.upper - place, -speed, dt, self._time) - drift
+        lower[:] = least_acceleration(place - self._lower, speed, dt, self._time) - drift
+        upper[:] = -least_acceleration(self._upper - place, -speed, dt, self._time) - drift
         crossed = lower > upper  # from outside of narrow bounds at speed
         lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
 
@@ -127,8 +153,8 @@ class FramePositionLimit(FrameLimit):
         """Fill a row for each direction; see `Limit.write_step`."""
         place = self._axes @ self._placement.translation
         rows[:] = self._axes @ self._jacobian()[:3]
-        np.subtract(self.lower, place, out=lower)
-        np.subtract(self.upper, place, out=upper)
+        np.subtract(self._lower, place, out=lower)
+        np.subtract(self._upper, place, out=upper)
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill a row for each direction; see `Limit.write_velocity`."""

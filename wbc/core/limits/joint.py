@@ -12,11 +12,11 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array, scalar
 from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
-from wbc.core.limits.base import Limit, for_joints
+from wbc.core.limits.base import OPTIONS, Limit, for_joints
 from wbc.core.robot import Robot
 
 BRAKING_SHARE = 0.3
@@ -112,12 +112,21 @@ class JointLimits(Limit):
     distances are kept, only if `acceleration` or `braking` is given.
 
     Attributes:
+        lower, upper: Least and greatest positions, shape (na,), rad (or m), once the limits are in a controller; as the
+            next ones they cannot be assigned.
+        velocity: Greatest velocities, shape (na,), rad/s (or m/s).
+        acceleration: Greatest accelerations, shape (na,), rad/s² (or m/s²).
         braking: Deceleration that is available in both directions, shape (na,), rad/s² (or m/s²). For a drive that is
             weaker in one direction it is that of the weaker direction. A position bound that the drive has no torque to
             keep is left out.
     """
 
     reads = "kinematics"
+    lower: Array = result("_lower", OPTIONS)
+    upper: Array = result("_upper", OPTIONS)
+    velocity: Array = result("_fastest", OPTIONS)
+    acceleration: Array = result("_most_acceleration", OPTIONS)
+    braking: Array = result("_least_braking", OPTIONS)
 
     @checked
     def __init__(
@@ -159,33 +168,33 @@ class JointLimits(Limit):
         self._free: NDArray[np.intp] | None = None  # joints without limits
         if self._joints is not None:
             self._free = np.setdiff1d(np.arange(na), [robot.joint_index(joint) for joint in self._joints])
-        self.acceleration = np.full(na, np.inf)
+        self._most_acceleration = np.full(na, np.inf)
         inertia = np.diag(robot.mass_matrix)[robot.base_dof :]
         # Row 0 is for the upper bounds, which negative torques keep, row 1 for the lower ones.
         torque = np.maximum(np.array([-robot.torque_lower, robot.torque_upper]), 0.0)
         brakes = np.minimum(100.0, BRAKING_SHARE * torque / inertia)
         if self._acceleration is not None:
-            self.acceleration = for_joints("acceleration of joint limits", self._acceleration, robot)
-            brakes = np.minimum(self.acceleration, torque / inertia)
-        stop = self.acceleration  # of inverse kinematics, which knows no torques
+            self._most_acceleration = for_joints("acceleration of joint limits", self._acceleration, robot)
+            brakes = np.minimum(self._most_acceleration, torque / inertia)
+        stop = self._most_acceleration  # of inverse kinematics, which knows no torques
         if self._braking is not None:
             stop = for_joints("braking of joint limits", self._braking, robot)
             brakes = np.where(brakes > 0.0, stop, 0.0)
-        self._brakes, self.braking = brakes, brakes.min(axis=0)
-        if (brakes > self.acceleration).any():
+        self._brakes, self._least_braking = brakes, brakes.min(axis=0)
+        if (brakes > self._most_acceleration).any():
             raise InputError(
                 f"braking deceleration {brakes.max(axis=0)} must not exceed the acceleration limit "
-                f"{self.acceleration} rad/s²"
+                f"{self._most_acceleration} rad/s²"
             )
         margin = np.minimum(self._margin, 0.5 * (robot.position_upper - robot.position_lower))
-        self.lower, self.upper = robot.position_lower + margin, robot.position_upper - margin
-        self.velocity = self._ratio * robot.velocity_limit
+        self._lower, self._upper = robot.position_lower + margin, robot.position_upper - margin
+        self._fastest = self._ratio * robot.velocity_limit
         # Row 0 holds the upper bounds, row 1, with changed signs, the lower ones: arrays of one shape take NumPy half
         # the time.
-        self._twice_velocity, self._back = np.array([self.velocity, self.velocity]), -self.velocity
+        self._twice_velocity, self._back = np.array([self._fastest, self._fastest]), -self._fastest
         self._greatest = None
-        if np.isfinite(self.acceleration).any():
-            self._greatest = np.array([self.acceleration, self.acceleration])
+        if np.isfinite(self._most_acceleration).any():
+            self._greatest = np.array([self._most_acceleration, self._most_acceleration])
         self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
         self._positions, self._velocities = robot.q[robot.nq - na :], robot.v[robot.nv - na :]
         self._names = robot.joint_names
@@ -195,7 +204,7 @@ class JointLimits(Limit):
         self._stops = None  # greatest acceleration and braking in inverse kinematics, where they are bounded
         if self._acceleration is not None or self._braking is not None:
             self._stops = (
-                np.array([self.acceleration, self.acceleration]),
+                np.array([self._most_acceleration, self._most_acceleration]),
                 np.array([stop, stop]),
             )
 
@@ -225,8 +234,8 @@ class JointLimits(Limit):
         rate[0] = self._velocities
         np.negative(self._velocities, out=rate[1])
         if self._use_position:
-            np.subtract(self.upper, self._positions, out=distance[0])
-            np.subtract(self._positions, self.lower, out=distance[1])
+            np.subtract(self._upper, self._positions, out=distance[0])
+            np.subtract(self._positions, self._lower, out=distance[1])
             bound = self._law(distance, rate)
             if self._use_velocity:
                 np.minimum(bound, self._twice_velocity, out=bound)
@@ -258,8 +267,8 @@ class JointLimits(Limit):
         if not self._use_position:
             lower[:], upper[:] = -np.inf, np.inf
             return
-        np.subtract(self.upper, self._positions, out=upper)
-        np.subtract(self.lower, self._positions, out=lower)
+        np.subtract(self._upper, self._positions, out=upper)
+        np.subtract(self._lower, self._positions, out=lower)
         np.clip(upper, -LONGEST_STEP, LONGEST_STEP, out=upper)
         np.clip(lower, -LONGEST_STEP, LONGEST_STEP, out=lower)
         self._release(lower, upper)
@@ -270,20 +279,20 @@ class JointLimits(Limit):
             self._place_rows(rows)
         if dt != self._period:
             self._period, self._per_dt = dt, scalar(1.0 / dt)
-            self._upper_per_dt, self._lower_per_dt = self.upper / dt, self.lower / dt
+            self._upper_per_dt, self._lower_per_dt = self._upper / dt, self._lower / dt
             self._change = scalar(0.0) if self._stops is None else dt * self._stops[0]
         if self._use_position and self._use_velocity and self._stops is None and self._free is None:
             np.multiply(self._positions, self._per_dt, out=self._reached)
             np.subtract(self._upper_per_dt, self._reached, out=upper)
             np.subtract(self._lower_per_dt, self._reached, out=lower)
             if upper[upper.argmin()] >= 0.0 >= lower[lower.argmax()]:  # every joint is inside
-                np.minimum(upper, self.velocity, out=upper)
+                np.minimum(upper, self._fastest, out=upper)
                 np.maximum(lower, self._back, out=lower)
                 return
         distance, bound = self._distance, self._bound
         if self._use_position:
-            np.subtract(self.upper, self._positions, out=distance[0])
-            np.subtract(self._positions, self.lower, out=distance[1])
+            np.subtract(self._upper, self._positions, out=distance[0])
+            np.subtract(self._positions, self._lower, out=distance[1])
             np.multiply(distance, self._per_dt, out=bound)
             if self._stops is not None:
                 bound[:] = stopping_velocity(np.maximum(distance, _ZERO), self._stops[1], dt)

@@ -6,10 +6,10 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, result
 from wbc.base.numbers import Array
 from wbc.base.settings import PositiveNumbers, Ratio
-from wbc.core.limits.base import Limit, for_joints
+from wbc.core.limits.base import OPTIONS, Limit, for_joints
 from wbc.core.robot import Robot
 
 
@@ -17,8 +17,15 @@ class TorqueLimits(Limit):
     """Bounds of the joint torques and of their rates.
 
     Attributes:
+        least, most: Bounds of the torques, shape (na,), Nm, once the limits are in a controller; as the next one they
+            cannot be assigned.
+        rate: Greatest rates of the torques, shape (na,), Nm/s; None for none.
         previous: Torques of the last tick, shape (na,), Nm; None before the first tick.
     """
+
+    least: Array = result("_least", OPTIONS)
+    most: Array = result("_most", OPTIONS)
+    rate: Array | None = result("_most_rate", OPTIONS)
 
     @checked
     def __init__(self, *, ratio: Ratio = 1.0, rate: Annotated[PositiveNumbers, "Nm/s"] | None = None) -> None:
@@ -36,16 +43,16 @@ class TorqueLimits(Limit):
     def bind(self, robot: Robot) -> None:
         """Take the limits from the model."""
         self.dim = robot.na
-        self.least, self.most = self._ratio * robot.torque_lower, self._ratio * robot.torque_upper
-        self.rate: Array | None = None
+        self._least, self._most = self._ratio * robot.torque_lower, self._ratio * robot.torque_upper
+        self._most_rate: Array | None = None
         if self._rate is not None:
-            self.rate = for_joints("rate of torque limits", self._rate, robot)
+            self._most_rate = for_joints("rate of torque limits", self._rate, robot)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the torque interval of every joint, Nm; the rows are the torque rows of the QP, and stay as they are."""
-        upper[:] = self.most
-        lower[:] = self.least
-        if self.rate is not None and self.previous is not None:
+        upper[:] = self._most
+        lower[:] = self._least
+        if self._most_rate is not None and self.previous is not None:
             before = np.clip(self.previous, lower, upper)
-            np.minimum(upper, before + self.rate * dt, out=upper)
-            np.maximum(lower, before - self.rate * dt, out=lower)
+            np.minimum(upper, before + self._most_rate * dt, out=upper)
+            np.maximum(lower, before - self._most_rate * dt, out=lower)

@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, choose
+from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, positive
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross
@@ -263,10 +263,11 @@ class Contact(Motion):
 
     @active.setter
     def active(self, value: bool) -> None:
-        value = bool(value)
+        if not isinstance(value, (bool, np.bool_)):
+            raise InputError(f"active of contact '{self.name}' must be true or false, got {shown(value)}")
         if value == self._active:
             return
-        self._active = value
+        self._active = bool(value)
         if not value:
             self._carried = self._carried_now()
             self._set_load(0.0 if self.ramp == 0.0 else self._load)

@@ -68,6 +68,7 @@ class Targeted(Motion):
         return self._target.held_by
 
     @held_by.setter
+    @checked_arguments
     def held_by(self, value: str | None) -> None:
         self._target.held_by = value
 

@@ -359,8 +359,13 @@ class Task(Targeted):
 
     @spared.setter
     def spared(self, value: NDArray[np.intp]) -> None:
-        self._spared = value if len(value) else None
-        self.spared_acceleration = np.zeros(len(value))
+        array = np.asarray(value)
+        if array.ndim != 1 or (array.size and (array.dtype.kind not in "iu" or array.min() < 0)):
+            raise InputError(
+                f"spared of task '{self.name}' must be numbers of velocity coordinates, shape (n,), got {shown(value)}"
+            )
+        self._spared = array.astype(np.intp, copy=False) if array.size else None
+        self.spared_acceleration = np.zeros(array.size)
 
     def attach(self, rows: Rows) -> None:
         """Move the row values into views of the controller's arrays."""
