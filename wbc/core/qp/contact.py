@@ -20,7 +20,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, positive
 from wbc.base.settings import NonNegative, Positive
-from wbc.base.vectors import add_cross
+from wbc.base.vectors import add_cross, largest
 from wbc.core.qp.motion import RATE, Motion, Rows
 from wbc.core.robot import GRAVITY, Reads, Robot
 
@@ -589,7 +589,7 @@ class SoleContact(_HeldFrame):
         acceleration[:3] += bend
         np.dot(change, acceleration, out=drift)
         error[:] = 0.0
-        if self._rows.stiffness.any():
+        if largest(self._rows.stiffness) > 0.0:
             target = self._target
             error[:3] = change[:3, :3].dot(target.act(self._centre) - self._placement.act(self._centre))
             error[3:] = pin.log3(rotation.T.dot(target.rotation))

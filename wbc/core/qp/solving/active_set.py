@@ -178,7 +178,7 @@ class ActiveSet:
             forces = np.where(self._upper_side, -force, force)
             wrong = forces < 0.0
             wrong &= p.upper[active] - p.lower[active] > ROUNDING
-            if not (violated or wrong.any()):
+            if not (violated or wrong[wrong.argmax()]):
                 self.multipliers = np.zeros(p.lower.size)
                 self.multipliers[active] = -force
                 return False
