@@ -90,15 +90,19 @@ class SwingFoot:
         self._plan_height(0.0)
         self._plan_place(0.0, duration)
 
-    def _restart(self, place: pin.SE3, velocity: Vector) -> None:
-        """Begin at a place with a velocity, m/s, and without turning."""
+    def _restart(self, place: pin.SE3, velocity: Vector, push: Vector = (0.0, 0.0, 0.0)) -> None:
+        """Begin at a place with a velocity, m/s, and an acceleration, m/s², and without turning."""
         x, y, z = (float(v) for v in place.translation)
         roll, pitch, yaw = (float(v) for v in pin.rpy.matrixToRpy(place.rotation))
         self._origin = z
         self._c = {
-            name: QuinticPath((value, speed, 0.0))
-            for name, value, speed in zip(
-                COORDINATES, (x, y, z, roll, pitch, yaw), (*velocity, 0.0, 0.0, 0.0), strict=True
+            name: QuinticPath((value, speed, rate))
+            for name, value, speed, rate in zip(
+                COORDINATES,
+                (x, y, z, roll, pitch, yaw),
+                (*velocity, 0.0, 0.0, 0.0),
+                (*push, 0.0, 0.0, 0.0),
+                strict=True,
             )
         }
 
@@ -134,10 +138,16 @@ class SwingFoot:
         self._c["z"].follow(time, (time + self._shape.search_time, (down, 0.0, 0.0)))
         self._plan_place(time, self.duration)
 
-    def restart(self, time: float, place: pin.SE3, velocity: Vector) -> None:
-        """Plan anew to the same landing from the place and the velocity (m/s) of a foot that was thrown off its way."""
-        origin = self._origin
-        self._restart(place, velocity)
+    def restart(self, time: float, place: pin.SE3, velocity: Vector, most: float = math.inf) -> None:
+        """Plan anew to the same landing from the place and the velocity (m/s) of a foot that was thrown off its way.
+
+        The acceleration goes on as it was, over the ground with `most` at most, m/s²: a foot that is thrown again and
+        again would else begin each time without any, and come late.
+        """
+        origin, lift = self._origin, self._shape.lift
+        x, y, z = (self._c[name].at(time)[2] for name in COORDINATES[:3])
+        x, y = _bounded(x, y, most)
+        self._restart(place, velocity, (x, y, min(max(z, -lift), lift)))
         self._origin = origin
         self._plan_height(time)
         self._plan_place(time, self.duration)
@@ -152,9 +162,7 @@ class SwingFoot:
         Its acceleration over the ground is `most` at most, m/s²: legs have no more.
         """
         (x, vx, ax), (y, vy, ay), (z, vz, az), *angles = [self._c[name].at(time) for name in COORDINATES]
-        push = math.hypot(ax, ay)
-        if push > most:
-            ax, ay = ax * most / push, ay * most / push
+        ax, ay = _bounded(ax, ay, most)
         spin, turning = _spin(*angles)
         rotation = pin.rpy.rpyToMatrix(angles[0][0], angles[1][0], angles[2][0])
         return FootMotion(
@@ -223,6 +231,12 @@ class SwingFoot:
         left = max(self.apex_time - now, 0.0)
         z, speed, _ = self._c["z"].at(now)
         return z + max(speed, 0.0) * 0.5 * left + self._shape.lift * left * left / RISE
+
+
+def _bounded(x: float, y: float, most: float) -> tuple[float, float]:
+    """Return a vector of the plane, no longer than `most`."""
+    length = math.hypot(x, y)
+    return (x, y) if length <= most else (x * most / length, y * most / length)
 
 
 def _spin(roll: Vector, pitch: Vector, yaw: Vector) -> tuple[Vector, Vector]:

@@ -108,14 +108,14 @@ def planned_table(
 COM = 100.0, 3.67, 3.46
 """Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height."""
 
-SWING, LIFT, SWING_TURN = 20.0, 120.0, (5.6, 24.5, 8.9)
+SWING, LIFT, SWING_TURN = 60.0, 120.0, (5.6, 24.5, 8.9)
 """Cost of the swing foot's place and of its height; cost, stiffness, ω², and damping, ω, of its rotation. Where hips
 saturate the foot is to come late, not to rub: its height costs more."""
 
-PELVIS, PELVIS_YAW = (27.8, 7.35, 5.45), 2.78
+PELVIS, PELVIS_YAW = (8.3, 7.35, 5.45), 0.83
 """The same of the pelvis, its cost that of tilt; cost of its heading."""
 
-TORSO, TORSO_YAW = 4.0, 0.01
+TORSO, TORSO_YAW = 1.2, 0.003
 """Costs of tilt and heading of the torso, where it is not the pelvis, with the same gains: what hits a robot high folds
 its waist, and nothing else brings it upright again. As much as the pelvis it may not cost: hips that hold both have no
 torque left for the swing foot."""

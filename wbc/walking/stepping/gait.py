@@ -437,7 +437,7 @@ class SteppingWalk(GaitMachine):
             landing = self._seen(landing)
             swing.over = max(swing.over, self.ground.way(frames[side], landing))  # of what is left
         if thrown is not None:
-            swing.restart(self.elapsed, frames[side], thrown)
+            swing.restart(self.elapsed, frames[side], thrown, c.swing_push)
         swing.retarget(self.elapsed, landing, touch, c.hardest if self.decision.closes else None)
 
     def _thrown(self, swing: SwingFoot) -> Vector | None:
