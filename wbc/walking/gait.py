@@ -120,6 +120,7 @@ class GaitMachine(ReferenceSource):
         most_push: float = math.inf,
         most_force: tuple[float, float] | None = None,
         cop: tuple[float, float] = (0.0, 0.0),
+        urgency: float = 0.0,
     ) -> Reference:
         """Return the references of a tick; the swing foot pushes at most so hard, m/s², and the other ones stand.
 
@@ -148,6 +149,7 @@ class GaitMachine(ReferenceSource):
             side,
             most_force,
             cop,
+            urgency,
         )
 
     def _progress(self, upcoming: tuple[Footstep, ...], cycle: float) -> Progress:

@@ -108,9 +108,13 @@ def planned_table(
 COM = 100.0, 3.67, 3.46
 """Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height."""
 
-SWING, LIFT, SWING_TURN = 60.0, 120.0, (5.6, 24.5, 8.9)
+SWING, LIFT, SWING_TURN = 20.0, 120.0, (5.6, 24.5, 8.9)
 """Cost of the swing foot's place and of its height; cost, stiffness, ω², and damping, ω, of its rotation. Where hips
 saturate the foot is to come late, not to rub: its height costs more."""
+
+URGENT = 10.0, 3.0
+"""Ratios of the costs of the swing foot's place and of its height while its landing is far from the one that was asked
+for: a trunk that turns meanwhile comes upright again, and a foot that comes late or short does not catch the robot."""
 
 PELVIS, PELVIS_YAW = (8.3, 7.35, 5.45), 0.83
 """The same of the pelvis, its cost that of tilt; cost of its heading."""
@@ -165,6 +169,7 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     }
     torso: GainOptions = {**pelvis, "weight": (TORSO * turn, TORSO * turn, TORSO_YAW * turn)}
     stance = StanceContacts(
+        urgent=np.array([URGENT[0], URGENT[0], URGENT[1], 1.0, 1.0, 1.0]),
         held=_halves(HELD, HELD_TURN * turn),
         firm=_halves(HELD, STANDING_TURN * turn),
         yielding=YIELDING,

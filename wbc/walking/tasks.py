@@ -86,7 +86,8 @@ class WalkTasks:
         robot, self._controller = controller.robot, controller
         com, contacts, swing, trunk, posture, twist, self._stance, rise, self.reaching, self._torque = table
         self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
-        self._swing_weight = np.array(swing["weight"], dtype=float)
+        self._calm = self._swing_weight = np.array(swing["weight"], dtype=float)
+        self._urgency = 0.0
         self._swings = [
             PoseTask(sole.frame, **_named(f"{sole.name} swing", {**swing, "weight": 0.0}))
             for sole in robot.soles
@@ -165,6 +166,16 @@ class WalkTasks:
         """Let a foot follow its motion in the air that still carries a part of its load."""
         self._swings[side].weight = self._swing_weight
 
+    def hurry(self, urgency: float, ratio: Array) -> None:
+        """Let the swing foot cost so much more, by ratios of shape (6,) for an urgency of 1."""
+        if urgency == self._urgency:
+            return
+        self._urgency = urgency
+        self._swing_weight = self._calm * (1.0 + urgency * (ratio - 1.0))
+        for swing in self._swings:
+            if not swing.idle:
+                swing.weight = self._swing_weight
+
     def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist | None = None) -> None:
         """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, None no twist."""
         pendulum, body = reference.pendulum, reference.body
@@ -242,6 +253,7 @@ class WalkTasks:
 class StanceContacts:
     """Contacts of feet that steps balance: costs of their motion, boxes of their pressure, forces; in SI units."""
 
+    urgent: Array  # ratio of the costs of a swing foot that goes before the trunk, shape (6,)
     held: Array  # cost of the motion of a foot that stands, shape (6,)
     firm: Array  # the same on both feet
     yielding: float  # ratio of these costs for a foot that is unloaded, or waits to take over
@@ -264,6 +276,7 @@ class StanceContacts:
 
     def switch(self, tasks: WalkTasks, reference: Reference) -> None:
         """Switch contacts, and the weights that go with them, where they change."""
+        tasks.hurry(reference.urgency, self.urgent)
         most, stance, phase = reference.most_force, reference.stance, reference.phase
         balanced, standing = phase is not GaitPhase.SINGLE, phase is GaitPhase.STANDING
         state = [balanced, standing, reference.contact, most, stance, reference.swing]

@@ -92,6 +92,7 @@ class StepDecision:
         place: Centre of the swing foot when it lands, m.
         end: Time of the step, s.
         cop: Shift of the centre of pressure from the carrying point, along and across the sole, m: that of this tick.
+        urgency: Share from 0 to 1 by which the swing foot goes before the trunk.
     """
 
     def __init__(
@@ -114,6 +115,7 @@ class StepDecision:
         """Begin a step, on a foot whose supported area is a point."""
         self.area.forget()
         self.cop = self._wanted = 0.0, 0.0
+        self.urgency = 0.0
         self._decided = False
         self._put_off: float | None = None  # time of a step that legs need longer for, s
         self._beside: tuple[float, tuple[Point, Point]] | None = (
@@ -161,6 +163,9 @@ class StepDecision:
                 return
             step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), stance.nominal)
         self._decided = True
+        near, far = c.urgent
+        off = math.dist(step.place, wish.places[:2])
+        self.urgency = min(max((off - near) / (far - near), 0.0), 1.0)
         free = self._centre(stance, step.place)
         chosen = None if look is None else self._choose(stance, free, look)
         if chosen is not None:

@@ -685,5 +685,12 @@ class SteppingWalk(GaitMachine):
         flies = None if self.swing is None else self.air
         places = [place if side == flies else place.copy() for side, place in enumerate(self._frames)]
         return self._reference(
-            pendulum, places, heading, events, most_push=push, most_force=most_force, cop=cop
+            pendulum,
+            places,
+            heading,
+            events,
+            most_push=push,
+            most_force=most_force,
+            cop=cop,
+            urgency=self.decision.urgency,
         )
