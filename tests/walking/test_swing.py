@@ -261,3 +261,22 @@ def test_a_foot_that_was_thrown_off_its_way_goes_on_from_there_to_the_same_landi
     push = np.hypot(*foot.at(0.35).acceleration[:2])
     most = 0.5 * push
     assert np.hypot(*foot.at(0.35, most).acceleration[:2]) == pytest.approx(most)
+
+
+def test_a_foot_that_is_thrown_nowhere_goes_on_as_it_was() -> None:
+    foot, other = swing(), swing()
+    for time in (0.2, 0.3, 0.4):
+        motion = other.at(time)
+        other.restart(time, motion.placement, tuple(motion.velocity[:3].tolist()))
+    for time in (0.45, 0.6, 0.75):
+        np.testing.assert_allclose(other.at(time).velocity[:2], foot.at(time).velocity[:2], atol=1e-9)
+        place = foot.at(time).placement.translation[:2]
+        np.testing.assert_allclose(other.at(time).placement.translation[:2], place, atol=1e-9)
+
+
+def test_the_acceleration_of_a_foot_that_was_thrown_is_one_that_legs_have() -> None:
+    foot = swing()
+    motion = foot.at(0.2)
+    most = 0.5 * float(np.hypot(*motion.acceleration[:2]))
+    foot.restart(0.2, motion.placement, (0.0, 0.0, 0.0), most)
+    assert np.hypot(*foot.at(0.2).acceleration[:2]) == pytest.approx(most)

@@ -267,3 +267,19 @@ def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: boo
     assert slow > quick + 0.05 and far > near + 0.05
     assert far <= math.sqrt(3.0) / 10.0 * 4.5 * GRAVITY * slow**2 + 0.02
     assert near > math.sqrt(3.0) / 10.0 * 4.5 * GRAVITY * quick**2 + 0.02, "the shortest step is out of reach"
+
+
+def test_the_swing_foot_goes_before_the_trunk_the_more_the_further_its_landing_is_from_the_one_asked_for() -> None:
+    c, zero = in_si(SteppingConstants(), SIZE), (0.0, 0.0, 0.0)
+    still, found = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA), []
+    for speed in (0.0, 0.1, 0.25, 0.4, 0.8):
+        decision = StepDecision(SteppingSettings().in_si(SIZE), c, SIZE, GroundEstimate(0.5, 0.0, 0.2), 0.002)
+        dcm = Divergent(speed / OMEGA, still.inwards, OMEGA)
+        swing = (-c.carrying, 0.22, 0.0, 0.0)
+        stance = StepState(1, (1.0, 0.0), zero, zero, zero, dcm, still, TIME, 0.0, swing, 0.05)
+        decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
+        found.append(decision.urgency)
+    assert found == sorted(found) and found[0] == 0.0 and found[-1] == 1.0
+    assert any(0.0 < urgency < 1.0 for urgency in found)
+    decision.begin()
+    assert decision.urgency == 0.0

@@ -81,6 +81,30 @@ def test_any_state_of_the_feet_may_follow_any_other() -> None:
             assert wrench[2] > 0.49 * WEIGHT or not alone
 
 
+def test_an_urgent_swing_foot_is_moved_at_the_cost_of_the_trunk() -> None:
+    controller, tasks, reference = standing()
+    contact, most, stance, side = (False, True), (0.0, MOST), 1, 0
+    hurled = reference.feet[side]._replace(acceleration=np.array([60.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    feet = (hurled, reference.feet[1])
+    single = reference._replace(
+        contact=contact, phase=GaitPhase.SINGLE, stance=stance, swing=side, most_force=most, feet=feet
+    )
+    missed, tilted = [], []
+    for urgency in (0.0, 0.5, 1.0, 0.0):
+        tasks.follow(single._replace(urgency=urgency))
+        solution, robot = controller.solve(), controller.robot
+        assert solution.ok
+        data = robot.model.createData()
+        pin.forwardKinematics(robot.model, data, robot.q, robot.v, np.array(solution.accelerations))
+        foot = pin.getFrameClassicalAcceleration(
+            robot.model, data, robot.frame_id(robot.soles[side].frame), pin.LOCAL_WORLD_ALIGNED
+        )
+        missed.append(60.0 - foot.linear[0])
+        tilted.append(float(np.linalg.norm(solution.accelerations[3:5])))
+    assert missed[0] > missed[1] > missed[2] and tilted[0] < tilted[2]
+    assert missed[3] == pytest.approx(missed[0], rel=1e-6), "the costs come back"
+
+
 def test_a_trunk_leans_and_twists_about_the_heading() -> None:
     controller, tasks, reference = standing()
     pelvis = controller.task("pelvis")

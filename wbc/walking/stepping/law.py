@@ -122,8 +122,8 @@ class SteppingConstants:
     swing_push: Annotated[float, "g"] = 6.5
     # Stiffness and damping of the task of the swing foot's place.
     swing_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (30.6, 9.9)
-    # Distance of a landing from the one that was asked for from which on, and at which in full, the swing foot goes before
-    # the trunk.
+    # Distance of a landing from the one that was asked for, from which on the swing foot goes before the trunk, and at
+    # which it does so in full.
     urgent: Annotated[Point, "h"] = (0.2, 0.5)
     lift_speed: Annotated[float, "hω"] = 0.206
     # Greatest acceleration upwards: hips lack torque for more in a short step.
