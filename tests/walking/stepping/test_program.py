@@ -269,7 +269,9 @@ def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: boo
     assert near > math.sqrt(3.0) / 10.0 * 4.5 * GRAVITY * quick**2 + 0.02, "the shortest step is out of reach"
 
 
-def test_the_swing_foot_goes_before_the_trunk_the_more_the_further_its_landing_is_from_the_one_asked_for() -> None:
+def test_the_swing_foot_goes_before_the_trunk_the_more_the_further_its_landing_is_from_the_one_asked_for() -> (
+    None
+):
     c, zero = in_si(SteppingConstants(), SIZE), (0.0, 0.0, 0.0)
     still, found = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA), []
     for speed in (0.0, 0.1, 0.25, 0.4, 0.8):
