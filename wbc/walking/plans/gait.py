@@ -222,17 +222,9 @@ class StepGait(Gait):
 
     @property
     def swing(self) -> SwingShape:
-        """Shape of the swing."""
-        return SwingShape(
-            self.swing_height,
-            self.apex,
-            self.takeoff_time,
-            self.landing_time,
-            self.landing_speed,
-            self.landing_height,
-            self.search_depth,
-            self.search_time,
-        )
+        """Shape of the swing, by the values of the gait that have the same names."""
+        names = [name for name in SwingShape._fields if hasattr(self, name)]
+        return SwingShape(**{name: getattr(self, name) for name in names})
 
     def for_stairs(self) -> StepGait:
         """Return the gait for stairs of known heights: the swing is highest half way and slow only at its end."""
