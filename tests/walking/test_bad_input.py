@@ -47,6 +47,11 @@ AHEAD, DOWN = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: Footstep("middle", 0.0, 0.0), "middle"),
     (lambda: Gait(takeoff_time=0.3, landing_time=0.3), "single"),
+    (lambda: Gait(single_support=0.01, takeoff_time=0.0, landing_time=0.0), "at least 0.1 s"),
+    (lambda: step(3.0, 0.0875), "forward by 3.000 m"),
+    (lambda: step(1e200, 0.0875), r"forward by 1e\+200 m"),
+    (lambda: step(0.0, 3.0), "beside the stance foot"),
+    (lambda: setattr(walking(), "dt", -1.0), "dt of WalkingControl"),
     (lambda: walk_distance(START, 0.0), "zero"),
     (lambda: walk_velocity(START, (0.1, 0.0, -1.5), 3), "turn"),
     (lambda: climb_stairs(START, rise=0.1, tread=0.3, count=2, first_edge=0.1), "tread"),

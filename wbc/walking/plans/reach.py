@@ -20,6 +20,9 @@ from wbc.walking.plans.gait import Gait, StepGait
 MAX_SLOPE = 0.5
 """Steepest landing that a plan may ask for, rad: tan 0.5 = 0.55, near the friction at which a sole slips."""
 
+FAR = 1e4
+"""Size from which a number is written in powers of ten in a message, m or rad."""
+
 
 STRETCHED = 0.98
 """Ratio of its length to which a leg may stretch in a step: further, the knee hardly moves the foot."""
@@ -309,8 +312,9 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
     )
     for verb, value, low, high, unit in limits:
         if not low - ROUNDING <= value <= high + ROUNDING:
+            size = f"{value:.3f}" if abs(value) < FAR else f"{value:.3g}"
             raise InputError(
-                f"{what} {verb} {value:.3f} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
+                f"{what} {verb} {size} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
                 + (": a smaller step_length or velocity fits" if verb.startswith("goes") else "")
             )
 
