@@ -152,9 +152,10 @@ class SwingFoot:
         self._plan_height(time)
         self._plan_place(time, self.duration)
 
-    def place(self, time: float) -> Vector:
-        """Return the place at a time from lift-off, s, in the world, m."""
-        return self._c["x"].at(time)[0], self._c["y"].at(time)[0], self._c["z"].at(time)[0]
+    def motion(self, time: float) -> tuple[Vector, Vector]:
+        """Return the place, m, and the velocity, m/s, at a time from lift-off, s, in the world."""
+        (x, u, _), (y, v, _), (z, w, _) = (self._c[name].at(time) for name in COORDINATES[:3])
+        return (x, y, z), (u, v, w)
 
     def at(self, time: float, most: float = math.inf) -> FootMotion:
         """Return the foot's motion at a time from lift-off, s; past the duration it searches for the ground below.

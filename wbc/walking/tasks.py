@@ -166,12 +166,13 @@ class WalkTasks:
         """Let a foot follow its motion in the air that still carries a part of its load."""
         self._swings[side].weight = self._swing_weight
 
-    def hurry(self, urgency: float, ratio: Array) -> None:
-        """Let the swing foot cost so much more, by ratios of shape (6,) for an urgency of 1."""
+    def hurry(self, urgency: float, urgent: Array, hurled: float) -> None:
+        """Let the swing foot cost more, by ratios of shape (6,) for an urgency of 1, or less by a ratio for −1."""
         if urgency == self._urgency:
             return
         self._urgency = urgency
-        self._swing_weight = self._calm * (1.0 + urgency * (ratio - 1.0))
+        ratio = hurled if urgency < 0.0 else 1.0 + urgency * (urgent - 1.0)
+        self._swing_weight = self._calm * ratio
         for swing in self._swings:
             if not swing.idle:
                 swing.weight = self._swing_weight
@@ -254,6 +255,7 @@ class StanceContacts:
     """Contacts of feet that steps balance: costs of their motion, boxes of their pressure, forces; in SI units."""
 
     urgent: Array  # ratio of the costs of a swing foot that goes before the trunk, shape (6,)
+    hurled: float  # the same of one that a push has hurled
     held: Array  # cost of the motion of a foot that stands, shape (6,)
     firm: Array  # the same on both feet
     yielding: float  # ratio of these costs for a foot that is unloaded, or waits to take over
@@ -276,7 +278,7 @@ class StanceContacts:
 
     def switch(self, tasks: WalkTasks, reference: Reference) -> None:
         """Switch contacts, and the weights that go with them, where they change."""
-        tasks.hurry(reference.urgency, self.urgent)
+        tasks.hurry(reference.urgency, self.urgent, self.hurled)
         most, stance, phase = reference.most_force, reference.stance, reference.phase
         balanced, standing = phase is not GaitPhase.SINGLE, phase is GaitPhase.STANDING
         state = [balanced, standing, reference.contact, most, stance, reference.swing]

@@ -143,8 +143,9 @@ class SteppingWalk(GaitMachine):
         self.decision = StepDecision(s, c, scale, self.ground, dt)
         self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
         self.footsteps: Sequence[Footstep] = ()
-        # Place of the swing foot in the last tick, and of its motion.
-        self._flying: tuple[Vector, Vector] | None = None
+        self._flying: Vector | None = None  # place of the swing foot in the last tick, m
+        self._moved: Vector | None = None  # velocity of the swing foot, m/s
+        self._hurled = -math.inf  # when the swing foot was hurled, s
         self._contact: Vector | None = None  # low-passed centre of pressure, in the world
         # CoM over the ground as planned, its velocity and acceleration; None until the step is decided.
         self._planned: tuple[float, float, float, float, float, float] | None = None
@@ -358,6 +359,7 @@ class SteppingWalk(GaitMachine):
 
     def _step(self, events: tuple[Event, ...]) -> Reference:
         """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
+        self._fly()
         steps = self._steer()
         self._decide(steps)
         events = (*events, *self._meet(steps))
@@ -446,18 +448,34 @@ class SteppingWalk(GaitMachine):
         That is where the feedback of its task asks for more than the greatest acceleration of a swing: the trunk would
         pay for it.
         """
-        here, there = self._state.places[1 - self.stance], swing.place(self.elapsed - self.dt)
-        dt, before = self.dt, self._flying
-        self._flying = here, there
-        if before is None:
+        moved = self._moved
+        if moved is None:
             return None
-        stiffness, damping = self.constants.swing_gains
-        moved = [(now - then) / dt for now, then in zip(here, before[0], strict=True)]
-        asked = [
-            stiffness * (q - p) + damping * ((q - then) / dt - speed)
-            for p, q, then, speed in zip(here, there, before[1], moved, strict=True)
-        ]
-        return tuple(moved) if math.hypot(*asked) > self.constants.swing_push else None
+        here, (stiffness, damping) = self._state.places[1 - self.stance], self.constants.swing_gains
+        asked = (
+            stiffness * (q - p) + damping * (speed - now)
+            for p, now, q, speed in zip(here, moved, *swing.motion(self.elapsed - self.dt), strict=True)
+        )
+        return moved if math.hypot(*asked) > self.constants.swing_push else None
+
+    def _fly(self) -> None:
+        """Find the velocity of the swing foot, and whether it is hurled.
+
+        It is faster than its motion then: the ground stops a foot, and only a push makes it faster.
+        """
+        here, before, dt, swing = self._state.places[1 - self.stance], self._flying, self.dt, self.swing
+        self._flying, self._moved = here, None
+        if before is None or swing is None:
+            return
+        self._moved = tuple((p - q) / dt for p, q in zip(here, before, strict=True))
+        _, planned = swing.motion(self.elapsed - dt)
+        if math.hypot(*self._moved) > math.hypot(*planned) + self.constants.hurled:
+            self._hurled = self.time
+
+    @property
+    def _flies(self) -> bool:
+        """True of a swing foot that was hurled, for a time: a force on it is that of a push, or of its inertia."""
+        return self.time - self._hurled < self.constants.hurled_time
 
     @property
     def _longest(self) -> float:
@@ -559,18 +577,25 @@ class SteppingWalk(GaitMachine):
         c, swing, wrenches = self.constants, 1 - self.stance, self._state.wrenches
         force = wrenches[swing][2]
         if self.met is None:
-            may = self.elapsed > c.early * self.duration
+            may = self.elapsed > c.early * self.duration and not self._flies
             assert self.swing is not None
-            met = may and force > c.met and not self._rubs(steps, self.swing.landing)
+            met = may and force > c.met and self._is_low(swing) and not self._rubs(steps, self.swing.landing)
             if self._touches(met):
                 self.met = self.elapsed
                 soon = 0.05 * self.settings.step_time
                 return (touch_down(self.elapsed - c.touch * self.duration, soon, soon),)
-        elif force < c.lost and self.elapsed - self.met > c.lost_time and wrenches[self.stance][2] > c.held:
+            return ()
+        assert self.swing is not None
+        lost = force < c.lost and self.elapsed - self.met > c.lost_time and wrenches[self.stance][2] > c.held
+        if lost or self._flies:
             self.met = None
-            assert self.swing is not None
             self.swing.resume(self.elapsed, self._frames[swing])
         return ()
+
+    def _is_low(self, swing: int) -> bool:
+        """Return True if the swing foot is no higher than the way over the ground asks for."""
+        ground = max(self._state.places[self.stance][2], self.ground.height)
+        return self._state.places[swing][2] < ground + self.constants.low * self.settings.swing_height
 
     def _carry(self, swing: int) -> None:
         """Low-pass the place where the foot in contact carries, from its carrying point on: it meets with an edge."""
@@ -619,7 +644,8 @@ class SteppingWalk(GaitMachine):
         self._plan_steps(SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
-        self._flying, self._tilt = None, (0.0, 0.0)
+        self._flying = self._moved = None
+        self._hurled, self._tilt = -math.inf, (0.0, 0.0)
 
     def _enter(self, phase: GaitPhase, duration: float) -> None:
         super()._enter(phase, duration)
@@ -692,5 +718,5 @@ class SteppingWalk(GaitMachine):
             most_push=push,
             most_force=most_force,
             cop=cop,
-            urgency=self.decision.urgency,
+            urgency=-1.0 if self._flies and self.decision.urgency < 1.0 else self.decision.urgency,
         )
