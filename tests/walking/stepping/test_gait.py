@@ -476,6 +476,35 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     assert gait._rubs(steps, near)
 
 
+@pytest.mark.parametrize(
+    ("speed", "height", "meets"),
+    [(0.0, 0.01, True), (6.0, 0.01, False), (0.0, 0.4, False)],
+    ids=["on the ground", "hurled", "high up"],
+)
+def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
+    speed: float, height: float, *, meets: bool
+) -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    gait = body.gait
+    while gait.swing is None or gait.elapsed < 0.7 * gait.duration or not gait._since_stand:
+        body.run(DT)
+    tick, swing = body.ticks[-1], 1 - gait.stance
+    wrenches = [[0.0, 0.0, force, 0.0, 0.0, 0.0] for force in (SCALE.weight, SCALE.weight)]
+    wrenches[swing][2] = 2.0 * gait.constants.met
+    places, (x, y, _) = list(tick.state.places), tick.state.places[swing]
+    gait._flying = x, y, height  # it has not jumped there
+    for k in range(3):
+        places[swing] = (x, y + k * DT * speed, height)
+        state = tick.state._replace(
+            places=(places[0], places[1]), wrenches=wrenches if k == 2 else tick.state.wrenches
+        )
+        reference = gait.advance(state, tick.frames)
+    assert (gait.met is not None) == meets
+    assert (reference.urgency < 0.0) == (speed > 0.0)
+
+
 class Ridge:
     """Sight of a ridge across the way, 40 mm high and seen by nothing but the way of a swing."""
 

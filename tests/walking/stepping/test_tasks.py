@@ -90,7 +90,7 @@ def test_an_urgent_swing_foot_is_moved_at_the_cost_of_the_trunk() -> None:
         contact=contact, phase=GaitPhase.SINGLE, stance=stance, swing=side, most_force=most, feet=feet
     )
     missed, tilted = [], []
-    for urgency in (0.0, 0.5, 1.0, 0.0):
+    for urgency in (0.0, 0.5, 1.0, -1.0, 0.0):
         tasks.follow(single._replace(urgency=urgency))
         solution, robot = controller.solve(), controller.robot
         assert solution.ok
@@ -102,7 +102,8 @@ def test_an_urgent_swing_foot_is_moved_at_the_cost_of_the_trunk() -> None:
         missed.append(60.0 - foot.linear[0])
         tilted.append(float(np.linalg.norm(solution.accelerations[3:5])))
     assert missed[0] > missed[1] > missed[2] and tilted[0] < tilted[2]
-    assert missed[3] == pytest.approx(missed[0], rel=1e-6), "the costs come back"
+    assert missed[3] > missed[0] and tilted[3] < tilted[0], "one that a push has hurled goes after the trunk"
+    assert missed[4] == pytest.approx(missed[0], rel=1e-6), "the costs come back"
 
 
 def test_a_trunk_leans_and_twists_about_the_heading() -> None:

@@ -50,6 +50,9 @@ from wbc.walking.swing import REST, RISE, SwingFoot
 LOOKS = 2
 """Number of decisions between two looks at the ground under a landing that moves with each of them."""
 
+CALM, UNHURRIED = 0.5, 0.8
+"""Urgency of the swing foot up to which a push may have hurled it, and time of the step over T from which on."""
+
 Frames = tuple[pin.SE3, pin.SE3]
 """Placements of the left and of the right sole."""
 
@@ -145,7 +148,7 @@ class SteppingWalk(GaitMachine):
         self.footsteps: Sequence[Footstep] = ()
         self._flying: Vector | None = None  # place of the swing foot in the last tick, m
         self._moved: Vector | None = None  # velocity of the swing foot, m/s
-        self._hurled = -math.inf  # when the swing foot was hurled, s
+        self._hurled = -math.inf  # when a push hurled it, s
         self._contact: Vector | None = None  # low-passed centre of pressure, in the world
         # CoM over the ground as planned, its velocity and acceleration; None until the step is decided.
         self._planned: tuple[float, float, float, float, float, float] | None = None
@@ -461,15 +464,18 @@ class SteppingWalk(GaitMachine):
     def _fly(self) -> None:
         """Find the velocity of the swing foot, and whether it is hurled.
 
-        It is faster than its motion then: the ground stops a foot, and only a push makes it faster.
+        It is faster then, in the world and past the CoM, than any step without hurry: the ground stops a foot, and only
+        a push makes it faster.
         """
-        here, before, dt, swing = self._state.places[1 - self.stance], self._flying, self.dt, self.swing
+        here, body, before = self._state.places[1 - self.stance], self._state.velocity, self._flying
+        dt, swing = self.dt, self.swing
         self._flying, self._moved = here, None
         if before is None or swing is None:
             return
         self._moved = tuple((p - q) / dt for p, q in zip(here, before, strict=True))
-        _, planned = swing.motion(self.elapsed - dt)
-        if math.hypot(*self._moved) > math.hypot(*planned) + self.constants.hurled:
+        most = self.constants.hurled + 2.0 * math.hypot(*self.steering.velocity)
+        calm = self.decision.urgency < CALM and self.duration > UNHURRIED * self.steering.step_time
+        if calm and min(math.hypot(*self._moved), math.dist(self._moved, body)) > most:
             self._hurled = self.time
 
     @property
@@ -718,5 +724,5 @@ class SteppingWalk(GaitMachine):
             most_push=push,
             most_force=most_force,
             cop=cop,
-            urgency=-1.0 if self._flies and self.decision.urgency < 1.0 else self.decision.urgency,
+            urgency=-1.0 if self._flies and self.decision.urgency < CALM else self.decision.urgency,
         )

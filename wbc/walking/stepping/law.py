@@ -141,9 +141,9 @@ class SteppingConstants:
     # ---- Contact of the foot in the air.
     # Part of the step before which a force is that of a foot that rubs.
     early: float = 0.5
-    # Speed of a swing foot over that of its motion, from which on a push has hurled it; time for which its force is no
-    # contact then, and for which it goes after the trunk.
-    hurled: Annotated[float, "hω"] = 0.4
+    # Speed of a swing foot, beside twice the velocity of the walk, from which on a push has hurled it; time for which
+    # its force is no contact then, and for which it goes after the trunk.
+    hurled: Annotated[float, "hω"] = 1.2
     hurled_time: Annotated[float, "1/ω"] = 0.4
     # Height of the swing foot over the ground, in heights of a swing, above which its force is no contact.
     low: float = 1.5
