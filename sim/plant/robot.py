@@ -64,7 +64,7 @@ class SimulatedRobot(ABC):
     timestep: float = fixed(ANOTHER)
     control_period: float = fixed(ANOTHER)
     steps: int = fixed(ANOTHER)
-    seed: int = fixed(ANOTHER)
+    seed: int = fixed("give another seed to its `reset`")
     _truth: GroundTruth | None
     _measurement: Measurement | None
 

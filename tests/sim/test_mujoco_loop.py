@@ -250,7 +250,8 @@ def test_a_simulation_that_has_diverged_gives_no_measurement_and_a_reset_leaves_
     with pytest.raises(MeasurementError, match="simulation diverged before"):
         loop.measure()
     loop.data.qpos[:], loop.data.qvel[:] = model.qpos0, 0.0
-    loop.reset()
+    loop.reset(seed=9)
+    assert loop.seed == 9
     for _ in range(20):
         loop.step(loop.hold())
     assert loop.measure().time == loop.time and np.isfinite(loop.measure().joint_position).all()
