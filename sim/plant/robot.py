@@ -34,7 +34,7 @@ if mujoco.get_mju_user_warning() is None:  # else MuJoCo writes a file into the 
     mujoco.set_mju_user_warning(lambda message: _log.info("MuJoCo: %s", message))
 
 ANOTHER = "make another loop"
-"""What to do in place of an assignment to what a loop is made of."""
+"""Advice in place of an assignment to an attribute that a loop is made of."""
 
 WARNINGS = tuple(range(int(mujoco.mjtWarning.mjNWARNING)))
 """All kinds of warnings of MuJoCo."""

@@ -68,7 +68,7 @@ Reads = Literal["kinematics", "all"]
 
 
 DESCRIBED = "make a robot from a description with another value, as of `dataclasses.replace`"
-"""What to do in place of an assignment to what a robot is made of."""
+"""Advice in place of an assignment to an attribute that the description of a robot gives."""
 
 
 def checked_configuration(what: str, value: ArrayLike, nq: int, floating: bool = True) -> Array:

@@ -24,7 +24,7 @@ from wbc.walking.plans.gait import Gait, SwingShape
 from wbc.walking.plans.reach import Extent, Reach
 from wbc.walking.plans.sources import FootstepSource, Standing, dropped, next_steps
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.swing import REST, FootMotion, SwingFoot
+from wbc.walking.swing import FootMotion, SwingFoot
 
 
 class GaitMachine(ReferenceSource):
@@ -127,7 +127,7 @@ class GaitMachine(ReferenceSource):
         The placements of the feet are kept, not copied.
         """
         side, swing = self.air, self.swing
-        feet = [FootMotion(place, REST, REST) for place in places]
+        feet = [FootMotion.at_rest(place) for place in places]
         if side is not None and swing is not None:
             feet[side] = swing.at(self.elapsed, most_push)
         if most_force is None:

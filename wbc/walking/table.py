@@ -117,10 +117,11 @@ URGENT = 10.0, 3.0
 for: a trunk that turns meanwhile comes upright again, and a foot that comes late or short does not catch the robot."""
 
 HURLED = 0.03
-"""The same of a foot that a push has hurled: the hip that stops a leg turns the trunk, and the leg has time to fly."""
+"""Ratio of all costs of a swing foot that a push has hurled: the hip that stops a leg turns the trunk, and the leg has
+time to fly."""
 
 PELVIS, PELVIS_YAW = (8.3, 7.35, 5.45), 0.83
-"""The same of the pelvis, its cost that of tilt; cost of its heading."""
+"""Cost, stiffness, ω², and damping, ω, of the tilt of the pelvis; cost of its heading."""
 
 TORSO, TORSO_YAW = 1.2, 0.003
 """Costs of tilt and heading of the torso, where it is not the pelvis, with the same gains: what hits a robot high folds

@@ -99,7 +99,7 @@ class TurnComparison:
 
 
 class _Foot:
-    """What is known of one foot: velocities as x + iy in the world, m/s, of the IMU by its leg.
+    """State of one foot: velocities as x + iy in the world, m/s, of the IMU by its leg.
 
     Attributes:
         carried: Time for which it has carried, s; 0 while it does not.

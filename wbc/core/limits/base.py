@@ -14,7 +14,7 @@ from wbc.base.numbers import Array
 from wbc.core.robot import Reads, Robot
 
 OPTIONS = "it follows from the robot and from the options with which the limit was made: make another limit"
-"""What to do in place of an assignment to a bound."""
+"""Advice in place of an assignment to a bound."""
 
 
 class Limit(ABC):

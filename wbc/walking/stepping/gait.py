@@ -479,7 +479,7 @@ class SteppingWalk(GaitMachine):
             self._hurled = self.time
 
     @property
-    def _flies(self) -> bool:
+    def _is_hurled(self) -> bool:
         """True of a swing foot that was hurled, for a time: a force on it is that of a push, or of its inertia."""
         return self.time - self._hurled < self.constants.hurled_time
 
@@ -583,7 +583,7 @@ class SteppingWalk(GaitMachine):
         c, swing, wrenches = self.constants, 1 - self.stance, self._state.wrenches
         force = wrenches[swing][2]
         if self.met is None:
-            may = self.elapsed > c.early * self.duration and not self._flies
+            may = self.elapsed > c.early * self.duration and not self._is_hurled
             assert self.swing is not None
             met = may and force > c.met and self._is_low(swing) and not self._rubs(steps, self.swing.landing)
             if self._touches(met):
@@ -593,7 +593,7 @@ class SteppingWalk(GaitMachine):
             return ()
         assert self.swing is not None
         lost = force < c.lost and self.elapsed - self.met > c.lost_time and wrenches[self.stance][2] > c.held
-        if lost or self._flies:
+        if lost or self._is_hurled:
             self.met = None
             self.swing.resume(self.elapsed, self._frames[swing])
         return ()
@@ -724,5 +724,5 @@ class SteppingWalk(GaitMachine):
             most_push=push,
             most_force=most_force,
             cop=cop,
-            urgency=-1.0 if self._flies and self.decision.urgency < CALM else self.decision.urgency,
+            urgency=-1.0 if self._is_hurled and self.decision.urgency < CALM else self.decision.urgency,
         )
