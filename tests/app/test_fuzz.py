@@ -89,7 +89,7 @@ def test_every_reader_takes_damaged_files(commands: fuzzing.Commands, count: int
     @given(st.sampled_from(sorted(fuzzing.READERS)), st.integers(0, 10_000))
     def ends_well(name: str, seed: int) -> None:
         damaged = commands.folder / f"damaged_{name}"
-        damaged.write_bytes(fuzzing.mutate((commands.folder / name).read_bytes(), seed))
+        damaged.write_bytes(fuzzing.damaged(name, (commands.folder / name).read_bytes(), seed))
         assert (why := commands(fuzzing.words_of(fuzzing.READERS[name], damaged))) is None, why
 
     ends_well()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import signal
 from pathlib import Path
 from typing import Any
@@ -157,11 +158,20 @@ def test_a_recorded_change_that_means_nothing_is_refused(change: str, tmp_path: 
                 "torque_limit_Nm": {},
             }
         },
+        {
+            "robot": {
+                "name": "g1",
+                "mass_kg": 30.0,
+                "soles": [{"name": "a", "length_m": math.nan, "width_m": 0.1}],
+                "torque_limit_Nm": {},
+            }
+        },
         {"versions": {"libraries": ["numpy"]}},
         {"versions": 3},
         {"title": ["walk"]},
         {"seed": "1"},
         {"control_period": {}},
+        {"control_period": -0.005},
         {"plant": [], "description": 3},
         {"folder": 3},
     ],

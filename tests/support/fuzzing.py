@@ -7,6 +7,7 @@ the size of the process that it limits: that of the tests goes on without one.
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import os
@@ -48,7 +49,7 @@ READERS = {
     "robot.toml": "robots check {}",
     "robot.xml": "robots check {}",
     "robot.urdf": "robots check {} --left left_sole --right right_sole",
-    "log.arrow": "plot {} com/estimated -o new.png",
+    "log.arrow": "plot {} balance com/estimated -o new.png",
     "study.json": "study show {}",
     "journal.jsonl": "study table study.json --journal {} --any-code",
 }
@@ -80,6 +81,13 @@ PIECES = (
     b"1e308",
     b"[]",
 )
+
+
+VALUES = (
+    *(None, True, -1, 0, 2.5, 1e300, float("nan"), 10**400, "", "text", "\x1b[31m", "x" * 10_000),
+    *([], {}, [[]], [None], {"a": 1}, [1e300] * 7, ["left", "left"]),
+)
+"""Values that take the place of a value of another kind or range."""
 
 
 def options(words: str) -> list[str]:
@@ -124,6 +132,57 @@ def mutate(data: bytes, seed: int) -> bytes:
                 changed[number.start() : number.end()] = PIECES[int(rng.integers(len(PIECES)))]
         changed = changed or bytearray(b"\0")
     return bytes(changed)
+
+
+def damaged(name: str, data: bytes, seed: int) -> bytes:
+    """Return a damaged file; in every other one that holds JSON a value is another one, and its sums are right."""
+    kept = {"study.json": _of_json, "journal.jsonl": _of_journal, "log.arrow": _of_log}
+    if name not in kept or seed % 2:
+        return mutate(data, seed)
+    return kept[name](data, np.random.default_rng(seed))
+
+
+def _of_json(data: bytes, rng: np.random.Generator) -> bytes:
+    return json.dumps(_with_other_value(json.loads(data), rng)).encode()
+
+
+def _of_journal(data: bytes, rng: np.random.Generator) -> bytes:
+    from wbc.sim.studies.journal import canonical  # noqa: PLC0415 - a process of its own measures its memory
+
+    entry = json.loads(data)
+    del entry["sum"]
+    changed = _with_other_value(entry, rng)
+    if not isinstance(changed, dict):
+        return canonical(changed).encode() + b"\n"
+    total = hashlib.sha256(canonical(changed).encode()).hexdigest()[:16]
+    return canonical(changed | {"sum": total}).encode() + b"\n"
+
+
+def _of_log(data: bytes, rng: np.random.Generator) -> bytes:
+    import pyarrow as pa  # noqa: PLC0415
+    from pyarrow import ipc  # noqa: PLC0415
+
+    table, made = ipc.open_file(pa.BufferReader(data)).read_all(), pa.BufferOutputStream()
+    header = _with_other_value(json.loads(table.schema.metadata[b"wbc"]), rng)
+    table = table.replace_schema_metadata({b"wbc": json.dumps(header).encode()})
+    with ipc.new_file(made, table.schema) as file:
+        file.write_table(table)
+    return bytes(made.getvalue())
+
+
+def _with_other_value(value: Any, rng: np.random.Generator) -> Any:
+    """Return JSON with another value in place of one of its values, or without it."""
+    keys = (
+        list(value) if isinstance(value, dict) else list(range(len(value))) if isinstance(value, list) else []
+    )
+    if not keys or rng.random() < 0.1:
+        return VALUES[int(rng.integers(len(VALUES)))]
+    key = keys[int(rng.integers(len(keys)))]
+    if rng.random() < 0.1:
+        del value[key]
+    else:
+        value[key] = _with_other_value(value[key], rng)
+    return value
 
 
 class Commands:

@@ -38,7 +38,7 @@ POSES = 512
 second one at 0.5 ms."""
 
 AHEAD = 0.02
-"""Time by which a cloud may be ahead of the measurement, s: two clocks that nearly agree."""
+"""Time by which a cloud, or a map that grows old, may be ahead of the measurement, s: two clocks that nearly agree."""
 
 FUSED = 0.02
 """Least time between two changes of what is known, s: readings that come faster are fused together."""
@@ -290,7 +290,7 @@ class KnownGround:
         none = np.empty((0, 4))
         age = self._time - cloud.time
         if not -AHEAD <= age <= self.settings.max_age:
-            return none, f"a cloud in '{cloud.frame}' is {age:.3f} s old"
+            return none, f"a cloud in {shown(cloud.frame)} is {_age(age)}"
         if cloud.time != self._placed_at:
             self._placed_at = cloud.time
             pin.framesForwardKinematics(self._model, self._data, self._pose(cloud.time))
@@ -299,7 +299,7 @@ class KnownGround:
         points, std = cloud.points[chosen], np.asarray(cloud.std)[chosen]
         if cloud.frame != WORLD:
             if not self._model.existFrame(cloud.frame):
-                return none, f"a cloud is in '{cloud.frame}', which is no frame of the robot"
+                return none, f"a cloud is in {shown(cloud.frame)}, which is no frame of the robot"
             sensor = self._data.oMf[self._model.getFrameId(cloud.frame)]
             points = points @ sensor.rotation.T + sensor.translation
         if not len(points):
@@ -309,7 +309,8 @@ class KnownGround:
         near &= np.abs(points[:, 2] - middle[2]) < self._leg
         if not near.any():
             far = float(np.median(np.abs(points - middle).max(axis=1)))
-            why = f"a cloud in '{cloud.frame}' is beyond the legs' reach, {far:.4g} m away (are its units metres?)"
+            cloud_is = f"a cloud in {shown(cloud.frame)} is"
+            why = f"{cloud_is} beyond the legs' reach, {far:.4g} m away (are its units metres?)"
             return none, why
         kept = np.flatnonzero(near)
         kept = kept[spread(len(kept), most, self._clouds)]
@@ -323,9 +324,14 @@ class KnownGround:
         """Return the reason for which the user's map is not used; empty for one that is."""
         age = self._time - elevation.time
         if elevation.frame != WORLD:
-            return f"the map of the ground is in '{elevation.frame}', not in the frame of the estimate, '{WORLD}'"
-        if age > elevation.max_age:
-            return f"the map of the ground is {age:.1f} s old"
+            return f"the map of the ground is in {shown(elevation.frame)}, not in that of the estimate, '{WORLD}'"
+        if age > elevation.max_age or (age < -AHEAD and math.isfinite(elevation.max_age)):
+            return f"the map of the ground is {_age(age)}"
         if elevation.unknown:
             return "the map of the ground has no heights"
         return ""
+
+
+def _age(age: float) -> str:
+    """Return an age, s, as text; a negative one comes from another clock."""
+    return f"{age:.4g} s old" if age >= 0.0 else f"{-age:.4g} s ahead of the measurements: another clock?"

@@ -19,14 +19,14 @@ from __future__ import annotations
 import datetime
 import json
 import os
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, Field, ValidationError
 
 from wbc._version import __version__
 from wbc.app.log.signals import Tick
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.settings import from_json, to_json
+from wbc.base.settings import Period, from_json, to_json
 from wbc.feet.soles.catalog import foot, foot_name
 from wbc.robots import RobotDescription
 from wbc.sim import Plant
@@ -43,15 +43,19 @@ KEY = b"wbc"
 """Key of the object in the metadata of the file."""
 
 
+_Side = Annotated[float, Field(gt=0.0, le=10.0)]
+"""Length or width of a sole, m."""
+
+
 class _Sole(BaseModel, strict=True):
     name: str
-    length_m: float
-    width_m: float
+    length_m: _Side
+    width_m: _Side
 
 
 class _Robot(BaseModel, strict=True):
     name: str
-    mass_kg: float
+    mass_kg: Annotated[float, Field(gt=0.0, le=1e6)]
     soles: list[_Sole]
     torque_limit_Nm: dict[str, float]
 
@@ -61,7 +65,7 @@ class _Versions(BaseModel, strict=True):
 
 
 class _Header(BaseModel, strict=True):
-    """Types of the values of a header; spec, plant and description are checked by whoever makes something of them."""
+    """Types and ranges of the values of a header; spec, plant and description are checked by who makes use of them."""
 
     program: str = ""
     versions: _Versions = _Versions()
@@ -69,7 +73,7 @@ class _Header(BaseModel, strict=True):
     title: str = ""
     folder: str = ""
     seed: int | None = None
-    control_period: float | None = None
+    control_period: Period | None = None
     robot: _Robot | None = None
     plant: dict[str, Any] | None = None
     description: dict[str, Any] | None = None

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from wbc.app.log.reader import Log
 from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.stiffness import draw_stiffness
+from wbc.app.plot.style import as_written
 from wbc.base.errors import InputError, choose
 from wbc.core.robot import SIDES
 
@@ -47,6 +48,7 @@ def missing(name: str, log: Log) -> str | None:
     return None
 
 
+@as_written
 def draw(name: str, logs: Sequence[Log]) -> Figure:
     """Draw a ready-made figure.
 

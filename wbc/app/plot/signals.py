@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
-from wbc.app.plot.style import COLOURS, STYLES, grid, labels, legend, mark_states, new_figure
+from wbc.app.plot.style import COLOURS, STYLES, as_written, grid, labels, legend, mark_states, new_figure
 from wbc.base.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -41,6 +41,7 @@ def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
     return list(chosen)
 
 
+@as_written
 def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
     """Draw signals over time: one panel for each unit, one colour for each signal, one line style for each log.
 

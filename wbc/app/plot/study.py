@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from wbc.app.plot.style import COLOURS, grid, legend, new_figure
+from wbc.app.plot.style import COLOURS, as_written, grid, legend, new_figure
 from wbc.base.errors import InputError
 from wbc.sim.studies.intervals import CONFIDENCE, FEW
 from wbc.sim.studies.study_table import StudyTable
@@ -13,6 +13,7 @@ ROW = 0.32
 """Height of a row for each arm, inches."""
 
 
+@as_written
 def draw_study(table: StudyTable) -> Figure:
     """Draw the table of a study: a row for each of its rows, a point with its interval for each arm.
 

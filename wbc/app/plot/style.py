@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -33,6 +34,9 @@ PUSH = "#B00020"
 
 SUPPORT = "0.88"
 """Grey of support regions."""
+
+as_written = mpl.rc_context({"text.parse_math": False})
+"""Decorator of a function that draws: dollars in titles and names of logs and studies are dollars, no mathematics."""
 
 
 def new_figure(width: float, height: float) -> Figure:
