@@ -270,6 +270,23 @@ def test_an_accelerometer_that_points_elsewhere_is_named_and_left_out(robot: str
     assert not TrueFallDetector(stand.plant.robot).fallen(stand.plant.truth().q)
 
 
+@pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
+def test_a_gyroscope_that_is_off_about_the_vertical_is_named_in_a_stand(mode: Any) -> None:
+    """By 0.6 rad/s: both feet seem to turn alike. The jump looks like a push, so it is named once that is over."""
+    stand = StandTrial(StandSpec(robot="hrp4_class", mode=mode, seconds=1.8, noise="realistic"))
+    monitor, named = stand.control.watch(), list[float]()
+    while stand.plant.time < 1.8 and not named:
+        measurement = stand.plant.measure()
+        if measurement.time >= 0.8:
+            turned = measurement.angular_velocity + (0.0, 0.0, 0.6)
+            measurement = replace(measurement, angular_velocity=turned)
+        stand.plant.step(stand.control.command(measurement))
+        if "encoders and gyroscope disagree" in monitor.doubts:
+            named.append(measurement.time)
+    assert named and 0.8 < named[0] < 1.7
+    assert stand.control.fallen is None and not stand.control.failures
+
+
 def test_a_robot_that_cannot_be_caught_says_so_before_it_lies_on_the_ground() -> None:
     stand = StandTrial(StandSpec(robot="g1", mode="torque", seconds=3.0))
     said: list[float] = []
