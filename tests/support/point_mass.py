@@ -20,7 +20,7 @@ from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingWalk
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
-SCALE = RobotSize(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035)
+SCALE = RobotSize(0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035, stride=0.5, swing=65.0)
 """Size of the robot g1, in round numbers."""
 
 Frames = tuple[pin.SE3, pin.SE3]
@@ -38,7 +38,8 @@ class Tick(NamedTuple):
 def scaled(k: float) -> RobotSize:
     """Return the size of a robot k times as large, of the same material."""
     s = SCALE
-    return RobotSize(k * s.height, k * s.leg, k**3 * s.mass, (k * s.sole[0], k * s.sole[1]), k * s.ankle)
+    sole = k * s.sole[0], k * s.sole[1]
+    return RobotSize(k * s.height, k * s.leg, k**3 * s.mass, sole, k * s.ankle, k * s.stride, s.swing)
 
 
 class PointMass:

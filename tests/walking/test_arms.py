@@ -216,6 +216,31 @@ def test_arms_swing_with_the_opposite_foot() -> None:
     np.testing.assert_allclose(speeds, 0.3 / 0.2)
 
 
+def test_arms_swing_in_a_fast_walk_unless_somebody_has_moved_the_posture() -> None:
+    walking = control()
+    posture, arms = walking.tasks.posture, walking.arms
+    rest = posture.target.copy()
+    ahead = FootMotion.at_rest(pin.SE3(np.eye(3), np.array([0.2, -0.1, 0.0])))
+    feet = FootMotion.at_rest(pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0]))), ahead
+
+    def swung(haste: float) -> np.ndarray:
+        arms.update(feet, 0.0, haste)
+        return np.array(posture.target - rest)
+
+    assert not swung(0.0).any()
+    full = swung(1.0)
+    assert (full != 0.0).sum() == 2, "one joint of each arm"
+    np.testing.assert_allclose(swung(0.5), 0.5 * full, atol=1e-12)
+    assert not swung(0.0).any(), "the arms come back as the walk slows down"
+    joint = walking.controller.robot.joint_names[int(np.flatnonzero(full)[0])]
+    posture.target = {joint: float(rest[full != 0.0][0]) + 0.1}
+    moved = posture.target.copy()
+    swung(1.0)
+    np.testing.assert_array_equal(posture.target, moved)
+    posture.target = rest
+    np.testing.assert_allclose(swung(1.0), full, atol=1e-12)
+
+
 class Reach(TrialHook):
     """Gives a hand a target after half a second of a walk."""
 

@@ -17,7 +17,7 @@ DT = 0.002
 
 
 SIZE = RobotSize.of(wbc.load_robot("g1").robot(), SteppingSettings().bend)
-BRISK = in_si(SteppingConstants(), SIZE).brisk
+CONSTANTS = in_si(SteppingConstants(), SIZE)
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def settings() -> SteppingSettings:
 
 
 def steered(settings: SteppingSettings, heading: float = 0.0) -> PathSteering:
-    return PathSteering(settings, SIZE, BRISK, heading, DT)
+    return PathSteering(settings, SIZE, CONSTANTS, heading, DT)
 
 
 def test_a_velocity_after_a_goal_leaves_the_line_to_that_goal(settings: SteppingSettings) -> None:
@@ -92,19 +92,28 @@ def test_a_turned_and_a_mirrored_world_are_steered_as_this_one(
     np.testing.assert_allclose(runs[2], runs[0] * (1.0, -1.0, -1.0, 1.0), atol=1e-9)
 
 
-def test_a_brisk_walk_has_longer_and_slower_steps_and_none_beyond_the_stride(
-    settings: SteppingSettings,
+@pytest.mark.parametrize("effort", [0.2, 0.4, 0.6, 3.0])
+def test_a_velocity_is_granted_as_far_as_legs_reach_and_hips_have_torque_in_the_time(
+    settings: SteppingSettings, effort: float
 ) -> None:
-    steering = steered(replace(settings, fastest=9.0, fastest_back=9.0))
+    steering, longest = steered(replace(settings, effort=effort)), settings.longest * settings.step_time
     most = steering.limits.forward
-    assert BRISK < most == steering.limits.back < 9.0
     steering.velocity = (most, 0.0)
-    assert most * steering.step_time == pytest.approx(settings.stride, rel=1e-4)
-    times = []
-    for share in (0.0, 0.5, 1.0, 1.5, 6.0):  # of the velocity about which a walk becomes brisk
-        steering.velocity = (-share * BRISK, 0.0)
-        times.append(steering.step_time / settings.step_time)
-    assert times[0] == 1.0 and times[1] < 1.01 and times == sorted(times)
-    assert times[-1] == pytest.approx(math.sqrt(6.0), rel=1e-3), "with the root of the speed"
-    short = replace(settings, fastest=9.0, stride=0.5 * settings.step_time * BRISK)
-    assert steered(short).limits.forward == pytest.approx(0.5 * BRISK, rel=0.01)
+    time = steering.step_time
+    assert most * time <= SIZE.stride + 1e-6 and time <= longest + 1e-6
+    assert most * time == pytest.approx(SIZE.stride) or time == pytest.approx(longest)
+    least = effort * SIZE.swing * (CONSTANTS.late_touch * time) ** 2 * math.sqrt(3.0) / 10.0
+    assert 2.0 * most * time <= least + 1e-6, "the way of the foot with the torque of the hip"
+    assert most <= steered(replace(settings, effort=1.1 * effort)).limits.forward
+
+
+def test_steps_take_longer_about_the_speed_at_which_a_walk_becomes_fast(settings: SteppingSettings) -> None:
+    steering, quick, found = steered(settings), CONSTANTS.quick, []
+    for speed in (0.0, 0.5 * quick, quick, 1.5 * quick, 2.0 * quick):
+        for way in (1.0, -1.0):
+            steering.velocity = (way * speed, 0.0)
+            found.append((steering.step_time / settings.step_time, steering.haste))
+    assert found[::2] == found[1::2], "forward and back"
+    times, hastes = zip(*found[::2], strict=True)
+    assert times[0] == times[4] == 1.0 and times[2] == max(times) > 1.05 and times[1] == times[3] < 1.01
+    assert hastes == pytest.approx((0.0, 0.0, 0.0, 0.5, 1.0))

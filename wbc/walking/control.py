@@ -206,7 +206,7 @@ class WalkingControl:
             reference = balance.update(reference, state)
             lean = balance.leaning
         self.reference = reference
-        self.arms.update(reference.feet, reference.heading)
+        self.arms.update(reference.feet, reference.heading, self.source.haste)
         if body.active:
             lean, twist = body.leaned(lean, reference.heading), body.twist
         self.tasks.follow(reference, lean, twist)

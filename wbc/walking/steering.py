@@ -30,7 +30,7 @@ from wbc.walking.plans.sources import (
     checked_velocity,
     close_up,
 )
-from wbc.walking.stepping.law import SIDEWAYS, Point, step_time
+from wbc.walking.stepping.law import SIDEWAYS, Pace, Point, SteppingConstants
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 
 LEADER_TURN = 4.0 / 3.0
@@ -135,7 +135,9 @@ class PathConstants:
     )
     path_lag: Annotated[float, "1/ω"] = 2.0  # of the path behind a robot that walks sideways or turns
     speed_lag: Annotated[float, "1/ω"] = 8.0  # of the velocity by which the robot falls short
-    speed_bias: Annotated[float, "hω"] = 0.08  # greatest one: where feet carry is known to centimetres
+    speed_bias: Annotated[float, "hω"] = (
+        0.08  # greatest one: where feet carry is known to centimetres; twice if fast
+    )
     drift_gain: Annotated[float, "ω"] = 0.124  # of the way back to the path
     drift_speed: Annotated[float, "hω"] = 0.041
 
@@ -146,6 +148,9 @@ class StepVelocity(NamedTuple):
     velocity: Point  # forward and left, m/s
     turn: float  # rad/s
     go: bool  # true if the robot is to walk; False brings it to a stand
+    made_up: float = (
+        0.0  # part of the forward velocity that offsets of ξ alone make up, and no longer steps, m/s
+    )
 
 
 class PathSteering(Steering):
@@ -161,10 +166,16 @@ class PathSteering(Steering):
     """
 
     def __init__(
-        self, settings: SteppingSettings, scale: RobotSize, brisk: float, heading: float, dt: float
+        self,
+        settings: SteppingSettings,
+        scale: RobotSize,
+        constants: SteppingConstants,
+        heading: float,
+        dt: float,
     ) -> None:
-        """Stand, with settings in SI units; beyond the velocity `brisk`, m/s, steps take longer."""
-        self._s, self._c, self._brisk, self._dt = settings, in_si(PathConstants(), scale), brisk, dt
+        """Stand, with settings and constants of the law in SI units."""
+        self._s, self._c, self._dt = settings, in_si(PathConstants(), scale), dt
+        self._pace = pace = Pace.of(constants, settings, scale)
         self._path_gain = lag_gain(dt, self._c.path_lag)
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
@@ -175,16 +186,19 @@ class PathSteering(Steering):
         self._goal: Place | None = None  # to which that line leads
         self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
         aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
-        most = settings.stride / settings.step_time
-        for _ in range(20):  # |v| T(v) is the stride
-            most = settings.stride / step_time(most, settings.step_time, brisk)
-        forward, back = min(settings.fastest, most), min(settings.fastest_back, most)
+        forward = pace.fastest(settings.step_time)
+        back = min(settings.fastest_back, forward)
         super().__init__(VelocityLimits(forward, back, aside, settings.fastest_turn), self._c.near)
 
     @property
     def step_time(self) -> float:
         """Time T of a step at this velocity, s."""
-        return step_time(self.velocity[0], self._slow, self._brisk)
+        return self._pace.time(self.velocity[0], self._slow)
+
+    @property
+    def haste(self) -> float:
+        """Share from 0 to 1 by which the walk is a fast one: 1 from twice the speed on at which hips decide."""
+        return min(max(abs(self.velocity[0]) / self._pace.quick - 1.0, 0.0), 1.0)
 
     @property
     def _slow(self) -> float:
@@ -222,7 +236,9 @@ class PathSteering(Steering):
         held = self._held(place, turn)
         self._make_up(held, speed)
         self.goes = self.pending
-        return StepVelocity((held[0] + self._missing, held[1]), turn, self.pending)
+        return StepVelocity(
+            (held[0] + self._missing, held[1]), turn, self.pending, self.haste * self._missing
+        )
 
     def _wanted(self, place: Point) -> Velocity:
         """Return the velocity that target or goal ask for, within the limits."""
@@ -270,8 +286,8 @@ class PathSteering(Steering):
         short = asked[0] - cos * speed[0] - sin * speed[1]
         # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
         lag = c.speed_lag * (self._slow / self.step_time) ** 4
-        missing = self._missing + short * self._dt / lag
-        self._missing = min(max(missing, -c.speed_bias), c.speed_bias)
+        missing, most = self._missing + short * self._dt / lag, (1.0 + self.haste) * c.speed_bias
+        self._missing = min(max(missing, -most), most)
 
 
 # ---- planned steps --------------------------------------------------------------------------------------------------

@@ -147,7 +147,7 @@ def mean_speed(body: PointMass, seconds: float) -> np.ndarray:
     "velocity", by_default([(0.4, 0.0), (0.7, 0.0), (-0.2, 0.0), (0.0, 0.12)], (0.7, 0.0), (0.0, 0.12))
 )
 def test_a_steered_walk_has_the_velocity_that_is_asked_for(velocity: tuple[float, float]) -> None:
-    body = PointMass(settings=SteppingSettings(fastest=0.3))
+    body = PointMass()
     body.run(0.5)
     body.gait.steering.command((*velocity, 0.0))
     body.run(5.0)

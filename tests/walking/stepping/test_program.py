@@ -26,7 +26,7 @@ HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
 OMEGA = math.sqrt(GRAVITY / HEIGHT)
 POINT, SOLE = ((0.0, 0.0), (0.0, 0.0)), ((-0.06, -0.03), (0.06, 0.03))
 LEGS = (-0.4, 0.1), (0.4, 0.6)
-SIZE = RobotSize(height=HEIGHT, leg=0.62, mass=33.0, sole=(0.1, 0.05), ankle=0.035)
+SIZE = RobotSize(HEIGHT, leg=0.62, mass=33.0, sole=(0.1, 0.05), ankle=0.035, stride=0.5, swing=65.0)
 
 offsets = st.floats(-0.05, 0.05)
 velocities = st.tuples(st.floats(-0.4, 0.6), st.floats(-0.15, 0.15))

@@ -10,7 +10,7 @@ from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
-SCALE = RobotSize(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03)
+SCALE = RobotSize(0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, stride=0.5, swing=65.0)
 
 
 @pytest.mark.parametrize(

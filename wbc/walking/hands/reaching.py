@@ -70,6 +70,7 @@ class ArmSettings:
         waist: Hands with targets move the joints of the waist as well.
         swing: Swing of arms without targets, m/m: displacement of a hand forward for each metre that the other side's
             foot is ahead of its own. 0 holds them still.
+        fast_swing: The same in a fast walk with free steps, where the arms hold against the turn of the legs.
     """
 
     weight: Positive = 100.0
@@ -77,6 +78,7 @@ class ArmSettings:
     acceleration: Annotated[Positive, "m/s²"] = 2.0
     waist: bool = False
     swing: Annotated[NonNegative, "m/m"] = 0.0
+    fast_swing: Annotated[NonNegative, "m/m"] = 0.4
 
 
 class Arm:
@@ -374,7 +376,9 @@ class Arms:
         self._objects: dict[str, tuple[pin.SE3, Array]] = {}
         self._hands = {name: Arm(controller, name, dt, settings, self._objects) for name in robot.frames}
         self._rest = np.array(robot.q[robot.base_nq :])
-        self._turns = self._swing_turns() if settings.swing > 0.0 else None
+        self._turns = self._swing_turns()
+        self._swung = 0.0  # swing in the last tick, m/m
+        self._swings = self._rest  # target of the posture by the swing
         self._spared: tuple[str, ...] = ()
         self._held = np.zeros(robot.na)  # weight of the posture while no hand is active
 
@@ -412,18 +416,27 @@ class Arms:
         moving = np.zeros(6) if velocity is None else finite_array(f"velocity of '{name}'", velocity, (6,))
         self._objects[name] = pose(f"pose of '{name}'", where), moving
 
-    def update(self, feet: Sequence[FootMotion], yaw: float) -> None:
-        """Move all references by one tick, with those of left and right sole and the heading, rad."""
+    def update(self, feet: Sequence[FootMotion], yaw: float, haste: float = 0.0) -> None:
+        """Move all references by one tick.
+
+        Args:
+            feet: Motions of left and right sole.
+            yaw: Heading, rad.
+            haste: Share from 0 to 1 by which the walk is a fast one.
+        """
         active = tuple(name for name, hand in self._hands.items() if hand.active)
         for name in active:
             self._hands[name].update()
         if active or self._spared:
             self._spare(active)
-        if self._turns is not None:
-            self._swing(feet, yaw, self._turns)
+        s = self.settings
+        swing = s.swing + haste * (max(s.fast_swing, s.swing) - s.swing)
+        if swing > 0.0 or self._swung > 0.0:
+            self._swung = swing
+            self._swing(feet, yaw, swing)
 
     def _swing_turns(self) -> Array:
-        """Return the turn of the one joint of each arm that moves its hand forward most, a metre of step, rad/m."""
+        """Return the turn of the one joint of each arm that moves its hand forward most, rad/m, shape (na,)."""
         robot, turns = self._controller.robot, np.zeros(self._controller.robot.na)
         forward = robot.placement(robot.base_frame).rotation[:, 0]
         for name, sign in SIDES.items():
@@ -433,18 +446,22 @@ class Arms:
                 gains = [float(forward @ rows[:3, BASE_DOF + joint]) for joint in joints]
                 joint, gain = max(zip(joints, gains, strict=True), key=lambda each: abs(each[1]))
                 if abs(gain) > LEAST_GAIN:
-                    turns[joint] = sign * self.settings.swing / gain
+                    turns[joint] = sign / gain
         return turns
 
-    def _swing(self, feet: Sequence[FootMotion], yaw: float, turns: Array) -> None:
-        """Let arms follow the feet of the other side."""
+    def _swing(self, feet: Sequence[FootMotion], yaw: float, swing: float) -> None:
+        """Let arms follow the feet of the other side, as long as nobody else has moved the posture."""
         ahead = math.cos(yaw), math.sin(yaw)
         (left, right) = feet
         x, y, _ = (right.placement.translation - left.placement.translation).tolist()
         u, v = (right.velocity - left.velocity)[:2].tolist()
         way, speed = ahead[0] * x + ahead[1] * y, ahead[0] * u + ahead[1] * v
-        posture = self._tasks.posture
-        posture.follow(self._rest + turns * way, turns * speed, np.zeros(posture.dim))
+        posture, turns = self._tasks.posture, swing * self._turns
+        if posture.moving or not np.array_equal(posture.target, self._swings):
+            self._swings = self._rest
+            return
+        self._swings = self._rest + turns * way
+        posture.follow(self._swings, turns * speed, np.zeros(posture.dim))
 
     def _spare(self, active: tuple[str, ...]) -> None:
         """Keep the balance from using the arms of active hands, and the posture from holding them back."""

@@ -220,6 +220,17 @@ def carried_height(robot: Robot) -> float:
     return min(hip, leg.hip_height) - leg.hip_over_com + leg.ankle_height
 
 
+def hip_acceleration(robot: Robot) -> float:
+    """Return the angular acceleration of a leg in half-sitting by the whole torque of its hip, rad/s²."""
+    model, data = robot.model, robot.model.createData()
+    inertia = pin.crba(model, data, robot.half_sitting)
+    pin.computeJointJacobians(model, data, robot.half_sitting)
+    columns = [model.joints[joint].idx_v for joint in joints_to(model, robot.frame_id(robot.soles[0].frame))]
+    above = columns[: columns.index(leg_geometry(robot).knee + BASE_DOF)]
+    hip = max(above, key=lambda column: abs(float(data.J[4, column])))
+    return float(robot.torque_limit[hip - BASE_DOF]) / float(inertia[hip, hip])
+
+
 def bent_height(robot: Robot, stretch: float) -> float:
     """Return the CoM height over the soles of a driven robot, m: straight legs bend to a ratio of their length."""
     leg = leg_geometry(robot)

@@ -142,7 +142,7 @@ class SteppingWalk(GaitMachine):
         """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
         super().begin(heading)
         s, c, scale, dt = self.settings, self.constants, self.scale, self.dt
-        self.steering = PathSteering(s, scale, c.brisk, heading, dt)
+        self.steering = PathSteering(s, scale, c, heading, dt)
         self.decision = StepDecision(s, c, scale, self.ground, dt)
         self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
         self.footsteps: Sequence[Footstep] = ()
@@ -169,6 +169,11 @@ class SteppingWalk(GaitMachine):
         """True when nothing asks for steps and the robot has stood for as long as a step takes."""
         stood = self.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
         return stood and self.planner is None and not self.steering.pending
+
+    @property
+    def haste(self) -> float:
+        """Share from 0 to 1 by which the walk is a fast one."""
+        return self.steering.haste
 
     @property
     def granted(self) -> Velocity:
@@ -426,7 +431,7 @@ class SteppingWalk(GaitMachine):
         thrown = None if swing is None else self._thrown(swing)
         if not decides and thrown is None:
             return
-        touch = c.touch * self.duration
+        touch = self._touch
         turn = self.steering.heading + steps.turn * max(self.duration - self.elapsed, 0.0)
         if self.footsteps:
             turn = self.footsteps[0].yaw
@@ -484,6 +489,17 @@ class SteppingWalk(GaitMachine):
         return self.time - self._hurled < self.constants.hurled_time
 
     @property
+    def _touch_share(self) -> float:
+        """Share of the time of a step at which the foot meets the expected ground."""
+        c = self.constants
+        return c.touch + self.haste * (c.late_touch - c.touch)
+
+    @property
+    def _touch(self) -> float:
+        """Time of this step at which the foot meets the expected ground, s."""
+        return self._touch_share * self.duration
+
+    @property
     def _longest(self) -> float:
         """Longest time of this step, s."""
         return self.settings.longest * self.steering.step_time
@@ -491,7 +507,7 @@ class SteppingWalk(GaitMachine):
     @property
     def _waits(self) -> float:
         """Time since lift-off until which a foot that has met the ground may wait, s: a late one as long as others."""
-        return (self.met or 0.0) + (self.settings.longest - self.constants.touch) * self.steering.step_time
+        return (self.met or 0.0) + (self.settings.longest - self._touch_share) * self.steering.step_time
 
     def _solve(self, steps: StepVelocity) -> None:
         """Decide the step by what stands now."""
@@ -515,8 +531,11 @@ class SteppingWalk(GaitMachine):
             wish = steps_of_plan(footsteps, c.carrying, self.settings.width, stance)
             stays = stays or len(footsteps) < 3 or footsteps[0].place == "fixed"
         else:
-            wish = steps_of_velocity(steps.velocity, self._width(steps), stance)
-        look = None if stays else c.touch * self.duration - self.elapsed
+            forward, left = steps.velocity
+            time = self.steering.step_time
+            forward = (forward - steps.made_up) * (1.0 + self.haste * (self._pace / time - 1.0))
+            wish = steps_of_velocity((forward, left), self._width(steps), stance)
+        look = None if stays else self._touch - self.elapsed
         self.decision.decide(stance, wish, self._longest, look)
 
     def _course(self) -> tuple[float, float, float, float, float, float]:
@@ -567,7 +586,7 @@ class SteppingWalk(GaitMachine):
         and not from here.
         """
         c, dcm, orbit = self.constants, self.dcm, self._orbit(steps)
-        left = c.touch * self.duration - self.elapsed
+        left = self._touch - self.elapsed
         (x, y, _), (p, q, _) = self._state.places[1 - self.stance], self.contact
         (ahead, aside), (on, out) = self._along(dcm.x - x, dcm.y - y), self._along(dcm.x - p, dcm.y - q)
         ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
@@ -589,7 +608,7 @@ class SteppingWalk(GaitMachine):
             if self._touches(met):
                 self.met = self.elapsed
                 soon = 0.05 * self.settings.step_time
-                return (touch_down(self.elapsed - c.touch * self.duration, soon, soon),)
+                return (touch_down(self.elapsed - self._touch, soon, soon),)
             return ()
         assert self.swing is not None
         lost = force < c.lost and self.elapsed - self.met > c.lost_time and wrenches[self.stance][2] > c.held
@@ -613,15 +632,18 @@ class SteppingWalk(GaitMachine):
     def _is_to_carry(self, steps: StepVelocity) -> bool:
         """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
         loads, dcm = self._state.wrenches, self.dcm
-        if loads[self.stance][2] < self.constants.held < loads[1 - self.stance][2]:
-            return True  # it has rolled over an edge, or was kicked away
+        unloaded = loads[self.stance][2] < self.constants.held < loads[1 - self.stance][2]
+        self._unloaded = self._unloaded + self.dt if unloaded else 0.0
+        if self._unloaded > self.haste * self.constants.lost_time:
+            return True  # it has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long
         if self.elapsed > max(self._longest, self._waits):
             return True
         c, (x, y, _), (p, q, _) = self.constants, self._carrying, self.contact
         ahead, aside = self._along(dcm.x - x, dcm.y - y)
         on, out = self._along(dcm.x - p, dcm.y - q)
         there, here = (ahead, -self._side * aside), (on, self._side * out)
-        return takes_over(there, here, self._orbit(steps), c.stretch, c.wait, c.patience)
+        patience = c.patience + self.haste * (1.0 - c.patience)  # a fast walk needs all of its time
+        return takes_over(there, here, self._orbit(steps), c.stretch, c.wait, patience)
 
     def _change_feet(self, go: bool) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
@@ -651,6 +673,9 @@ class SteppingWalk(GaitMachine):
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
         self._flying = self._moved = None
+        self._unloaded = (
+            0.0  # time for which the foot that stands has carried nothing and the other one does, s
+        )
         self._hurled, self._tilt = -math.inf, (0.0, 0.0)
 
     def _enter(self, phase: GaitPhase, duration: float) -> None:

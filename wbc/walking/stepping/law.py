@@ -28,6 +28,8 @@ from typing import Annotated, NamedTuple
 
 from wbc.base.vectors import Vector, add_cross
 from wbc.core.robot import GRAVITY
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings
+from wbc.walking.swing import RISE
 
 Point = tuple[float, float]
 """x, y, m."""
@@ -44,8 +46,10 @@ class SteppingConstants:
     """Constants of the law, in units of the robot; docs/measured.md has what parts of it are worth."""
 
     # ---- Time and place of a step.
-    # Velocity about which steps begin to take longer, because hips have no torque for quicker ones.
+    # Velocity about which steps begin to take longer, because longer steps need more time; velocity from which on they
+    # take as little time as the torque of the hips lets them.
     brisk: Annotated[float, "hω"] = 0.23
+    quick: Annotated[float, "hω"] = 0.21
     # Low-pass of the time of a step: noise of ξ would move it by more than 10 ms.
     time_lag: Annotated[float, "1/ω"] = 0.111
     # Greatest time of a step when it begins, over the nominal time.
@@ -116,6 +120,8 @@ class SteppingConstants:
     apex: float = 0.42
     # Time at which the foot meets the expected ground: a foot that comes late fells robots.
     touch: float = 0.88
+    # The same in a walk of twice the velocity `quick`, whose long steps need the time.
+    late_touch: float = 0.95
     # Time at which the sole is level: one that is still tilted rubs at edges.
     level: float = 0.3
     # Greatest acceleration over the ground: a long step takes its time.
@@ -205,12 +211,44 @@ def divergent_component(
     return Divergent(com[0] + momentum[1] * scale, com[1] - momentum[0] * scale, omega)
 
 
-def step_time(speed: float, slow: float, brisk: float) -> float:
-    """Return the time T of a step at a forward speed: `slow`, s, and beyond `brisk`, m/s, with the root of the speed.
+class Pace(NamedTuple):
+    """Time of a step by its speed, and the speed that legs can walk at."""
 
-    Legs swing over a longer step in more time: their length and their time grow alike.
-    """
-    return slow * float((1.0 + (speed / brisk) ** 4) ** 0.125)
+    brisk: float  # speed about which steps begin to take longer, m/s
+    quick: float  # speed from which on the torque of the hips decides, m/s
+    swing: float  # speed over the least time of its steps by this torque, m/s²
+    stride: float  # longest step, m
+    longest: float  # longest time of a step, s
+
+    @staticmethod
+    def of(constants: SteppingConstants, settings: SteppingSettings, scale: RobotSize) -> Pace:
+        """Return the pace of a robot whose hips swing its legs with a share of their torque, all in SI units.
+
+        A foot that passes from rest to rest over two steps of the length v T in the share t of the time T is
+        accelerated by 10/√3 · 2 v T / (t T)² at most.
+        """
+        c, s = constants, settings
+        swing = s.effort * scale.swing * c.late_touch**2 / (2.0 * RISE)
+        return Pace(c.brisk, c.quick, swing, scale.stride, s.longest * s.step_time)
+
+    def time(self, speed: float, slow: float) -> float:
+        """Return the time T of a step at a forward speed, m/s, with that of a slow step, s.
+
+        Legs swing over a longer step in more time. In a fast walk it is the least that the hips have torque for.
+        """
+        speed = abs(speed)
+        slowed = max(min(speed, 2.0 * self.quick - speed), 0.0)
+        grown = (1.0 + (slowed / self.brisk) ** 4) ** 0.125
+        return max(slow * float(grown), speed / self.swing)
+
+    def fastest(self, slow: float) -> float:
+        """Return the greatest speed whose steps are not too long and do not take too long, m/s."""
+        low, high = 0.0, self.stride / slow
+        for _ in range(40):
+            speed = 0.5 * (low + high)
+            time = self.time(speed, slow)
+            low, high = (low, speed) if speed * time > self.stride or time > self.longest else (speed, high)
+        return low
 
 
 class Orbit(NamedTuple):

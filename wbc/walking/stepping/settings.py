@@ -16,7 +16,10 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
-from wbc.walking.plans.reach import carried_height
+from wbc.walking.plans.reach import Reach, carried_height, hip_acceleration
+
+LONGEST = 1.15
+"""Longest step of a velocity over the longest planned one, which both soles stand flat after."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -28,6 +31,8 @@ class RobotSize:
     mass: float  # mass, kg
     sole: tuple[float, float]  # half length and half width of a sole, m
     ankle: float  # place of the ankle ahead of the centre of the sole, m
+    stride: float  # longest step that the legs reach, m
+    swing: float  # acceleration of a foot by the whole torque of its hip, m/s²
 
     @property
     def omega(self) -> float:
@@ -55,12 +60,15 @@ class RobotSize:
         heights = [float(at[2]) for at in joints]
         leg_length = max(heights) - min(heights)
         ankle = float(sole.actInv(data.oMi[robot.joint_numbers[legs[0][-1]]]).translation[0])
+        height = max(com - bend * leg_length, carried_height(robot)) if height is None else height
         return RobotSize(
-            height=max(com - bend * leg_length, carried_height(robot)) if height is None else height,
+            height=height,
             leg=leg_length,
             mass=robot.mass,
             sole=(0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width),
             ankle=ankle,
+            stride=LONGEST * Reach.of(robot, height).max_length,
+            swing=leg_length * hip_acceleration(robot),
         )
 
 
@@ -86,8 +94,7 @@ class SteppingSettings:
         swing_height: Height of the swing above the lift-off or the landing, whichever is higher, h.
         friction: Coulomb coefficient of the ground.
         acceleration: Largest rate of the walking velocity, g.
-        stride: Longest step of a commanded velocity, leg lengths; for longer ones legs lack torque.
-        fastest: Largest velocity forward, hω; `stride` may limit it further.
+        effort: Share of the torque of a hip that swings the leg in a fast walk.
         fastest_back: Largest velocity back, hω.
         fastest_aside: Largest velocity to the side, hω; smaller if the feet are close together.
         fastest_turn: Largest turn rate, ω.
@@ -106,8 +113,7 @@ class SteppingSettings:
     swing_height: Annotated[Positive, "h"] = 0.183
     friction: Positive = 0.7
     acceleration: Annotated[Positive, "g"] = 0.03
-    stride: Annotated[Positive, "leg"] = 0.56
-    fastest: Annotated[Positive, "hω"] = 0.2
+    effort: Positive = 0.6
     fastest_back: Annotated[Positive, "hω"] = 0.16
     fastest_aside: Annotated[Positive, "hω"] = 0.165
     fastest_turn: Annotated[Positive, "ω"] = 0.25
