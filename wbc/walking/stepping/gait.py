@@ -173,7 +173,7 @@ class SteppingWalk(GaitMachine):
     @property
     def haste(self) -> float:
         """Share from 0 to 1 by which the walk is a fast one."""
-        return self.steering.haste
+        return 0.0 if self.footsteps else self.steering.haste
 
     @property
     def granted(self) -> Velocity:

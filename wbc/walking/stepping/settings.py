@@ -18,7 +18,7 @@ from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.reach import Reach, carried_height, hip_acceleration
 
-LONGEST = 1.15
+LONGEST = 1.1
 """Longest step of a velocity over the longest planned one, which both soles stand flat after."""
 
 
