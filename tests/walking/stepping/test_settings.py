@@ -43,7 +43,8 @@ def test_the_size_of_a_robot_is_measured_and_its_state_stays(name: str) -> None:
     assert scale.omega == pytest.approx(np.sqrt(GRAVITY / scale.height))
     lower = RobotSize.of(robot, 0.262)
     assert scale.height - lower.height == pytest.approx(0.1 * scale.leg)
-    assert RobotSize.of(robot, 0.162, 0.5).height == 0.5
+    low = 0.9 * scale.height
+    assert RobotSize.of(robot, 0.162, low).height == low
 
 
 @pytest.mark.parametrize("count", [1, 3])
