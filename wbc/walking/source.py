@@ -139,7 +139,6 @@ class ReferenceSource(ABC):
         swing_height: Height of the swing, which bounds how far the body can be lowered, m.
         reason: Reason why the source has dropped the last order; empty if it has not.
         ground: Known ground for landings; None for a source that decides no landings.
-        haste: Share from 0 to 1 by which the walk is a fast one, in which arms swing.
         steering: Velocity or goal that is asked for; None for a source that cannot be steered.
         planner: Planner of the footsteps; None without one.
     """
@@ -150,7 +149,6 @@ class ReferenceSource(ABC):
     swing_height = 0.0
     reason = ""
     ground: GroundEstimate | None = None
-    haste: float = 0.0
     steering: Steering | None = None
     planner: FootstepSource | None = None
 
@@ -188,6 +186,11 @@ class ReferenceSource(ABC):
     def leaves(self, state: State, share: float) -> bool:
         """Return True if the DCM of a robot that stands has left a share of what it can hold, so that it must step."""
         return False
+
+    @property
+    def haste(self) -> float:
+        """Share from 0 to 1 by which the walk is a fast one, in which arms swing."""
+        return 0.0
 
     def lift(self) -> float:
         """Return the present height of the swing, m; zero once all orders are done."""
