@@ -154,6 +154,8 @@ class SteppingWalk(GaitMachine):
         self._planned: tuple[float, float, float, float, float, float] | None = None
         self._carrying: Vector = ORIGIN  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
+        # Time for which the foot that stands has carried nothing and the other one does, s.
+        self._unloaded: float = 0.0
         self._pace = self.steering.step_time  # mean time of the last steps, s
         self._tilt = (0.0, 0.0)  # pitch and roll of the landing as seen, rad
         self._level = 0.0  # height of the feet that carry, low-passed, m
@@ -673,9 +675,7 @@ class SteppingWalk(GaitMachine):
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
         self._flying = self._moved = None
-        self._unloaded = (
-            0.0  # time for which the foot that stands has carried nothing and the other one does, s
-        )
+        self._unloaded = 0.0
         self._hurled, self._tilt = -math.inf, (0.0, 0.0)
 
     def _enter(self, phase: GaitPhase, duration: float) -> None:
