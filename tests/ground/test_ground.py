@@ -314,6 +314,10 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
         (lambda: PointCloud(np.zeros((4, 3), dtype=complex), 0.0, "world"), "points"),
         (lambda: PointCloud(np.zeros((4, 4)), 0.0, "world"), "leave out the columns"),
         (lambda: PointCloud(np.zeros(4, dtype=[("x", "f4"), ("z", "f4")]), 0.0, "world"), "y missing"),
+        (
+            lambda: PointCloud(np.zeros(4, [("x", "f4", 3), ("y", "f4"), ("z", "f4")]), 0.0, "world"),
+            "one number",
+        ),
         (lambda: PointCloud(np.zeros((4, 3)), 0.0, "world", np.full(5, 0.01)), "std"),
         (lambda: PointCloud(np.zeros((4, 3)), 0.0, "world", "small"), "std"),
         (lambda: PointCloud(np.zeros((4, 3)), 0.0, None), "frame"),
@@ -337,6 +341,16 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
 def test_bad_input_is_named(make, name):
     with pytest.raises(InputError, match=name):
         make()
+
+
+@pytest.mark.parametrize("std", [1e-300, 1e300])
+def test_a_cloud_of_any_accuracy_is_fused(std):
+    robot, ground = known()
+    points = frame(lambda x, y: 0.0 * x, 0)[0]
+    for k in range(3):
+        ground.add(PointCloud(points, FUSED * k, "world", std))
+        ground.update(robot, FUSED * k)
+    assert np.isfinite(ground.map.known()[0]).all()
 
 
 @pytest.mark.parametrize("shape", [(12,), (3, 4)])

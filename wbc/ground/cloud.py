@@ -23,6 +23,9 @@ SEEN = 8192
 """Greatest number of points that are taken of one cloud, so that a large one costs a tick no more than 2 ms. The map of
 the ground has as many cells on 3.3 m²."""
 
+LEAST_STD, MOST_STD = 1e-6, 1e3
+"""Bounds within which the standard deviation of a point is taken, m: squares beyond them lose all digits."""
+
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
@@ -88,8 +91,10 @@ def _points(value: ArrayLike, turn: int) -> tuple[Array, int, NDArray[np.int64] 
         flat = np.asanyarray(value).ravel()
         chosen = spread(flat.size, SEEN, turn)
         part = _part(flat, chosen)
-        points = np.stack([_numbers(f"field {axis} of a cloud", part[axis]) for axis in "xyz"], axis=1)
-        return points, flat.size, chosen
+        columns = [_numbers(f"field {axis} of a cloud", part[axis]) for axis in "xyz"]
+        if any(column.ndim != 1 for column in columns):
+            raise InputError("fields x, y and z of a cloud must be one number for each point")
+        return np.stack(columns, axis=1), flat.size, chosen
     array = value if isinstance(value, np.ndarray) else _numbers("points of a cloud", value)
     if array.ndim != 2 or array.shape[1] != 3:
         more = "; leave out the columns after x, y and z" if array.ndim == 2 and array.shape[1] > 3 else ""
@@ -136,7 +141,7 @@ class PointCloud:
         if not (std > 0.0).all():
             raise InputError("std of a cloud (m) must be above zero for every point")
         object.__setattr__(self, "points", points)
-        object.__setattr__(self, "std", np.broadcast_to(std, len(points)))
+        object.__setattr__(self, "std", np.broadcast_to(np.clip(std, LEAST_STD, MOST_STD), len(points)))
 
 
 @checked
