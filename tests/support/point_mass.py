@@ -94,6 +94,7 @@ class PointMass:
             (frames[0].translation.tolist(), frames[1].translation.tolist()),
             (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
             wrenches,
+            gait.steering.heading,  # the pelvis turns with the walk
         )
         reference = gait.advance(state, frames)
         self._move(reference)
@@ -154,6 +155,7 @@ def moved(tick: Tick, place: pin.SE3) -> tuple[BodyState, Frames]:
         (frames[0].translation.tolist(), frames[1].translation.tolist()),
         (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
         s.wrenches,
+        s.heading + pin.rpy.matrixToRpy(rotation)[2],
     ), frames
 
 
@@ -178,6 +180,7 @@ def mirrored_input(tick: Tick) -> tuple[BodyState, Frames]:
         (frames[0].translation.tolist(), frames[1].translation.tolist()),
         (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
         [(signs * s.wrenches[1]).tolist(), (signs * s.wrenches[0]).tolist()],
+        -s.heading,
     ), frames
 
 

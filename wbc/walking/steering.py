@@ -140,6 +140,7 @@ class PathConstants:
     )
     drift_gain: Annotated[float, "ω"] = 0.124  # of the way back to the path
     drift_speed: Annotated[float, "hω"] = 0.041
+    turned: Annotated[float, "rad"] = 0.35  # of the pelvis from the heading, at most: a push may turn it
 
 
 class StepVelocity(NamedTuple):
@@ -222,6 +223,15 @@ class PathSteering(Steering):
     def turn_to(self, heading: float) -> None:
         """Set the heading, rad."""
         self.heading, self.direction = heading, (math.cos(heading), math.sin(heading))
+
+    def turn_with(self, heading: float) -> None:
+        """Go on from where the pelvis faces, rad, if something has turned it far from the heading.
+
+        Feet that held on to the heading would cross beneath it.
+        """
+        off = math.remainder(heading - self.heading, math.tau)
+        if abs(off) > self._c.turned:
+            self.turn_to(self.heading + off - math.copysign(self._c.turned, off))
 
     def update(self, place: Point, speed: Point) -> StepVelocity:
         """Return the velocity of the next steps, from place (m) and speed (m/s) of the CoM in the world."""

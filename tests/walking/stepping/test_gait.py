@@ -229,6 +229,26 @@ def test_a_turn_turns_landings_and_heading_and_a_swing_foot_that_stays_level() -
             assert -0.5 <= off < 0.5, "from where the foot has stood"
 
 
+def test_a_walk_that_a_push_has_turned_goes_on_from_where_its_pelvis_faces() -> None:
+    """The heading stays near that of the pelvis, and landings turn with it; small differences change nothing."""
+    body = PointMass()
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    tick = body.run(2.0)[-1]
+    gait, heading = body.gait, body.gait.steering.heading
+    assert abs(heading) < 1e-9
+    for turned in (0.2, -0.3):
+        gait.advance(tick.state._replace(heading=turned), tick.frames)
+        assert gait.steering.heading == heading
+    for turned in (1.5, -2.0, 3.0):
+        gait.advance(tick.state._replace(heading=turned), tick.frames)
+        assert 0.1 < abs(angle(turned, gait.steering.heading)) < 0.5
+    body.run(1.2)  # steps of the heading that is left
+    for tick in body.run(1.0):
+        if tick.reference.swing is not None:
+            foot = tick.reference.feet[tick.reference.swing].placement
+            assert abs(angle(pin.rpy.matrixToRpy(foot.rotation)[2], gait.steering.heading)) < 0.6
+
+
 def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
     for sign, foot in ((1.0, 0), (-1.0, 1)):
         body = PointMass()

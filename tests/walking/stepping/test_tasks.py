@@ -37,7 +37,7 @@ def standing() -> tuple[Controller, WalkTasks, Reference]:
     wrenches = [[0.0, 0.0, 0.5 * WEIGHT, 0.0, 0.0, 0.0]] * 2
     places, turns = ([getattr(f, name).tolist() for f in frames] for name in ("translation", "rotation"))
     state = BodyState(
-        robot.com.tolist(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tuple(places), tuple(turns), wrenches
+        robot.com.tolist(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tuple(places), tuple(turns), wrenches, 0.0
     )
     return controller, tasks, gait.advance(state, frames)
 

@@ -68,6 +68,7 @@ class BodyState(NamedTuple):
     places: tuple[Vector, Vector]  # centres of the left and of the right sole, m
     turns: tuple[Rotation, Rotation]  # rotations of the soles, row by row
     wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
+    heading: float  # heading of the pelvis, rad
 
 
 class SteppingWalk(GaitMachine):
@@ -213,6 +214,7 @@ class SteppingWalk(GaitMachine):
             self._frames = robot.placement(left.frame), robot.placement(right.frame)
             self._places = self._frames[0].translation, self._frames[1].translation  # views, as the next ones
             self._turns = self._frames[0].rotation, self._frames[1].rotation
+            self._pelvis = robot.placement(robot.base_frame).rotation
         return BodyState(
             robot.com.tolist(),
             robot.com_velocity.tolist(),
@@ -220,6 +222,7 @@ class SteppingWalk(GaitMachine):
             (self._places[0].tolist(), self._places[1].tolist()),
             (self._turns[0].tolist(), self._turns[1].tolist()),
             state.measurement.wrenches.tolist(),
+            heading(self._pelvis),
         )
 
     @property
@@ -389,6 +392,7 @@ class SteppingWalk(GaitMachine):
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
         state = self._state
         if not self.footsteps:
+            self.steering.turn_with(state.heading)
             return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
         landing, (x, y, _) = self.footsteps[0], state.places[self.stance]
         (a, _, _), (b, _, _), _ = state.turns[self.stance]

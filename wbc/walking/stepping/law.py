@@ -152,7 +152,7 @@ class SteppingConstants:
     hurled: Annotated[float, "hω"] = 1.2
     hurled_time: Annotated[float, "1/ω"] = 0.4
     # Height of the swing foot over the ground, in heights of a swing, above which its force is no contact.
-    low: float = 1.5
+    low: float = 1.1
     # Viability of the planned landing over that of a place where the foot rubs, from which on the foot goes on.
     rubs: float = 1.3
     # Force from which on the foot has met the ground; below which it has lost it again; of the other foot, which must

@@ -112,7 +112,7 @@ class SteppingSettings:
     reach: Annotated[Positive, "h"] = 1.0
     swing_height: Annotated[Positive, "h"] = 0.183
     friction: Positive = 0.7
-    acceleration: Annotated[Positive, "g"] = 0.03
+    acceleration: Annotated[Positive, "g"] = 0.08
     effort: Positive = 0.6
     fastest_back: Annotated[Positive, "hω"] = 0.16
     fastest_aside: Annotated[Positive, "hω"] = 0.165
