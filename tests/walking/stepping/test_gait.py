@@ -473,6 +473,32 @@ def test_a_foot_that_has_been_kicked_away_is_not_stepped_onto() -> None:
         assert Event.LIFT_OFF in reference.events and reference.swing == kicked
 
 
+@pytest.mark.parametrize("shifts", [False, True], ids=["in a stand", "while the weight shifts"])
+@pytest.mark.parametrize(
+    ("moves", "force", "steps"), [(0.01, 0.0, True), (0.0, 0.0, False), (0.01, 0.3, False)]
+)
+def test_a_foot_that_is_kicked_away_in_a_stand_swings_at_once(
+    shifts: bool, moves: float, force: float, steps: bool
+) -> None:
+    """It moves and carries nothing while the other one holds; a foot that is unloaded, or slides, does not."""
+    for kicked in (0, 1):
+        body = PointMass()
+        body.run(0.7)
+        if shifts:
+            body.gait.steering.command((0.2, 0.0, 0.0))
+            body.run(0.2)
+        tick, gait = body.ticks[-1], body.gait
+        assert gait.phase is (GaitPhase.DOUBLE if shifts else GaitPhase.STANDING)
+        places, wrenches = list(tick.state.places), [[0.0] * 6, [0.0] * 6]
+        x, y, z = places[kicked]
+        places[kicked] = x - moves, y, z + moves
+        wrenches[kicked][2], wrenches[1 - kicked][2] = force * SCALE.weight, (1.0 - force) * SCALE.weight
+        state = tick.state._replace(places=(places[0], places[1]), wrenches=wrenches)
+        reference = gait.advance(state, tick.frames)
+        assert (gait.phase is GaitPhase.SINGLE) == steps
+        assert not steps or (Event.LIFT_OFF in reference.events and reference.swing == kicked)
+
+
 def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_and_the_place_does_not() -> (
     None
 ):
@@ -514,7 +540,8 @@ def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
     wrenches = [[0.0, 0.0, force, 0.0, 0.0, 0.0] for force in (SCALE.weight, SCALE.weight)]
     wrenches[swing][2] = 2.0 * gait.constants.met
     places, (x, y, _) = list(tick.state.places), tick.state.places[swing]
-    gait._flying = x, y, height  # it has not jumped there
+    places[swing] = x, y, height
+    gait._before = places[0], places[1]  # it has not jumped there
     for k in range(3):
         places[swing] = (x, y + k * DT * speed, height)
         state = tick.state._replace(

@@ -147,7 +147,7 @@ class SteppingWalk(GaitMachine):
         self.decision = StepDecision(s, c, scale, self.ground, dt)
         self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
         self.footsteps: Sequence[Footstep] = ()
-        self._flying: Vector | None = None  # place of the swing foot in the last tick, m
+        self._before: tuple[Vector, Vector] | None = None  # places of the soles in the last tick, m
         self._moved: Vector | None = None  # velocity of the swing foot, m/s
         self._hurled = -math.inf  # when a push hurled it, s
         self._contact: Vector | None = None  # low-passed centre of pressure, in the world
@@ -237,6 +237,12 @@ class SteppingWalk(GaitMachine):
         self.elapsed += self.dt
         self.time += self.dt
         self._follow_pendulum()
+        reference = self._go_on()
+        self._before = state.places
+        return reference
+
+    def _go_on(self) -> Reference:
+        """Stand, shift the weight or step, and return the references of the tick."""
         events: tuple[Event, ...] = ()
         if self.phase is GaitPhase.STANDING:
             events = self._stand()
@@ -316,8 +322,14 @@ class SteppingWalk(GaitMachine):
         return self._begin()
 
     def _step_out(self) -> tuple[Event, ...]:
-        """Step with the foot on whose side the DCM is, if it has left both soles."""
+        """Step with the foot on whose side the DCM is, if it has left both soles, or with one that was kicked away."""
         state, dcm = self._state, self.dcm
+        kicked = self._kicked()
+        if kicked is not None:
+            self.stance = 1 - kicked
+            events = self._begin()
+            self._hurled = self.time
+            return events
         if self._outside(dcm, 1.0) <= 0.0:
             return ()
         left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
@@ -326,6 +338,25 @@ class SteppingWalk(GaitMachine):
         if loads[self.stance] < self.constants.least_force < loads[1 - self.stance]:
             self.stance = 1 - self.stance  # a foot that has been kicked away carries nothing
         return self._begin()
+
+    def _kicked(self) -> int | None:
+        """Return the foot that a push has thrown off the ground while the other one holds, else None."""
+        c, loads = self.constants, [row[2] for row in self._state.wrenches]
+        for side in (0, 1):
+            if (
+                loads[side] < c.lost
+                and loads[1 - side] > c.held
+                and math.hypot(*self._velocity(side)) > c.kicked
+            ):
+                return side
+        return None
+
+    def _velocity(self, side: int) -> Vector:
+        """Return the velocity of a sole, m/s; zero in the first tick."""
+        if self._before is None:
+            return ORIGIN
+        (x, y, z), (p, q, r), dt = self._state.places[side], self._before[side], self.dt
+        return (x - p) / dt, (y - q) / dt, (z - r) / dt
 
     def _begin(self) -> tuple[Event, ...]:
         """Begin to step from a stand."""
@@ -476,17 +507,17 @@ class SteppingWalk(GaitMachine):
         """Find the velocity of the swing foot, and whether it is hurled.
 
         It is faster then, in the world and past the CoM, than any step without hurry: the ground stops a foot, and only
-        a push makes it faster.
+        a push makes it faster. It is hurled once in a step: a foot that comes back is as fast, and meets the ground.
         """
-        here, body, before = self._state.places[1 - self.stance], self._state.velocity, self._flying
-        dt, swing = self.dt, self.swing
-        self._flying, self._moved = here, None
-        if before is None or swing is None:
+        if self.swing is None:
+            self._moved = None
             return
-        self._moved = tuple((p - q) / dt for p, q in zip(here, before, strict=True))
+        self._moved = self._velocity(1 - self.stance)
         most = self.constants.hurled + 2.0 * math.hypot(*self.steering.velocity)
         calm = self.decision.urgency < CALM and self.duration > UNHURRIED * self.steering.step_time
-        if calm and min(math.hypot(*self._moved), math.dist(self._moved, body)) > most:
+        if not calm or not (self._is_hurled or self._hurled == -math.inf):
+            return
+        if min(math.hypot(*self._moved), math.dist(self._moved, self._state.velocity)) > most:
             self._hurled = self.time
 
     @property
@@ -678,7 +709,7 @@ class SteppingWalk(GaitMachine):
         self._plan_steps(SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
-        self._flying = self._moved = None
+        self._moved = None
         self._unloaded = 0.0
         self._hurled, self._tilt = -math.inf, (0.0, 0.0)
 

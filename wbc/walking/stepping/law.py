@@ -151,6 +151,8 @@ class SteppingConstants:
     # its force is no contact then, and for which it goes after the trunk.
     hurled: Annotated[float, "hω"] = 1.2
     hurled_time: Annotated[float, "1/ω"] = 0.4
+    # Speed of a foot without load in a stand from which on it has been kicked away.
+    kicked: Annotated[float, "hω"] = 0.2
     # Height of the swing foot over the ground, in heights of a swing, above which its force is no contact.
     low: float = 1.1
     # Viability of the planned landing over that of a place where the foot rubs, from which on the foot goes on.
