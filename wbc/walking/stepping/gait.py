@@ -784,5 +784,5 @@ class SteppingWalk(GaitMachine):
             most_push=push,
             most_force=most_force,
             cop=cop,
-            urgency=-1.0 if self._is_hurled and self.decision.urgency < CALM else self.decision.urgency,
+            urgency=-1.0 if self._is_hurled else self.decision.urgency,
         )
