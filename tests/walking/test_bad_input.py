@@ -58,6 +58,10 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: checked((0.6, 0.0, 0.0)), "forward"),
     (lambda: step(0.1, 0.0875, 0.5), "rises"),
     (lambda: check_plan(replace(START, gait=Gait(swing_height=0.5)), ROBOT), "swing_height"),
+    (
+        lambda: check_plan(replace(START, gait=Gait(single_support=0.2, landing_time=0.05)), ROBOT),
+        "single_support of 0.2 s is too quick",
+    ),
     (lambda: check_plan(replace(START, right=Footstep("right", 0.0, 0.02)), ROBOT), "overlap"),
     (lambda: drive(0.1, 0.0, NAN), "velocity"),
     (lambda: drive(0.0, 0.0, 20.0), "rad/s"),  # degrees for radians, here and below
