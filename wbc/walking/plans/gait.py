@@ -98,7 +98,7 @@ class Gait:
     Attributes:
         step_length: Largest forward distance from the stance foot to the landing, m.
         feet_spacing: Lateral distance between the sole centres, m; the robot's own when None.
-        single_support: Time on one foot, s.
+        single_support: Time on one foot, s; in a plan 0.9/ω at least, with ω of the robot that walks it.
         double_support: Time on both feet between steps, s.
         initial_double_support: Time to shift the weight before the first step, s.
         final_double_support: Time to come to rest after the last step, s.
