@@ -67,6 +67,7 @@ class Reach:
         max_yaw: Greatest turn outwards, rad; half of it inwards.
         max_height: Greatest difference in height, m.
         max_swing_height: Greatest swing height, m.
+        min_single_support: Least time on one foot, s.
     """
 
     max_length: Annotated[Positive, "m"]
@@ -75,6 +76,7 @@ class Reach:
     max_yaw: Annotated[Positive, "rad"]
     max_height: Annotated[Positive, "m"]
     max_swing_height: Annotated[Positive, "m"]
+    min_single_support: Annotated[Positive, "s"]
 
     def __post_init__(self) -> None:
         if self.min_spacing >= self.max_spacing:
@@ -103,6 +105,7 @@ class Reach:
             max_yaw=min(0.5, 0.8 * yaw) if yaw > 0.0 else 0.1,
             max_height=leg.length / 3.0,
             max_swing_height=leg.length / 2.0,
+            min_single_support=QUICKEST * math.sqrt(leg.com_height / GRAVITY),
         )
 
     def allows(self, stance: Footstep, step: Footstep) -> bool:
@@ -303,11 +306,10 @@ def check_plan(
             f"swing_height of {height:g} m is out of reach; '{robot.name}' lifts a foot "
             f"by up to {reach.max_swing_height:.3f} m"
         )
-    least = QUICKEST * math.sqrt(leg_geometry(robot).com_height / GRAVITY)
-    if plan.gait.full.single_support < least:
+    if plan.gait.full.single_support < reach.min_single_support:
         raise InputError(
-            f"single_support of {plan.gait.full.single_support:g} s is too quick; '{robot.name}' needs {least:.3f} s "
-            f"at least, {QUICKEST:g}/ω"
+            f"single_support of {plan.gait.full.single_support:g} s is too quick; '{robot.name}' needs "
+            f"{reach.min_single_support:.3f} s at least, {QUICKEST:g}/ω"
         )
     sizes = {side: (s.length, s.width) for side, s in zip(SIDES, robot.soles[:2], strict=True)}
     _check_overlap("the feet at the start", plan.left, plan.right, sizes)

@@ -148,8 +148,7 @@ class SteppingWalk(GaitMachine):
         self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
         self.footsteps: Sequence[Footstep] = ()
         self._before: tuple[Vector, Vector] | None = None  # places of the soles in the last tick, m
-        self._moved: Vector | None = None  # velocity of the swing foot, m/s
-        self._hurled = -math.inf  # when a push hurled it, s
+        self._hurled = -math.inf  # when a push hurled the swing foot, s
         self._contact: Vector | None = None  # low-passed centre of pressure, in the world
         # CoM over the ground as planned, its velocity and acceleration; None until the step is decided.
         self._planned: tuple[float, float, float, float, float, float] | None = None
@@ -493,9 +492,7 @@ class SteppingWalk(GaitMachine):
         That is where the feedback of its task asks for more than the greatest acceleration of a swing: the trunk would
         pay for it.
         """
-        moved = self._moved
-        if moved is None:
-            return None
+        moved = self._velocity(1 - self.stance)
         here, (stiffness, damping) = self._state.places[1 - self.stance], self.constants.swing_gains
         asked = (
             stiffness * (q - p) + damping * (speed - now)
@@ -504,20 +501,19 @@ class SteppingWalk(GaitMachine):
         return moved if math.hypot(*asked) > self.constants.swing_push else None
 
     def _fly(self) -> None:
-        """Find the velocity of the swing foot, and whether it is hurled.
+        """Find whether a push hurls the swing foot.
 
         It is faster then, in the world and past the CoM, than any step without hurry: the ground stops a foot, and only
         a push makes it faster. It is hurled once in a step: a foot that comes back is as fast, and meets the ground.
         """
         if self.swing is None:
-            self._moved = None
             return
-        self._moved = self._velocity(1 - self.stance)
         most = self.constants.hurled + 2.0 * math.hypot(*self.steering.velocity)
         calm = self.decision.urgency < CALM and self.duration > UNHURRIED * self.steering.step_time
         if not calm or not (self._is_hurled or self._hurled == -math.inf):
             return
-        if min(math.hypot(*self._moved), math.dist(self._moved, self._state.velocity)) > most:
+        moved = self._velocity(1 - self.stance)
+        if min(math.hypot(*moved), math.dist(moved, self._state.velocity)) > most:
             self._hurled = self.time
 
     @property
@@ -709,7 +705,6 @@ class SteppingWalk(GaitMachine):
         self._plan_steps(SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
-        self._moved = None
         self._unloaded = 0.0
         self._hurled, self._tilt = -math.inf, (0.0, 0.0)
 
