@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked, fixed
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array, finite_array, positive
 from wbc.base.settings import Seed
@@ -106,6 +106,7 @@ class EngineLoop(ABC):
     control_period: float = fixed(ANOTHER)
     timestep: float = fixed(ANOTHER)
     steps: int = fixed(ANOTHER)
+    seed: int = result("_seed", "give another seed to its `reset`")
 
     @checked
     def __init__(
@@ -142,7 +143,7 @@ class EngineLoop(ABC):
         self.steps = steps_per_tick(control_period, timestep)
         self.robot = robot = description.robot()
         self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
-        self.seed, self.machine = seed, machine
+        self._seed, self.machine = seed, machine
         self.soles = tuple(description.attachment(sole.frame) for sole in robot.soles)
         self.diverged: str | None = None
         self.joint_torque = np.zeros(robot.na)
@@ -245,7 +246,7 @@ class EngineLoop(ABC):
             q = checked_configuration("configuration", configuration, self.robot.nq)
             self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
         if seed is not None:
-            self.seed = seed
+            self._seed = seed
         q[3:7] /= np.linalg.norm(q[3:7])
         self._start = q
         self._pushes.clear()

@@ -217,7 +217,7 @@ class Plant(SimulatedRobot):
             mujoco.mj_fwdPosition(self.model, start)
             check_clear(self.model, start, self._contacts.geom_robot)
         if seed is not None:
-            vars(self)["seed"] = seed
+            self._seed = seed
         self._start = q
         self._pushes.clear(data)
         mujoco.mj_resetData(self.model, data)

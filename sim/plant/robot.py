@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import fixed
+from wbc.base.checked import fixed, result
 from wbc.base.errors import InputError, MeasurementError, WbcError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
@@ -64,7 +64,7 @@ class SimulatedRobot(ABC):
     timestep: float = fixed(ANOTHER)
     control_period: float = fixed(ANOTHER)
     steps: int = fixed(ANOTHER)
-    seed: int = fixed("give another seed to its `reset`")
+    seed: int = result("_seed", "give another seed to its `reset`")
     _truth: GroundTruth | None
     _measurement: Measurement | None
 
@@ -89,7 +89,7 @@ class SimulatedRobot(ABC):
         self.timestep, self.control_period = float(self.model.opt.timestep), float(control_period)
         self.steps = steps_per_tick(control_period, self.timestep)
         self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
-        self.seed = seed
+        self._seed = seed
         self.machine = machine
         self._contacts, self._pushes = Contacts(places), Pushes()
         self._grips = Grips(self.model, robot, places.prefix)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from wbc.base.errors import InputError, unknown_name
+from wbc.base.errors import InputError, shown, unknown_name
 from wbc.base.settings import to_json
 from wbc.sim.studies.intervals import (
     CONFIDENCE,
@@ -295,9 +296,10 @@ def _values(frame: pd.DataFrame, name: str, *, completed_only: bool) -> pd.Serie
     import pandas as pd  # noqa: PLC0415 - slow to import
 
     counts = frame["status"] == "done"
-    if name not in frame:
+    absent = [part for part in (name, *["outcome"] * completed_only) if part not in frame]
+    if absent:
         if counts.any():
-            unknown_name("part of a result", name, [each for each in frame if each not in KEYS])
+            unknown_name("part of a result", absent[0], [each for each in frame if each not in KEYS])
         return pd.Series(float("nan"), frame.index)
     if completed_only:
         counts &= frame["outcome"] == "completed"
@@ -305,11 +307,20 @@ def _values(frame: pd.DataFrame, name: str, *, completed_only: bool) -> pd.Serie
 
 
 def _numbers(frame: pd.DataFrame, name: str) -> pd.Series:
-    """Return a column of the results as numbers."""
-    try:
-        return frame[name].astype(float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"'{name}' of a result is no number: {error}") from error
+    """Return a column of the results as numbers, or raise an `InputError` that names the first trial without one."""
+    import pandas as pd  # noqa: PLC0415 - slow to import
+
+    numbers = []
+    for place, value in enumerate(frame[name]):
+        try:
+            numbers.append(math.nan if value is None else float(value))
+            known = not isinstance(value, str)
+        except (TypeError, ValueError, OverflowError):
+            known = False
+        if not known:
+            trial = ", ".join(str(frame[key].iloc[place]) for key in ("cell", "arm", "seed"))
+            raise InputError(f"'{name}' of the result of {trial} must be a number, got {shown(value)}")
+    return pd.Series(numbers, frame.index, dtype=float)
 
 
 def layout_of(spec: Mapping[str, Any]) -> Hashable:

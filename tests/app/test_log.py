@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +17,15 @@ import pytest
 from full_disk import limited_file_size
 from log_writing import HEADER, signals, values, write
 from pyarrow import ipc
+from recorded import recorded_walk
 
+from wbc.app.drift import Drift
 from wbc.app.log import reader
 from wbc.app.log.header import FORMAT, KEY, encode
 from wbc.app.log.reader import Log
+from wbc.app.log.stances import stances, support_box
 from wbc.app.log.writer import ROWS, LogWriter
+from wbc.app.plot.figures import draw
 from wbc.base.errors import InputError, UnknownNameError
 
 
@@ -133,6 +138,37 @@ def test_unknown_signal_names_the_nearest_ones(log_file: Path) -> None:
         log["com/estimatd"]
     with pytest.raises(InputError, match="texts"):
         log["walk/phase"]
+
+
+def test_the_parts_of_a_vector_may_stand_in_any_order(log_file: Path) -> None:
+    log = Log.open(log_file)
+    table = ipc.open_file(log_file).read_all()
+    with ipc.new_file(log_file, (turned := table.select(table.column_names[::-1])).schema) as out:
+        out.write_table(turned)
+    assert (Log.open(log_file).vector("com/estimated", 3) == log["com/estimated"]).all()
+
+
+READERS: dict[str, tuple[Callable[[Log], object], tuple[str, ...]]] = {
+    "drift": (Drift.of, ("truth/base/orientation/w", "foot/left/estimated/position/x")),
+    "stances": (stances, ("foot/left/reference/position/z", "foot/right/reference/orientation/w")),
+    "true": (lambda log: stances(log, "truth"), ("truth/foot/left/position/y", "foot/left/contact")),
+    "support": (support_box, ("foot/left/reference/position/y", "foot/right/wrench_measured/fz")),
+    "balance": (lambda log: draw("balance", [log]), ("com/estimated/y", "truth/push/force/z")),
+    "plan": (lambda log: draw("plan", [log]), ("zmp/measured/y", "foot/left/reference/orientation/x")),
+}
+"""Reader of a log → the function and columns that it needs."""
+
+
+@pytest.mark.parametrize(
+    ("name", "column"), [(name, column) for name, (_, columns) in READERS.items() for column in columns]
+)
+def test_a_log_without_a_column_is_refused_by_what_needs_it(tmp_path: Path, name: str, column: str) -> None:
+    """A vector without one of its parts, above all: its values would be those of another one."""
+    table = ipc.open_file(recorded_walk()).read_all().drop_columns([column])
+    with ipc.new_file(tmp_path / "walk.arrow", table.schema) as out:
+        out.write_table(table)
+    with pytest.raises(InputError, match=f"walk.arrow has no.*{column}"):
+        READERS[name][0](Log.open(tmp_path / "walk.arrow"))
 
 
 def test_log_without_ticks_is_a_log(tmp_path: Path) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mjcf_biped import biped
 
 from wbc.app.cli import BAD_INPUT, main
+from wbc.sim.studies import Entry, Study
 
 STUDY = Path(__file__).resolve().parents[2] / "examples/studies/flat_floor.json"
 
@@ -85,3 +88,26 @@ def test_a_file_that_holds_no_walk_is_refused(
     text, named = FILES[name]
     (tmp_path / name).write_text(text)
     check_refused(["walk", "--spec", str(tmp_path / name)], named, capsys)
+
+
+RESULTS: tuple[tuple[dict[str, Any], list[str], str], ...] = (
+    ({"steps_done": "3", "outcome": "fell"}, [], "'steps_done' of the result of a, b, 1"),
+    ({"steps_done": 10**400, "outcome": "fell"}, [], "'steps_done' of the result of a, b, 1"),
+    ({"steps_done": 3, "outcome": "fell", "impact": "hard"}, [], "'impact' of the result of a, b, 1"),
+    ({"steps_done": 3, "outcome": "fell"}, ["--metric", "outcome"], "'outcome' of the result of a, b, 1"),
+    ({"steps_done": 3}, ["--completed"], "no part of a result 'outcome'"),
+)
+"""Results of a trial in a journal, options of its table, and what its message names beside the file."""
+
+
+@pytest.mark.parametrize(("result", "options", "named"), RESULTS)
+def test_a_value_of_a_journal_that_is_no_number_is_refused(
+    result: dict[str, Any], options: list[str], named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain = {"name": "s", "cells": {"a": {}}, "arms": {"b": {}}, "seeds": [1], "metric": "steps_done"}
+    (tmp_path / "study.json").write_text(json.dumps(plain))
+    (trial,) = Study.from_json(plain).trials()
+    entry = Entry(trial.spec.to_json(), "done", result, {}, None, {})
+    (tmp_path / "results.jsonl").write_bytes(entry.line())
+    words = ["study", "table", str(tmp_path / "study.json"), "--any-code", *options]
+    check_refused([*words, "--journal", str(tmp_path / "results.jsonl")], f"results.jsonl: {named}", capsys)

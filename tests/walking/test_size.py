@@ -57,7 +57,8 @@ def test_the_knee_carries_the_robot_on_one_leg_at_the_height_that_is_derived() -
     robot = RobotDescription.from_urdf(
         BIPED, torque_limits={"left_knee": 30.0, "right_knee": 30.0}, **FEET
     ).robot()
-    leg, height = leg_geometry(robot), carried_height(robot)
+    leg = leg_geometry(robot)
+    height = carried_height(robot, leg)
     tilts = np.linspace(0.05, 0.8, 200)
     tilt = tilts[np.argmin([abs(bent(robot, "left", each)[1] - height) for each in tilts])]
     q, com = bent(robot, "left", tilt)
@@ -73,14 +74,14 @@ def test_the_ankle_keeps_room_at_the_height_that_is_derived() -> None:
     limits = {f"{side}_ankle_pitch": (-0.45, 0.7) for side in ("left", "right")}
     robot = RobotDescription.from_urdf(BIPED, position_limits=limits, **FEET).robot()
     _, height = bent(robot, "left", 0.45 - ROOM)
-    assert carried_height(robot) == pytest.approx(height, abs=5e-3)
-    assert RobotSize.of(robot, BEND).height == carried_height(robot)
+    assert carried_height(robot, leg_geometry(robot)) == pytest.approx(height, abs=5e-3)
+    assert RobotSize.of(robot, BEND).height == carried_height(robot, leg_geometry(robot))
 
 
 @pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
 def test_robots_that_the_gaits_were_made_for_walk_as_before(name: str) -> None:
     robot = load(name).robot()
-    assert carried_height(robot) < RobotSize.of(robot, BEND).height
+    assert carried_height(robot, leg_geometry(robot)) < RobotSize.of(robot, BEND).height
     assert sized(Gait(), robot) == Gait()
 
 

@@ -33,9 +33,12 @@ class Drift:
         """Return the drift of a log; none without ground truth."""
         if "truth/base/orientation/x" not in log or "base/estimated/orientation/x" not in log:
             return cls(np.zeros(len(log)), *np.zeros((2, len(log), 3)))
-        turn = yaw_of(log["truth/base/orientation"]) - yaw_of(log["base/estimated/orientation"])
-        estimated = np.mean([log[f"foot/{side}/estimated/position"] for side in SIDES], axis=0)
-        return cls(turn, estimated, np.mean([log[f"truth/foot/{side}/position"] for side in SIDES], axis=0))
+        turn = yaw_of(log.vector("truth/base/orientation", 4)) - yaw_of(
+            log.vector("base/estimated/orientation", 4)
+        )
+        estimated = np.mean([log.vector(f"foot/{side}/estimated/position", 3) for side in SIDES], axis=0)
+        true = np.mean([log.vector(f"truth/foot/{side}/position", 3) for side in SIDES], axis=0)
+        return cls(turn, estimated, true)
 
     def text(self, tick: int) -> str:
         """Return what a page says of the drift at a tick."""

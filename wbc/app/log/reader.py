@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
@@ -20,9 +20,18 @@ from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
 from wbc.app.log.unpacked import LARGEST_RATIO, MEMORY, unpacked_sizes
 from wbc.app.log.writer import MAGIC, TYPES
-from wbc.base.errors import InputError, unknown_name
+from wbc.base.errors import InputError, UnknownNameError, unknown_name
 from wbc.base.files import LARGEST_FILE, decoding
 from wbc.base.numbers import Array
+
+AXES = {2: "xy", 3: "xyz", 4: "xyzw", 6: ("fx", "fy", "fz", "mx", "my", "mz")}
+"""Number of a vector's parts → their names: a point or a direction, a quaternion, a wrench."""
+
+
+def parts_of(group: str, size: int) -> list[str]:
+    """Return the names of the parts of a vector, or that of a signal of size 1."""
+    return [group] if size == 1 else [f"{group}/{part}" for part in AXES[size]]
+
 
 STREAM = 8
 """Offset of the Arrow stream in an Arrow IPC file, bytes: after the magic bytes and their padding."""
@@ -117,7 +126,9 @@ class Log:
             if name in self.signals:
                 kind = self.signals[name].kind
                 if kind in ("text", "list"):
-                    raise InputError(f"signal '{name}' holds {kind}s, not numbers; use log.{kind}s('{name}')")
+                    raise InputError(
+                        f"{self.path}: signal '{name}' holds {kind}s, not numbers; use log.{kind}s('{name}')"
+                    )
                 array = np.array(self.column(name).cast(pa.float64()).to_numpy())
             else:
                 array = np.stack([self[part] for part in self.parts(name)], axis=1)
@@ -125,10 +136,31 @@ class Log:
             self._arrays[name] = array
         return self._arrays[name]
 
+    def vector(self, group: str, size: int) -> Array:
+        """Return the values of a vector, whatever the order of its parts in the file.
+
+        Args:
+            group: The common beginning of the names of its parts: "com/estimated".
+            size: Number of parts: 2 for x and y, 3 with z, 4 for a quaternion xyzw, 6 for a wrench.
+
+        Returns:
+            Shape (ticks, size), float64; values that were not measured are NaN.
+
+        Raises:
+            InputError: The log has not all of these parts.
+        """
+        parts = parts_of(group, size)
+        for part in parts:
+            if part not in self:
+                raise InputError(
+                    f"{self.path} has no '{part}': {', '.join(AXES[size])} of a vector are needed"
+                )
+        return np.stack([self[part] for part in parts], axis=1)
+
     def column(self, name: str) -> Any:
         """Return a signal as it is in the file: a pyarrow column."""
         if name not in self.signals:
-            unknown_name("signal", name, self.signals)
+            self._unknown(name, self.signals)
         return self._rows.column(name)
 
     def parts(self, group: str) -> list[str]:
@@ -140,7 +172,7 @@ class Log:
         ]
         if not names:
             groups = {name.rpartition("/")[0] for name in self.signals} - {""}
-            unknown_name("signal", group, groups | set(self.signals))
+            self._unknown(group, groups | set(self.signals))
         return names
 
     def texts(self, name: str) -> NDArray[np.object_]:
@@ -154,11 +186,18 @@ class Log:
 
     def _objects(self, name: str, kind: Kind) -> NDArray[np.object_]:
         if name not in self.signals:
-            unknown_name("signal", name, self.signals)
+            self._unknown(name, self.signals)
         if self.signals[name].kind != kind:
-            raise InputError(f"signal '{name}' holds {self.signals[name].kind}s, not {kind}s")
+            raise InputError(f"{self.path}: signal '{name}' holds {self.signals[name].kind}s, not {kind}s")
         values: NDArray[np.object_] = self.column(name).to_numpy(zero_copy_only=False)
         return values
+
+    def _unknown(self, name: str, choices: Iterable[str]) -> NoReturn:
+        """Raise an `UnknownNameError` that also names the file."""
+        try:
+            unknown_name("signal", name, choices)
+        except UnknownNameError as error:
+            raise UnknownNameError(f"{self.path} has {error}") from None
 
     @property
     def events(self) -> list[tuple[float, str]]:

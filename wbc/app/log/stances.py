@@ -55,7 +55,9 @@ def support_box(log: Log) -> tuple[Array, Array]:
     weight = float(_robot_of(log)["mass_kg"]) * GRAVITY
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         place = f"foot/{side}/{'reference' if walk else 'estimated'}"
-        shape = corners(log[f"{place}/position"], yaw_of(log[f"{place}/orientation"]), size)
+        shape = corners(
+            log.vector(f"{place}/position", 2), yaw_of(log.vector(f"{place}/orientation", 4)), size
+        )
         loaded = log[f"foot/{side}/wrench_measured/fz"] > MIN_LOAD * weight
         on = log[f"foot/{side}/contact"] > 0.5 if walk else loaded
         low[on] = np.minimum(low[on], shape[on].min(axis=1))
@@ -87,8 +89,8 @@ def stances(log: Log, which: str = "reference") -> list[Stance]:
     made, drift = [], Drift.of(log)
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         foot = f"foot/{side}/{'estimated' if which == 'truth' else 'reference'}"
-        position = log[f"truth/foot/{side}/position" if which == "truth" else f"{foot}/position"]
-        yaw = yaw_of(log[f"{foot}/orientation"])
+        position = log.vector(f"truth/foot/{side}/position" if which == "truth" else f"{foot}/position", 3)
+        yaw = yaw_of(log.vector(f"{foot}/orientation", 4))
         on = (log[f"foot/{side}/contact"] > 0.5).astype(int)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], on, [0]])))
         for start, end in edges.reshape(-1, 2).tolist():

@@ -57,8 +57,8 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
     for i, (ax, axis) in enumerate(zip(axes, "xy", strict=False)):
         band(ax, time, low[:, i], high[:, i], "support")
         for label, group, colour, style, width in LINES:
-            if f"{group}/x" in log and np.isfinite(log[group]).any() and not _repeats(log, group):
-                ax.plot(time, log[group][:, i], style, color=colour, linewidth=width, label=label)
+            if f"{group}/x" in log and np.isfinite(log.vector(group, 2)).any() and not _repeats(log, group):
+                ax.plot(time, log.vector(group, 2)[:, i], style, color=colour, linewidth=width, label=label)
         ax.set_ylabel(f"{axis} (m)")
         if np.isfinite(low[:, i]).any():
             room = 0.15 * float(np.nanmax(high[:, i]) - np.nanmin(low[:, i]))
@@ -78,15 +78,15 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
 
 
 def _errors(log: Log) -> Array:
-    """Return the error of the DCM, or the sway of the CoM without a walk, shape (ticks, 2 or 3), m.
+    """Return the error of the DCM, or the sway of the CoM without a walk, shape (ticks, 2), m.
 
     It is zero where the walk decides its steps from the DCM as it is: there is no other one that it should follow.
     """
     if "stabilizer/dcm_error/x" in log:
-        return log["stabilizer/dcm_error"]
+        return log.vector("stabilizer/dcm_error", 2)
     if "dcm/reference/x" in log:
-        return log["dcm/reference"] - log["dcm/estimated"]
-    com = log["com/estimated"]
+        return log.vector("dcm/reference", 2) - log.vector("dcm/estimated", 2)
+    com = log.vector("com/estimated", 2)
     sway: Array = com - np.nanmean(com, axis=0)
     return sway
 
@@ -97,7 +97,7 @@ def _repeats(log: Log, group: str) -> bool:
     return (
         other != group
         and f"{other}/x" in log
-        and np.allclose(log[group], log[other], atol=1e-6, equal_nan=True)
+        and np.allclose(log.vector(group, 2), log.vector(other, 2), atol=1e-6, equal_nan=True)
     )
 
 
@@ -138,7 +138,7 @@ def _one_plan(ax: Axes, log: Log, name: str) -> None:
         ax.add_patch(Polygon(stance.corners[:, :2], fill=False, edgecolor=colour, linewidth=1.1))
     for label, group, colour, style, line in LINES:
         if label.endswith("measured") or label.endswith("estimated"):
-            points = drift(log[group])
+            points = drift(log.vector(group, 2))
             ax.plot(points[:, 0], points[:, 1], style, color=colour, linewidth=line, label=label.split()[0])
     for side, colour in SIDE_COLOURS.items():
         ax.plot([], [], color=colour, linewidth=1.1, label=f"{side} sole" + (", true" if truth else ""))
@@ -150,10 +150,10 @@ def _one_plan(ax: Axes, log: Log, name: str) -> None:
 
 def _mark_pushes(ax: Axes, log: Log) -> None:
     """Mark where pushes began, with arrows along their forces."""
-    force = np.nan_to_num(log["truth/push/force"][:, :2])
+    force = np.nan_to_num(log.vector("truth/push/force", 2))
     pushed = (force != 0.0).any(axis=1)
     for i, tick in enumerate(np.flatnonzero(pushed & ~np.concatenate([[False], pushed[:-1]])).tolist()):
-        point, along = log["truth/push/point"][tick, :2], force[tick] / np.linalg.norm(force[tick])
+        point, along = log.vector("truth/push/point", 2)[tick], force[tick] / np.linalg.norm(force[tick])
         ax.annotate(
             "", point + 0.06 * along, (point[0], point[1]), arrowprops={"arrowstyle": "-|>", "color": PUSH}
         )

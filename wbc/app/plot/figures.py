@@ -6,38 +6,44 @@ from collections.abc import Callable, Sequence
 
 from matplotlib.figure import Figure
 
-from wbc.app.log.reader import Log
+from wbc.app.log.reader import Log, parts_of
 from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.stiffness import draw_stiffness
 from wbc.app.plot.style import as_written
 from wbc.base.errors import InputError, choose
 from wbc.core.robot import SIDES
 
-_LOADED_FEET = ("wrench_measured", "estimated/position")
-_FEET = ("foot/left/reference/position", "foot/right/reference/position", "foot/left/contact")
+_LOADED_FEET = {"wrench_measured": 6, "estimated/position": 2, "estimated/orientation": 4}
+_PLANNED_FEET = {"reference/position": 3, "reference/orientation": 4}
 
-FIGURES: dict[str, tuple[tuple[str, ...], Callable[[Sequence[Log]], Figure]]] = {
+FIGURES: dict[str, tuple[dict[str, int], Callable[[Sequence[Log]], Figure]]] = {
     "balance": (
-        (
-            "com/estimated",
-            "zmp/measured",
-            *(f"foot/{side}/{what}" for side in SIDES for what in _LOADED_FEET),
-        ),
+        {"com/estimated": 2, "zmp/measured": 2}
+        | {f"foot/{side}/{what}": size for side in SIDES for what, size in _LOADED_FEET.items()},
         draw_balance,
     ),
-    "plan": (("com/reference", "zmp/measured", *_FEET), draw_plan),
-    "stiffness": (("foot/left/stiffness", "foot/right/stiffness"), draw_stiffness),
+    "plan": (
+        {"com/reference": 2, "com/estimated": 2, "dcm/estimated": 2, "zmp/measured": 2}
+        | {f"foot/{side}/contact": 1 for side in SIDES}
+        | {f"foot/{side}/{what}": size for side in SIDES for what, size in _PLANNED_FEET.items()},
+        draw_plan,
+    ),
+    "stiffness": (
+        {f"foot/{side}/{what}": 1 for side in SIDES for what in ("stiffness", "stiffness_command")},
+        draw_stiffness,
+    ),
 }
-"""Every ready-made figure: signals or groups that it requires, and the function that draws logs which have these."""
+"""Every ready-made figure: signals (1) and vectors (number of parts) that it requires, and the function that draws logs
+which have these."""
 
 
 def missing(name: str, log: Log) -> str | None:
     """Return what a log lacks for a figure; None if it can be drawn."""
     needs, _ = FIGURES[choose("figure", name, FIGURES)]
-    groups = {signal.rpartition("/")[0] for signal in log}
-    absent = [need for need in needs if need not in log and need not in groups]
-    if absent:
-        return f"has no {absent[0]}"
+    for need, size in needs.items():
+        absent = [part for part in parts_of(need, size) if part not in log]
+        if absent:
+            return f"has no {absent[0]}"
     robot = log.header.get("robot")
     if name != "stiffness" and (robot is None or len(robot["soles"]) != len(SIDES)):
         return "is not of a robot with two soles"

@@ -94,7 +94,7 @@ def mark_events(axes: Axes, log: Log, *, names: bool) -> None:
     """Mark pushes, and changes of the kind of steps with the name of the new one, over the height of axes over time."""
     across = axes.get_xaxis_transform()
     if "truth/push/force/x" in log:
-        pushed = (np.nan_to_num(log["truth/push/force"]) != 0.0).any(axis=1).astype(int)
+        pushed = (np.nan_to_num(log.vector("truth/push/force", 3)) != 0.0).any(axis=1).astype(int)
         for i, (start, end) in enumerate(np.flatnonzero(np.diff([0, *pushed, 0])).reshape(-1, 2).tolist()):
             last = log.time[min(end, len(log) - 1)]
             label = "push" if i == 0 else None

@@ -81,13 +81,15 @@ class Replay:
             self.title = str(log.header.get("title") or stage.title)
             self.base_places = self._q[:, :3]
             self._drift = drift = Drift.of(log)
-            self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
-            self._zmp = drift(log["zmp/measured"]) if "zmp/measured/x" in log else None
-            self._dcm = drift(log["dcm/estimated"]) if "dcm/estimated/x" in log else None
+            self._com = log.vector("truth/com" if "truth/com/x" in log else "com/estimated", 3)
+            self._zmp = drift(log.vector("zmp/measured", 3)) if "zmp/measured/x" in log else None
+            self._dcm = drift(log.vector("dcm/estimated", 2)) if "dcm/estimated/x" in log else None
             self._planned = dict(_planned(log, drift))
-            self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
+            self._wrenches = [log.vector(f"foot/{side}/wrench_measured", 6) for side in SIDES]
             push = "truth/push/point/x" in log
-            self._push = (log["truth/push/point"], log["truth/push/force"]) if push else None
+            self._push = (
+                (log.vector("truth/push/point", 3), log.vector("truth/push/force", 3)) if push else None
+            )
             self._marks = list(_walk_marks(log, drift))
             self._stances = stances(log, "truth") if self._marks else []
             names = ("program/state", "walk/phase", "step/side")
@@ -162,9 +164,9 @@ class Replay:
 def _planned(log: Log, drift: Drift) -> Iterator[tuple[str, Array]]:
     """Yield name and places of the points that a walk plans, in the true world, shape (ticks, 3), m."""
     if "zmp/reference/x" in log and "dcm/reference/x" in log:
-        zmp = log["zmp/reference"]
+        zmp = log.vector("zmp/reference", 3)
         yield "ZMP", drift(zmp)
-        yield "DCM", drift(np.column_stack([log["dcm/reference"], zmp[:, 2]]))
+        yield "DCM", drift(np.column_stack([log.vector("dcm/reference", 2), zmp[:, 2]]))
 
 
 def _walk_marks(log: Log, drift: Drift) -> Iterator[tuple[int, int, Mark]]:
@@ -199,8 +201,8 @@ def _states_of_plant(log: Log, plant: Plant) -> Array:
     model = plant.model
     joints = [model.joint(i) for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
     q = np.empty((len(log), 7 + len(joints)))
-    q[:, :3] = log["truth/base/position"]
-    q[:, 3:7] = _unit(log["truth/base/orientation"])[:, [3, 0, 1, 2]]
+    q[:, :3] = log.vector("truth/base/position", 3)
+    q[:, 3:7] = _unit(log.vector("truth/base/orientation", 4))[:, [3, 0, 1, 2]]
     for joint in joints:
         name = position_signal(joint.name, plant.robot)
         if name not in log:
@@ -222,7 +224,9 @@ def _robot_of_loop(log: Log) -> tuple[DescribedStage, Array]:
     if f"{base}/position/x" not in log:
         raise InputError(f"{log.path} has neither the true nor an estimated base: there is nothing to show")
     columns = [log[f"{joints}/{name}"] for name in description.robot().joint_names]
-    q = np.column_stack([log[f"{base}/position"], _unit(log[f"{base}/orientation"]), *columns])
+    q = np.column_stack(
+        [log.vector(f"{base}/position", 3), _unit(log.vector(f"{base}/orientation", 4)), *columns]
+    )
     return DescribedStage(description), q
 
 

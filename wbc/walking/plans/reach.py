@@ -30,6 +30,9 @@ FAR = 1e4
 STRETCHED = 0.98
 """Ratio of its length to which a leg may stretch in a step: further, the knee hardly moves the foot."""
 
+SPANS = 1.6
+"""Greatest length of a step over the distance that a leg spans either way: both legs span it, with room."""
+
 STANDING = 0.979
 """Ratio of its length to which a standing leg may stretch: a straight leg can take no step."""
 
@@ -93,13 +96,12 @@ class Reach:
         Raises `InputError` with the range for a height that the legs cannot reach.
         """
         leg = leg_geometry(robot)
-        hip = hip_height(robot, com_height, leg)
-        span = math.sqrt((STRETCHED * leg.length) ** 2 - hip**2)
+        span = leg_span(robot, com_height, leg)
         spacing = sole_spacing(robot)
         width = max(sole.width for sole in robot.soles)
         yaw = _hip_yaw_range(robot)
         return Reach(
-            max_length=1.6 * span,
+            max_length=SPANS * span,
             min_spacing=min(width + 0.01, 0.95 * spacing),
             max_spacing=spacing + 1.2 * span,
             max_yaw=min(0.5, 0.8 * yaw) if yaw > 0.0 else 0.1,
@@ -203,13 +205,18 @@ def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
     return float(com_height) + offset
 
 
-def carried_height(robot: Robot) -> float:
+def leg_span(robot: Robot, com_height: float | None, leg: Leg) -> float:
+    """Return how far an ankle gets from below its hip, m, for a CoM height over the soles, m; None is half-sitting."""
+    return math.sqrt((STRETCHED * leg.length) ** 2 - hip_height(robot, com_height, leg) ** 2)
+
+
+def carried_height(robot: Robot, leg: Leg) -> float:
     """Return the least CoM height over the soles, m, at which one leg carries a robot that steps.
 
     With the hip above the ankle the shank tilts by α, and the knee, whose torque is m g b sin α for a shank of length
     b, may take `CARRIED` of its limit; the ankle must keep `ROOM` to the end of its range. Half-sitting is carried.
     """
-    leg, model = leg_geometry(robot), robot.model
+    model = robot.model
     thigh = leg.length - leg.shank
     knee = CARRIED * float(robot.torque_limit[leg.knee]) / (robot.mass * GRAVITY * leg.shank)
     data = model.createData()
@@ -226,13 +233,13 @@ def carried_height(robot: Robot) -> float:
     return min(hip, leg.hip_height) - leg.hip_over_com + leg.ankle_height
 
 
-def hip_acceleration(robot: Robot) -> float:
+def hip_acceleration(robot: Robot, leg: Leg) -> float:
     """Return the angular acceleration of a leg in half-sitting by the whole torque of its hip, rad/s²."""
     model, data = robot.model, robot.model.createData()
     inertia = pin.crba(model, data, robot.half_sitting)
     pin.computeJointJacobians(model, data, robot.half_sitting)
     columns = [model.joints[joint].idx_v for joint in joints_to(model, robot.frame_id(robot.soles[0].frame))]
-    above = columns[: columns.index(leg_geometry(robot).knee + BASE_DOF)]
+    above = columns[: columns.index(leg.knee + BASE_DOF)]
     hip = max(above, key=lambda column: abs(float(data.J[4, column])))
     return float(robot.torque_limit[hip - BASE_DOF]) / float(inertia[hip, hip])
 

@@ -16,7 +16,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
-from wbc.walking.plans.reach import Reach, carried_height, hip_acceleration
+from wbc.walking.plans.reach import SPANS, carried_height, hip_acceleration, leg_geometry, leg_span
 
 LONGEST = 1.1
 """Longest step of a velocity over the longest planned one, which both soles stand flat after."""
@@ -60,15 +60,16 @@ class RobotSize:
         heights = [float(at[2]) for at in joints]
         leg_length = max(heights) - min(heights)
         ankle = float(sole.actInv(data.oMi[robot.joint_numbers[legs[0][-1]]]).translation[0])
-        height = max(com - bend * leg_length, carried_height(robot)) if height is None else height
+        leg = leg_geometry(robot)
+        height = max(com - bend * leg_length, carried_height(robot, leg)) if height is None else height
         return RobotSize(
             height=height,
             leg=leg_length,
             mass=robot.mass,
             sole=(0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width),
             ankle=ankle,
-            stride=LONGEST * Reach.of(robot, height).max_length,
-            swing=leg_length * hip_acceleration(robot),
+            stride=LONGEST * (SPANS * leg_span(robot, height, leg)),
+            swing=leg_length * hip_acceleration(robot, leg),
         )
 
 

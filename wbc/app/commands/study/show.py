@@ -80,8 +80,11 @@ class ResultOptions:
     by: tuple[str, ...] = ()
 
     def table(self, study: Study, entries: Mapping[str, Entry]) -> StudyTable:
-        """Return the table of a study."""
-        return study_table(study, entries, metric=self.metric, completed_only=self.completed, by=self.by)
+        """Return the table of a study; what the entries of the journal cannot give is refused by its name."""
+        try:
+            return study_table(study, entries, metric=self.metric, completed_only=self.completed, by=self.by)
+        except InputError as error:
+            raise InputError(f"{self.journal}: {error}") from error
 
 
 @settings(kw_only=True)
