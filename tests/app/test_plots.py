@@ -196,6 +196,9 @@ class Marked(dict[str, Any]):
     def __len__(self) -> int:
         return len(self.time)
 
+    def vector(self, name: str, size: int) -> Any:
+        return self[name][:, :size]
+
     def texts(self, name: str) -> Any:
         return np.array(["planned"] * 4 + ["free"] * 2, dtype=object)
 
