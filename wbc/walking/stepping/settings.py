@@ -18,6 +18,10 @@ from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.reach import SPANS, carried_height, hip_acceleration, leg_geometry, leg_span
 
+QUICKEST = 0.455
+"""Least time of a step, 1/ω: its swing ends at 0.88 of it (`SteppingConstants.touch`) and has two pieces of 0.2/ω each
+(`piece`)."""
+
 LONGEST = 1.1
 """Longest step of a velocity over the longest planned one, which both soles stand flat after."""
 
@@ -137,10 +141,10 @@ class SteppingSettings:
             )
         if si.longest < 1.0:
             raise InputError(f"longest is a ratio of the time of a step, of 1 at least, got {si.longest:g}")
-        least = 2.0 * si.swing_height / (scale.height * scale.omega)
-        if si.shortest < least:
+        least = max(2.0 * self.swing_height, QUICKEST)
+        if self.shortest < least:
             raise InputError(
-                f"a step must last as long as a swing of its height, {least * scale.omega:.3g}/ω ({least:.3f} s) for "
+                f"a step must last as long as a swing of its height, {least:.3g}/ω ({least / scale.omega:.3f} s) for "
                 f"swing_height {self.swing_height:g} h; got shortest {self.shortest:g}/ω ({si.shortest:.3f} s)"
             )
         if si.widest <= si.width:
