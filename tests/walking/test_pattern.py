@@ -152,10 +152,10 @@ def check_pendulum(pattern: Pattern, until: float) -> None:
 
 def test_the_analytic_plan_obeys_the_pendulum_from_rest_to_rest() -> None:
     pattern = analytic_pattern(WALK, HEIGHT, REST)
-    check_pendulum(pattern, pattern.duration + 0.5)
+    check_pendulum(pattern, pattern.times[-1] + 0.5)
     np.testing.assert_allclose(pattern.at(0.0).com, REST.com, atol=1e-12)
     np.testing.assert_allclose(pattern.at(0.0).com_velocity, 0.0, atol=1e-9)
-    end = pattern.at(pattern.duration + 4.0)
+    end = pattern.at(pattern.times[-1] + 4.0)
     np.testing.assert_allclose(end.com, [0.6, 0.0, HEIGHT], atol=1e-6)
     np.testing.assert_allclose(end.com_velocity, 0.0, atol=1e-6)
     time = 0.0

@@ -19,7 +19,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.lipm.adjustment import SHORTEST, AdjustmentSettings, PlannedSwing, StepAdjuster
+from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.schedule import schedule
 from wbc.walking.lipm.walk import CLIMBING_INWARD, TOUCH_DOWNS, LipmWalk, WalkSettings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
@@ -416,7 +416,7 @@ def test_it_keeps_within_reach_and_time() -> None:
         )
         assert abs(landing.x - PLAN.steps[1].x) <= settings.max_shift[0] + 1e-6
         assert abs(landing.y - PLAN.steps[1].y) <= settings.max_shift[1] + 1e-6
-        assert remaining >= SHORTEST - 1e-6
+        assert remaining >= FREEZE - 1e-6
     assert adjust((0.1, 0.1), 0.76)[0] is PLAN.steps[1]
 
 

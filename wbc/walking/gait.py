@@ -104,11 +104,10 @@ class GaitMachine(ReferenceSource):
 
     def _begin_swing(
         self, frames: Sequence[pin.SE3], landing: Footstep, duration: float, shape: SwingShape
-    ) -> SwingFoot:
+    ) -> None:
         """Start a swing from where the foot stands, over what is seen on the way."""
         start = frames[1 - self.stance]
         self.swing = SwingFoot(start, landing, duration, shape, self.ground.way(start, landing))
-        return self.swing
 
     def _reference(
         self,

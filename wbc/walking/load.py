@@ -79,9 +79,8 @@ class HeldLoad:
         self._robot, self._hands = robot, [robot.frame_id(frame) for frame in self.frames]
         self._places = [robot.placement(hand) for hand in self._hands]
         self.mass = self.applied = 0.0
-        self._moment = self._applied_moment = (
-            0j  # first moment about the middle, as estimated and in the models, kg m
-        )
+        # First moment about the middle, as estimated and in the models, kg m.
+        self._moment = self._applied_moment = 0j
         self.release()  # what a control before this one has left in the model
         self._own = robot.mass
         self._quiet = SETTLING  # time for which the estimate has not changed, s

@@ -131,13 +131,12 @@ class PathConstants:
     arrived: Annotated[float, "h"] = 0.15  # what steps reach: landings serve the balance
     arrived_turn: Annotated[float, "rad"] = 0.15
     slow_turn: Annotated[float, "ω"] = (
-        0.05  # from which on steps become quick: a heading turns while a foot stands
+        0.05  # from which on steps become quick: headings turn while a foot stands
     )
     path_lag: Annotated[float, "1/ω"] = 2.0  # of the path behind a robot that walks sideways or turns
     speed_lag: Annotated[float, "1/ω"] = 8.0  # of the velocity by which the robot falls short
-    speed_bias: Annotated[float, "hω"] = (
-        0.08  # greatest one: where feet carry is known to centimetres; twice if fast
-    )
+    # Greatest one: where feet carry is known to centimetres; twice if fast.
+    speed_bias: Annotated[float, "hω"] = 0.08
     drift_gain: Annotated[float, "ω"] = 0.124  # of the way back to the path
     drift_speed: Annotated[float, "hω"] = 0.041
     turned: Annotated[float, "rad"] = 0.35  # of the pelvis from the heading, at most: a push may turn it
@@ -149,9 +148,7 @@ class StepVelocity(NamedTuple):
     velocity: Point  # forward and left, m/s
     turn: float  # rad/s
     go: bool  # true if the robot is to walk; False brings it to a stand
-    made_up: float = (
-        0.0  # part of the forward velocity that offsets of ξ alone make up, and no longer steps, m/s
-    )
+    made_up: float = 0.0  # part of the forward velocity that offsets of ξ make up, and no longer steps, m/s
 
 
 class PathSteering(Steering):

@@ -176,11 +176,6 @@ class SwingFoot:
         """Return the heading at a time from lift-off, s, rad."""
         return self._c["yaw"].at(time)[0]
 
-    def over_ground(self, time: float) -> tuple[float, float, float, float]:
-        """Return x and y, m, and their rates, m/s, at a time from lift-off, s."""
-        (x, u, _), (y, v, _) = self._c["x"].at(time), self._c["y"].at(time)
-        return x, y, u, v
-
     def _plan_place(self, now: float, end: float) -> None:
         """Plan place and tilt from now to the landing at `end`, s: the foot travels between rise and descent."""
         shape, landing = self._shape, self.landing

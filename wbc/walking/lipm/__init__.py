@@ -1,5 +1,5 @@
 """Planned steps: phases by contact and time, preview control of the ZMP, step adjustment.
 
-`source` is followed by a control, and `walk` connects the parts. A rule for the times of lift-off and touch-down goes
+`walk` connects the parts. A rule for the times of lift-off and touch-down goes
 into `walk`, a pattern generator into a file beside `preview`.
 """

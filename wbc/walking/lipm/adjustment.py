@@ -23,9 +23,9 @@ from wbc.walking.plans.reach import Reach
 from wbc.walking.stepping.law import Point
 from wbc.walking.stepping.program import COSTS, FREE, SHIFT, TIME, Bounds, StepProgram, Wish
 
-SHORTEST, LONGEST, FREEZE = 0.05, 0.1, 0.05
-"""Least time from now to touch-down, greatest stretch of the time left, time before touch-down in which the step stays,
-s: a foot needs that much to come down."""
+LONGEST, FREEZE = 0.1, 0.05
+"""Greatest stretch of the time left; least time from now to touch-down, in which the step stays, s: a foot needs that
+much to come down."""
 
 SAME_TIME = 0.05
 """Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""
@@ -122,7 +122,7 @@ class StepAdjuster:
         # The steps after this one are those of which the planned offset is the orbit: they ask for nothing else.
         on, out = (grow - 1.0) * b, (grow - 1.0) * d
         wish = Wish((*_parts(place), on, -out, on, out), (b, d, b, -d, b, d), left)
-        times = min(left, max(SHORTEST, FREEZE) + swing.transfer), left + LONGEST
+        times = min(left, FREEZE + swing.transfer), left + LONGEST
         bounds = Bounds(((-FREE, -FREE), (FREE, FREE)), (low, high), (0.0, 0.0), times)
         box = self._box(_parts(place))
         solved = self._program.solve(_parts(xi), _parts(zmp), omega, left, left, wish, bounds, box)

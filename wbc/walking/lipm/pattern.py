@@ -69,11 +69,6 @@ class Pattern:
         if not cmath.isfinite(convergent + self.dcm[0]):
             raise InputError("ZMP, CoM and its velocity of a pattern must be finite")
 
-    @property
-    def duration(self) -> float:
-        """Time of the last knot, s."""
-        return self.times[-1]
-
     def at(self, time: float) -> Pendulum:
         """Return the pendulum at a time from the start of the pattern (s, not negative)."""
         dcm, convergent, zmp, rate = self._horizontal(time)

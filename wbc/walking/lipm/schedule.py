@@ -79,13 +79,10 @@ class ZmpTarget:
     forward: Annotated[Number, "m"] = 0.0
     inward: Annotated[Number, "m"] = 0.0
 
-    def in_sole(self, side: str) -> tuple[float, float]:
-        """Return the point in the frame of a left or right sole, x and y, m."""
-        return self.forward, -self.inward if side == "left" else self.inward
-
     def under(self, foot: Footstep) -> complex:
         """Return the point under a foot in the world."""
-        return complex(foot.x, foot.y) + cmath.rect(1.0, foot.yaw) * complex(*self.in_sole(foot.side))
+        left = -self.inward if foot.side == "left" else self.inward
+        return complex(foot.x, foot.y) + cmath.rect(1.0, foot.yaw) * complex(self.forward, left)
 
 
 def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget) -> list[complex]:

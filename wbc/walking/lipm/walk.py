@@ -530,9 +530,8 @@ class LipmWalk(GaitMachine):
     def _land(self, places: Sequence[pin.SE3], planned: Footstep) -> None:
         """End a swing: the foot stands at its placement, and the plan goes on from there."""
         side = SIDES.index(planned.side)
-        self._places[side] = place = pin.SE3(
-            places[side]
-        )  # may be the model's own, which moves on with the foot
+        # A copy: the placement may be the model's own, which moves on with the foot.
+        self._places[side] = place = pin.SE3(places[side])
         self._yaws[side] = heading(place.rotation)
         landed = Footstep.of(planned.side, place)
         self.ground.land(landed.z - planned.z, landed.z - float(places[1 - side].translation[2]))

@@ -222,9 +222,8 @@ def carried_height(robot: Robot, leg: Leg) -> float:
     data = model.createData()
     pin.computeJointJacobians(model, data, robot.half_sitting)
     bent = float(robot.half_sitting[7 + leg.ankle])
-    bends_down = (
-        float(data.J[4, BASE_DOF + leg.ankle]) > 0.0
-    )  # a foot that turns forward lets the shank stand up
+    # A foot that turns forward lets the shank stand up.
+    bends_down = float(data.J[4, BASE_DOF + leg.ankle]) > 0.0
     end = float(robot.position_lower[leg.ankle] if bends_down else robot.position_upper[leg.ankle])
     now = (leg.hip_height**2 + leg.shank**2 - thigh**2) / (2.0 * leg.hip_height * leg.shank)
     tilt = math.acos(min(1.0, now)) + max(0.0, abs(end - bent) - ROOM)

@@ -118,9 +118,8 @@ class StepDecision:
         self.urgency = 0.0
         self._decided = False
         self._put_off: float | None = None  # time of a step that legs need longer for, s
-        self._beside: tuple[float, tuple[Point, Point]] | None = (
-            None  # when and where a foot is put down at once
-        )
+        # When and where a foot is put down at once.
+        self._beside: tuple[float, tuple[Point, Point]] | None = None
         self._about: Point | None = None  # landing of the program about which a place was chosen, m
         self._chosen: Point | None = None  # that place, m
 

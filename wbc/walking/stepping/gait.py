@@ -594,7 +594,8 @@ class SteppingWalk(GaitMachine):
         if self.swing is None:
             x, y, _ = self._state.places[1 - self.stance]
             return x, y, 0.0, 0.0
-        return self.swing.over_ground(self.elapsed)
+        (x, y, _), (u, v, _) = self.swing.motion(self.elapsed)
+        return x, y, u, v
 
     def _down(self) -> float:
         """Return the time that the swing foot needs to come straight down, s."""

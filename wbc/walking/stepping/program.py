@@ -91,10 +91,8 @@ class StepProgram:
         self._costs = COSTS.copy()
         self._costs[TIME] *= height**2
         self._hessian, self._gradient, self.x = np.diag(self._costs), np.zeros(17), np.zeros(17)
-        self._rows, self._sense = (
-            np.zeros((6, 17)),
-            np.repeat(np.array((0, 5), np.int32), (17, 6)),
-        )  # 5: an equality
+        self._rows = np.zeros((6, 17))
+        self._sense = np.repeat(np.array((0, 5), np.int32), (17, 6))  # 5: an equality
         self._rows[:, PLACES] = self._rows[:, OFFSETS] = np.eye(6)
         self._lower, self._upper = np.full(23, -FREE), np.full(23, FREE)
         self._lower[17:] = self._upper[17:] = 0.0
