@@ -1,12 +1,13 @@
-"""Random drives with pushes, plans and stands of a robot whose kind of steps changes: falls in half an hour.
+"""Random drives with pushes, plans, stands and hands of a robot whose kind of steps changes: falls in half an hour.
 
     python benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of each robot
     python benchmarks/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
     python benchmarks/auto_drives.py --journal drives.jsonl --table
 
 A drive is two minutes on the flat floor in torque control: every few seconds another order (a velocity, a goal, a plan
-of footsteps, a stand), and every ten seconds a push of 0.085 Ns/kg from any side. All draws follow from its seed. Every
-drive is a line of the journal; an interrupted program goes on where it stopped.
+of footsteps, a stand), and every ten seconds a push of 0.085 Ns/kg from any side. With every second order a hand goes
+to a place beside the pelvis, or both hands do. All draws follow from its seed. Every drive is a line of the journal; an
+interrupted program goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -38,6 +39,9 @@ FIRST_SEED, SECONDS = 40_000, 120.0
 PUSH, PUSH_PERIOD = 0.085, 10.0
 """Impulse over the mass, Ns/kg, and time between pushes, s."""
 
+HANDS = (("left_hand", 1.0), ("right_hand", -1.0))
+"""Roles of the hands, and the sign of their side."""
+
 
 class RandomOrders(TrialHook):
     """Another order every few seconds, and counts of what became of them."""
@@ -47,7 +51,8 @@ class RandomOrders(TrialHook):
         self._random = random.Random(seed)
         self._kind, self._until = "stand", 2.0
         self._kind_before = ""
-        self.counts = dict.fromkeys(("velocity", "goal", "plan", "stand", "refused", "changes"), 0)
+        names = ("velocity", "goal", "plan", "stand", "reach", "refused", "changes")
+        self.counts = dict.fromkeys(names, 0)
         self.ticks = {"planned": 0, "free": 0}
 
     def before(self, trial: Any) -> None:
@@ -62,6 +67,7 @@ class RandomOrders(TrialHook):
             self._plan(walking, now)
             return
         kind = draw.choices(("velocity", "goal", "plan", "stand"), (5, 2, 2, 2))[0]
+        self._reach(walking)
         if kind == "plan":  # begins where the feet stand
             walking.velocity, self._kind, self._until = None, "to plan", now + 4.0
             return
@@ -78,6 +84,18 @@ class RandomOrders(TrialHook):
         else:
             walking.velocity = None
             self._until = now + draw.uniform(3.0, 6.0)
+
+    def _reach(self, walking: Any) -> None:
+        """Send one hand, both hands or none to a place beside the pelvis, and let the others go back."""
+        draw = self._random
+        sent = draw.choices(((), HANDS[:1], HANDS[1:], HANDS), (3, 1, 1, 1))[0]
+        for name, side in HANDS:
+            if (name, side) not in sent:
+                walking.arms[name].release()
+                continue
+            ahead, aside, up = draw.uniform(0.1, 0.4), draw.uniform(0.1, 0.4), draw.uniform(0.0, 0.4)
+            walking.arms[name].reach((ahead, side * aside, up), "pelvis")
+            self.counts["reach"] += 1
 
     def _plan(self, walking: Any, now: float) -> None:
         """Follow a plan of footsteps from where the robot stands."""
