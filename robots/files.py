@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown_path
 from wbc.base.files import decoding, read_toml, read_xml, write_text
 from wbc.base.registry import call_checked
@@ -60,6 +61,7 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
         return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
 
 
+@checked
 def read_sdf(path: str | Path) -> Any:
     """Return the robot of an SDF as an `mujoco.MjSpec` without drives, to which these and a ground can be added.
 

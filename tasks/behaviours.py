@@ -287,6 +287,7 @@ class Program:
         history: Time of the end (s), path and outcome of every state that has ended.
     """
 
+    @checked
     def __init__(
         self, machine: StateMachine, control: Any, *, fallen: Callable[[], bool] | None = None
     ) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solveh_banded
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Positive, settings
@@ -84,6 +85,7 @@ class Roughness:
         return dict(zip(PARAMETERS, self.values.tolist(), strict=True))
 
 
+@checked
 def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = None) -> Roughness:
     """Return the roughness of profiles on a uniform grid.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.registry import Registry, call_checked
 from wbc.feet.soles.foot import Foot
@@ -36,6 +37,7 @@ def foot_names() -> tuple[str, ...]:
     return _FEET.names()
 
 
+@checked
 def foot(name: str, **parameters: Any) -> Foot:
     """Return a foot by name, with some of its parameters changed.
 

@@ -26,6 +26,7 @@ from typing import Annotated, Any, ClassVar, TypeVar
 import mujoco
 from pydantic import Field
 
+from wbc.base.checked import checked
 from wbc.base.registry import Registry, call_checked
 from wbc.base.settings import NonNegative, settings
 from wbc.sim.terrain.families.base import param
@@ -136,6 +137,7 @@ def scene_kinds() -> dict[str, type[Scene]]:
     return dict(sorted(_SCENES.items()))
 
 
+@checked
 def make_scene(name: str, **parameters: Any) -> Scene:
     """Return a scene by its name.
 

@@ -193,7 +193,7 @@ def share_interval(successes: Annotated[int, Field(ge=0)], trials: Count) -> tup
 
 
 @checked
-def rate_interval(events: Annotated[int, Field(ge=0)], time: Positive) -> tuple[float, float]:
+def rate_interval(events: Annotated[int, Field(ge=0, le=10**15)], time: Positive) -> tuple[float, float]:
     """Return the exact interval of a rate of independent events per unit of `time`; one-sided if there were none.
 
     No event in half an hour is "at most 6 an hour".

@@ -34,6 +34,7 @@ from typing import Any
 from pydantic import BaseModel
 from pydantic_core import from_json
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, shown_path
 from wbc.base.files import decoding
 from wbc.base.settings import to_json
@@ -170,6 +171,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
+@checked
 def read_journal(path: Path | str, *, any_code: bool = False) -> dict[str, Entry]:
     """Return all entries of a journal by key; of entries with the same key, the last one.
 

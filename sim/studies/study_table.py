@@ -7,6 +7,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown, unknown_name
 from wbc.base.settings import to_json
 from wbc.sim.studies.intervals import (
@@ -175,6 +176,7 @@ def cause_of(result: Mapping[str, Any]) -> str | None:
     return "sideways" if cause in ("left", "right") else cause if cause in CAUSES else None
 
 
+@checked
 def study_frame(study: Study, entries: Mapping[str, Entry]) -> pd.DataFrame:
     """Return all trials of a study as rows of a data frame.
 
@@ -195,6 +197,7 @@ def study_frame(study: Study, entries: Mapping[str, Entry]) -> pd.DataFrame:
     return head.join(results.drop(columns=[*lists, *(name for name in KEYS if name in results)]))
 
 
+@checked
 def study_table(
     study: Study,
     entries: Mapping[str, Entry],

@@ -93,6 +93,8 @@ def register_trial(name: str, kind: TrialKind) -> None:
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
     """Return a spec of any kind that its `to_json` wrote; without "kind" it is that of a walk."""
+    if not isinstance(data, Mapping):
+        raise InputError(f"a spec must be a mapping, got {shown(data)}")
     name, kind = KINDS.find(data.get("kind", "walk"))
     spec = kind.read({**data, "kind": name} if in_file(name) else data)
     if in_file(name) and (spec.kind, spec.to_json().get("kind")) != (name, name):

@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, MeasurementError, WbcError
+from wbc.base.errors import InputError, MeasurementError, WbcError, check_parts
 from wbc.base.numbers import ROUNDING
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
@@ -132,6 +132,7 @@ class Trial:
             limits: Limits of the body in the fall test; those of a standing robot when None.
             scenario: Hooks that act.
         """
+        check_parts("a loop", plant, "robot", "control_period", "measure", "step")
         if isinstance(walking, WalkingControl) and abs(walking.dt - plant.control_period) > ROUNDING:
             raise InputError(
                 f"the control is made for a period of {1e3 * walking.dt:g} ms, and the plant advances by "

@@ -204,6 +204,7 @@ class LoopKind:
         return loop
 
 
+@checked
 def trial_loop(name: str) -> LoopKind:
     """Return a loop by its name.
 

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
 from wbc.core.qp.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
@@ -196,6 +197,7 @@ class RelativeFrameTask(FrameTask):
     __slots__ = ("_reference_id", "_reference_placement", "reference")
     unit = "m|rad"
 
+    @checked
     def __init__(
         self, frame: str, reference: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]
     ) -> None:

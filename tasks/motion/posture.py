@@ -8,6 +8,7 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import checked
 from wbc.base.numbers import Array, non_negative
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import GainOptions, SelectionTask
@@ -27,6 +28,7 @@ class PostureTask(JointTask, SelectionTask):
     reads = "kinematics"
     usual = {"weight": 0.1, "stiffness": 20.0}
 
+    @checked
     def __init__(
         self,
         target: JointValues | None = None,

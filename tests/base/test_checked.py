@@ -12,6 +12,7 @@ import pytest
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.settings import Count, NonNegative, Number, PositiveNumbers, Ratio, Triple
+from wbc.core.robot import Robot
 
 
 class Options(TypedDict, total=False):
@@ -113,3 +114,14 @@ def test_a_value_that_its_annotation_does_not_allow_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=message):
         call()
+
+
+def test_a_message_can_be_encoded_whatever_it_names() -> None:
+    """A surrogate in a name, which a file or a command line may hold."""
+    assert str(InputError("no robot '\ud800'")) == r"no robot '\ud800'"
+
+    @checked
+    def balance(robot: Robot) -> None: ...
+
+    with pytest.raises(InputError, match="must be of class Robot"):
+        balance("\ud800")  # type: ignore[arg-type]

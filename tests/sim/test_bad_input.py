@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from wbc import Plant
+from wbc.app.log.recorder import Recorder
+from wbc.app.plot.signals import draw_signals
+from wbc.app.replay.replay import Replay
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.feet import foot
 from wbc.robots import load
 from wbc.sim import DepthCamera, FootTest, SharedPlant, WalkPlan, WalkPush, WalkSpec, make_scene, stand, walk
 from wbc.sim import make_terrain as ground
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.studies import Cell, Journal, Study
+from wbc.sim.studies import Cell, Journal, Study, read_journal, study_frame, study_table
+from wbc.sim.studies.trials import trial_from_json
 from wbc.sim.terrain.spec import terrain
+from wbc.sim.trial.loop import Trial
+from wbc.sim.trial.loops import trial_loop
+from wbc.tasks import PostureTask
 from wbc.walking import Gait
-from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 
 make = partial(Plant, load("hrp4_class"))
 soft = partial(WalkSpec, foot="soft")
@@ -106,6 +114,24 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: study(seeds=(100, 101, 100)), "100"),
         (lambda: study().narrowed(seeds=9), "seeds|from 1"),
         (lambda: Journal(Path("/")), "folder"),
+    ],
+    "an object of another kind": [
+        (lambda: study_table(3, {}), "study of study_table must be of class Study"),  # type: ignore[arg-type]
+        (lambda: study_frame(study(), {"a": 1}), "must be of class Entry"),  # type: ignore[dict-item]
+        (lambda: study_table(study(), {}, by="terrain"), "by of study_table must be a sequence"),
+        (lambda: trial_from_json([]), "a spec must be a mapping"),  # type: ignore[arg-type]
+        (lambda: read_journal(3), "path of read_journal"),  # type: ignore[arg-type]
+        (lambda: make_scene([]), "name of make_scene"),  # type: ignore[arg-type]
+        (lambda: foot({}), "name of foot"),  # type: ignore[arg-type]
+        (lambda: trial_loop([]), "name of trial_loop"),  # type: ignore[arg-type]
+        (lambda: Trial(3, cast(Any, None)), "'robot' is missing in 3"),  # type: ignore[arg-type]
+        (lambda: FootstepPlan(1, 2, (), Gait()), "left of a plan must be of class Footstep"),  # type: ignore[arg-type]
+        (lambda: replace(FootstepPlan.standing(plant().robot), steps=3), "steps of a plan must be"),
+        (lambda: replace(FootstepPlan.standing(plant().robot), gait=None), "gait of a plan must be"),
+        (lambda: PostureTask(joint_weights=[1.0]), "joint_weights"),  # type: ignore[arg-type]
+        (lambda: Replay("walk.arrow"), "log of Replay must be of class Log"),  # type: ignore[arg-type]
+        (lambda: Recorder(3), "path of Recorder"),  # type: ignore[arg-type]
+        (lambda: draw_signals([3], ["time"]), "logs of draw_signals.* must be of class Log"),  # type: ignore[list-item]
     ],
 }
 

@@ -16,7 +16,13 @@ from typing import Any, NoReturn
 
 
 class WbcError(Exception):
-    """Root of every exception that the library raises on purpose."""
+    """Root of every exception that the library raises on purpose; its message can be encoded whatever it names."""
+
+    def __init__(self, *parts: object) -> None:
+        r"""Take the message, with surrogates, which names may hold, written as `\ud800`, say."""
+        super().__init__(
+            *(p.encode("utf-8", "backslashreplace").decode() if isinstance(p, str) else p for p in parts)
+        )
 
 
 class InputError(WbcError, ValueError):
@@ -130,9 +136,10 @@ def choose(kind: str, name: str, choices: Iterable[str]) -> str:
 
 def names_in(what: str, value: object) -> list[str]:
     """Return names as a list; a single one counts as a list of one."""
-    names: list[Any] = (
-        [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [None]
-    )
+    try:
+        names: list[Any] = [value] if isinstance(value, str) else list(value)  # type: ignore[call-overload]
+    except TypeError:  # no iterable, or an array without axes
+        names = [None]
     if not all(isinstance(name, str) for name in names):
         raise InputError(f"{what} must be a name or several names, got {shown(value)}")
     return names

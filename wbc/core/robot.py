@@ -417,7 +417,7 @@ class Robot:
     def instead_of(value: object) -> str:
         """Return advice how to make a robot from an object of another type; empty if there is none."""
         if isinstance(value, str):
-            return f"load_robot('{value}').robot() makes one"
+            return f"load_robot({shown(value)}).robot() makes one"
         if callable(getattr(value, "robot", None)):
             return "description.robot() makes one of a description"
         return "its attribute robot is one" if isinstance(getattr(value, "robot", None), Robot) else ""

@@ -20,6 +20,7 @@ from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
 from wbc.app.log.unpacked import LARGEST_RATIO, MEMORY, unpacked_sizes
 from wbc.app.log.writer import MAGIC, TYPES
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, unknown_name
 from wbc.base.files import LARGEST_FILE, decoding
 from wbc.base.numbers import Array
@@ -63,6 +64,7 @@ class Log:
         self._arrays: dict[str, Array] = {}
 
     @staticmethod
+    @checked
     def open(path: str | Path) -> Log:
         """Read a log.
 

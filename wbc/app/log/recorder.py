@@ -15,6 +15,7 @@ from wbc.app.log.header import make_header
 from wbc.app.log.signals import Control, Read, Signal, Signals, Tick, drives_of
 from wbc.app.log.sources import tick_signals
 from wbc.app.log.writer import LogWriter
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
 from wbc.base.numbers import Array
@@ -43,6 +44,7 @@ class Recorder(TrialHook):
         path: The file.
     """
 
+    @checked
     def __init__(self, path: str | Path, *, spec: Any = None, title: str = "") -> None:
         """Open the file.
 

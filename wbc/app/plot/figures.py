@@ -10,6 +10,7 @@ from wbc.app.log.reader import Log, parts_of
 from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.stiffness import draw_stiffness
 from wbc.app.plot.style import as_written
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
 from wbc.core.robot import SIDES
 
@@ -55,6 +56,7 @@ def missing(name: str, log: Log) -> str | None:
 
 
 @as_written
+@checked
 def draw(name: str, logs: Sequence[Log]) -> Figure:
     """Draw a ready-made figure.
 

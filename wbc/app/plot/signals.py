@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
 from wbc.app.plot.style import COLOURS, STYLES, as_written, grid, labels, legend, mark_states, new_figure
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
 
 
 @as_written
+@checked
 def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
     """Draw signals over time: one panel for each unit, one colour for each signal, one line style for each log.
 

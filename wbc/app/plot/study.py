@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from wbc.app.plot.style import COLOURS, as_written, grid, legend, new_figure
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.sim.studies.intervals import CONFIDENCE, FEW
 from wbc.sim.studies.study_table import StudyTable
@@ -14,6 +15,7 @@ ROW = 0.32
 
 
 @as_written
+@checked
 def draw_study(table: StudyTable) -> Figure:
     """Draw the table of a study: a row for each of its rows, a point with its interval for each arm.
 

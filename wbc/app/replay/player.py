@@ -9,6 +9,7 @@ import numpy as np
 from wbc.app.replay.replay import Replay
 from wbc.app.view.base import free_port
 from wbc.app.view.viser_page import ViserPage, when
+from wbc.base.checked import checked
 
 RATE = 30.0
 """Largest rate of pictures, 1/s."""
@@ -24,6 +25,7 @@ class Player:
         url: Address of the page.
     """
 
+    @checked
     def __init__(self, replay: Replay, port: int | None = None) -> None:
         """Start serving the page on this machine.
 

@@ -28,6 +28,7 @@ from wbc.app.view.marks import (
 )
 from wbc.app.view.stage import DescribedStage, SimulatedStage, sole_bodies
 from wbc.app.view.walk_marks import sole_poses
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import decoding
 from wbc.base.numbers import Array, positive, whole_number
@@ -55,6 +56,7 @@ class Replay:
         base_places: Positions of the base as shown, shape (ticks, 3), m.
     """
 
+    @checked
     def __init__(self, log: Log) -> None:
         """Rebuild the plant.
 

@@ -7,14 +7,14 @@ them against the robot's legs.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, choose
+from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import Array, finite_scalar
 from wbc.core.robot import SIDES, Robot
 from wbc.walking.plans.gait import Gait
@@ -145,7 +145,16 @@ class FootstepPlan:
     gait: Gait
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "steps", tuple(self.steps))
+        steps = tuple(self.steps) if isinstance(self.steps, Iterable) else (self.steps,)
+        for what, each, kind in [
+            ("left", self.left, Footstep),
+            ("right", self.right, Footstep),
+            *(("steps", step, Footstep) for step in steps),
+            ("gait", self.gait, Gait),
+        ]:
+            if not isinstance(each, kind):
+                raise InputError(f"{what} of a plan must be of class {kind.__name__}, got {shown(each)}")
+        object.__setattr__(self, "steps", steps)
         if self.left.side != "left" or self.right.side != "right":
             raise InputError("left and right of a plan must be footsteps of those sides")
         for i, (a, b) in enumerate(zip(self.steps, self.steps[1:], strict=False)):
