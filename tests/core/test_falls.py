@@ -144,7 +144,11 @@ def test_who_wants_else_goes_on() -> None:
 @pytest.mark.parametrize("name", ["g1", "hrp4_class"])
 @silence()
 def test_pushes_that_are_stepped_out_damp_nobody_and_all_falls_do(name: str) -> None:
-    """Of impulses around those that fell the robot, in random directions."""
+    """Of impulses around those that fell the robot, in random directions.
+
+    A robot has truly fallen below a third of its height. At a half it may crouch with its feet below it, for half a
+    second before it is lost, and a squat is no fall.
+    """
     description, rng = wbc.load_robot(name), np.random.default_rng(5)
     plant, outcomes = Plant(description, noise="realistic", control_period=0.002), []
     torso = plant.robot.torso_frame
@@ -152,14 +156,14 @@ def test_pushes_that_are_stepped_out_damp_nobody_and_all_falls_do(name: str) -> 
         plant.reset(seed=seed)
         settings = WalkingControlSettings(mode="torque")
         walking = WalkingControl(description.robot(), None, plant.control_period, settings)
-        angle, impulse = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.4, 1.2) * plant.robot.mass
+        angle, impulse = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.4, 2.0) * plant.robot.mass
         low = said = math.inf
         while plant.time < 4.0 and plant.time < said + 0.5:
             if abs(plant.time - 0.5) < 1e-6:
                 force = 10.0 * impulse * np.array([math.cos(angle), math.sin(angle), 0.0])
                 plant.push(torso, tuple(force.tolist()), 0.1)
             plant.step(walking.command(plant.measure()))
-            if plant.truth().com[2] < 0.5 * plant.robot.com[2]:
+            if plant.truth().com[2] < plant.robot.com[2] / 3.0:
                 low = min(low, plant.time)
             if walking.fallen is not None:
                 said = min(said, plant.time)
