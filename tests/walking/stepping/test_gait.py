@@ -552,6 +552,24 @@ def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
     assert (reference.urgency < 0.0) == (speed > 0.0)
 
 
+@pytest.mark.parametrize(("moved", "follows"), [(-0.08, True), (0.08, True), (-0.005, False)])
+def test_the_expected_ground_goes_with_the_foot_that_stands(moved: float, *, follows: bool) -> None:
+    """After an impact the estimate moves by some centimetres, and the foot does not; a sole that yields moves less."""
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    gait = body.gait
+    while gait.swing is None or gait.elapsed < 0.4 * gait.duration:
+        body.run(DT)
+    tick, (x, y, z) = body.ticks[-1], body.ticks[-1].state.com
+    before = gait.swing.landing.z
+    places = [(p, q, r + moved) for p, q, r in tick.state.places]
+    state = tick.state._replace(com=(x, y, z + moved), places=(places[0], places[1]))
+    for _ in range(gait._period):
+        gait.advance(state, tick.frames)
+    assert gait.swing.landing.z == pytest.approx(before + (moved if follows else 0.0), abs=1e-12)
+
+
 class Ridge:
     """Sight of a ridge across the way, 40 mm high and seen by nothing but the way of a swing."""
 

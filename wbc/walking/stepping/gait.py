@@ -159,6 +159,7 @@ class SteppingWalk(GaitMachine):
         self._pace = self.steering.step_time  # mean time of the last steps, s
         self._tilt = (0.0, 0.0)  # pitch and roll of the landing as seen, rad
         self._level = 0.0  # height of the feet that carry, low-passed, m
+        self._stood = 0.0  # height of the foot that stands to which the expected ground belongs, m
         self._from: Vector = ORIGIN  # CoM at the start of the shift
         self._high: Follower[float] | None = None  # reference of the CoM's height over the feet, m
         self._ticks = 0
@@ -403,6 +404,7 @@ class SteppingWalk(GaitMachine):
     def _step(self, events: tuple[Event, ...]) -> Reference:
         """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
         self._fly()
+        self._follow_ground()
         steps = self._steer()
         self._decide(steps)
         events = (*events, *self._meet(steps))
@@ -417,6 +419,17 @@ class SteppingWalk(GaitMachine):
         self._level += self._level_gain * (state.places[self.stance][2] - self._level)
         high, speed = self._com_height(state.com[2] - self._level)
         return self._references(events, self._most_forces(), (high + self._level, speed), self._course())
+
+    def _follow_ground(self) -> None:
+        """Move the expected ground with the foot that stands.
+
+        This foot stays where it is. What moves is its estimate, after impacts and flights, and without the ground the
+        swing foot would end above the true one.
+        """
+        moved = self._state.places[self.stance][2] - self._stood
+        if abs(moved) > self.constants.drifted and self.ground.sight is None:
+            self.ground.height += moved
+            self._stood += moved
 
     def _steer(self) -> StepVelocity:
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
@@ -706,6 +719,7 @@ class SteppingWalk(GaitMachine):
         self._plan_steps(SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
+        self._stood = self._state.places[self.stance][2]
         self._unloaded = 0.0
         self._hurled, self._tilt = -math.inf, (0.0, 0.0)
 
