@@ -247,6 +247,7 @@ class RobotDescription:
             )
         )
 
+    @checked
     def with_servos(self, gains: Sequence[str]) -> RobotDescription:
         """Return the same robot with other servo gains.
 

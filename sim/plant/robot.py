@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import fixed, result
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError, WbcError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
@@ -171,6 +171,7 @@ class SimulatedRobot(ABC):
         """Return the clouds of the ground that have come since the last call; empty for a robot without eyes."""
         return []
 
+    @checked
     def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
         """Start to push a body of the robot with a constant force; several pushes add up.
 

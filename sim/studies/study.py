@@ -18,6 +18,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, unknown_name
 from wbc.base.settings import Count, Seed, from_json, json_object, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
@@ -162,6 +163,7 @@ class Study:
                     first[cell.name, arm] = spec, plain
                     yield StudyTrial(cell.name, arm, seed, spec, plain)
 
+    @checked
     def narrowed(
         self, cells: Iterable[str] = (), arms: Iterable[str] = (), seeds: int | None = None
     ) -> Study:

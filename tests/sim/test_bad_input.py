@@ -129,6 +129,9 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: replace(FootstepPlan.standing(plant().robot), steps=3), "steps of a plan must be"),
         (lambda: replace(FootstepPlan.standing(plant().robot), gait=None), "gait of a plan must be"),
         (lambda: PostureTask(joint_weights=[1.0]), "joint_weights"),  # type: ignore[arg-type]
+        (lambda: plant().push(3, (1.0, 0.0, 0.0), 0.1), "body of Plant.push"),  # type: ignore[arg-type]
+        (lambda: study().narrowed("a"), "cells of Study.narrowed must be a sequence"),
+        (lambda: load("g1").with_servos("*=1,2"), "gains of RobotDescription.with_servos must be a sequence"),
         (lambda: Replay("walk.arrow"), "log of Replay must be of class Log"),  # type: ignore[arg-type]
         (lambda: Recorder(3), "path of Recorder"),  # type: ignore[arg-type]
         (lambda: draw_signals([3], ["time"]), "logs of draw_signals.* must be of class Log"),  # type: ignore[list-item]

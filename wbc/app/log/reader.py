@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
@@ -138,7 +138,8 @@ class Log:
             self._arrays[name] = array
         return self._arrays[name]
 
-    def vector(self, group: str, size: int) -> Array:
+    @checked
+    def vector(self, group: str, size: Literal[2, 3, 4, 6]) -> Array:
         """Return the values of a vector, whatever the order of its parts in the file.
 
         Args:
