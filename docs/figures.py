@@ -43,7 +43,7 @@ def draw_pattern(path: Path) -> None:
     plan = walk_distance(FootstepPlan.standing(robot), 0.58)
     supports = schedule(plan)
     pattern = PreviewController((size, size), float(robot.com[2])).plan(supports, Pendulum.at_rest(robot.com))
-    times = np.arange(0.0, pattern.duration + 0.5, 0.005)
+    times = np.arange(0.0, pattern.times[-1] + 0.5, 0.005)
     states = [pattern.at(float(t)) for t in times]
     com, dcm, zmp = (np.array([getattr(s, name)[:2] for s in states]) for name in ("com", "dcm", "zmp"))
 
