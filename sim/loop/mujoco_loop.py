@@ -192,7 +192,7 @@ class MujocoLoop(SimulatedRobot):
         q = self.robot.half_sitting.copy()
         q[2] += self._ground
         if seed is not None:
-            vars(self)["seed"] = seed
+            self._seed = seed
         if configuration is not None:
             q = checked_configuration("configuration", configuration, self.robot.nq)
             self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
