@@ -9,7 +9,7 @@ from task_factory import ROBOTS, make_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.settings import QUICKEST, RobotSize, SteppingSettings
+from wbc.walking.stepping.settings import QUICKEST_SWING, RobotSize, SteppingSettings
 
 SCALE = RobotSize(0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, stride=0.5, swing=65.0)
 
@@ -22,7 +22,7 @@ SCALE = RobotSize(0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, stri
         ({"longest": 0.9}, "longest"),
         ({"swing_height": 0.5, "shortest": 0.9}, "swing_height"),
         ({"swing_height": 0.02, "shortest": 0.1}, "0.455/ω"),
-        ({"swing_height": 0.1, "shortest": 0.99 * QUICKEST}, "0.455/ω"),
+        ({"swing_height": 0.1, "shortest": 0.99 * QUICKEST_SWING}, "0.455/ω"),
         ({"widest": 0.3, "width": 0.367}, "width"),
         ({"gap": 0.9, "widest": 0.9}, "gap"),
     ],
@@ -34,7 +34,7 @@ def test_steps_that_cannot_be_walked_are_refused_by_name(changes: dict[str, floa
 
 def test_the_quickest_steps_have_the_time_that_their_swings_need() -> None:
     """From lift-off to touch-down, at the earliest share of a step at which a foot touches down."""
-    walk = SteppingWalk(SteppingSettings(swing_height=0.02, shortest=QUICKEST), SCALE, 0.0, 0.002)
+    walk = SteppingWalk(SteppingSettings(swing_height=0.02, shortest=QUICKEST_SWING), SCALE, 0.0, 0.002)
     assert walk.constants.touch * walk.settings.shortest >= walk._shape.shortest
 
 

@@ -18,7 +18,7 @@ from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.reach import SPANS, carried_height, hip_acceleration, leg_geometry, leg_span
 
-QUICKEST = 0.455
+QUICKEST_SWING = 0.455
 """Least time of a step, 1/ω: its swing ends at 0.88 of it (`SteppingConstants.touch`) and has two pieces of 0.2/ω each
 (`piece`)."""
 
@@ -141,7 +141,7 @@ class SteppingSettings:
             )
         if si.longest < 1.0:
             raise InputError(f"longest is a ratio of the time of a step, of 1 at least, got {si.longest:g}")
-        least = max(2.0 * self.swing_height, QUICKEST)
+        least = max(2.0 * self.swing_height, QUICKEST_SWING)
         if self.shortest < least:
             raise InputError(
                 f"a step must last as long as a swing of its height, {least:.3g}/ω ({least / scale.omega:.3f} s) for "
