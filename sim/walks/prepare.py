@@ -24,7 +24,7 @@ from wbc.sim.walks.settings import TrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.reach import check_plan, sized
+from wbc.walking.plans.reach import Reach, check_plan, sized
 from wbc.walking.stepping.gait import SteppingWalk
 
 
@@ -117,9 +117,9 @@ def prepare(
             check_velocity(plan.velocity, walking.velocity_limits, f"steps of '{model.name}'", "")
         orders, time = _orders(plan, steps, walking.source)
         if given:
-            check_plan(steps, model, extent=extent)
+            check_plan(steps, Reach.of(model), extent)
     else:
-        check_plan(steps, model, walking.walk.reach, extent)
+        check_plan(steps, walking.walk.reach, extent)
         cycle = step_gait.cycle
         swings = len(steps) * cycle - step_gait.double_support
         orders, time = plan.drive, swings + step_gait.initial_double_support + step_gait.final_double_support

@@ -14,7 +14,7 @@ from wbc.base.errors import InputError, UnknownNameError
 from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
-from wbc.walking.plans.reach import check_plan
+from wbc.walking.plans.reach import Reach, check_plan
 
 DT = 0.005
 ROBOT = wbc.load_robot("hrp4_class").robot()
@@ -23,11 +23,11 @@ NAN = math.nan
 
 
 def checked(*moves: tuple[float, float, float]) -> None:
-    check_plan(walk_path(START, moves), ROBOT)
+    check_plan(walk_path(START, moves), Reach.of(ROBOT))
 
 
 def step(*place: float, **angles: float) -> None:
-    check_plan(replace(START, steps=(Footstep("left", *place, **angles),)), ROBOT)
+    check_plan(replace(START, steps=(Footstep("left", *place, **angles),)), Reach.of(ROBOT))
 
 
 def walking() -> WalkingControl:
@@ -57,12 +57,12 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: climb_stairs(START, rise=0.1, tread=0.3, count=2, first_edge=0.1), "tread"),
     (lambda: checked((0.6, 0.0, 0.0)), "forward"),
     (lambda: step(0.1, 0.0875, 0.5), "rises"),
-    (lambda: check_plan(replace(START, gait=Gait(swing_height=0.5)), ROBOT), "swing_height"),
+    (lambda: check_plan(replace(START, gait=Gait(swing_height=0.5)), Reach.of(ROBOT)), "swing_height"),
     (
-        lambda: check_plan(replace(START, gait=Gait(single_support=0.2, landing_time=0.05)), ROBOT),
+        lambda: check_plan(replace(START, gait=Gait(single_support=0.2, landing_time=0.05)), Reach.of(ROBOT)),
         "single_support of 0.2 s is too quick",
     ),
-    (lambda: check_plan(replace(START, right=Footstep("right", 0.0, 0.02)), ROBOT), "overlap"),
+    (lambda: check_plan(replace(START, right=Footstep("right", 0.0, 0.02)), Reach.of(ROBOT)), "overlap"),
     (lambda: drive(0.1, 0.0, NAN), "velocity"),
     (lambda: drive(0.0, 0.0, 20.0), "rad/s"),  # degrees for radians, here and below
     (lambda: turn_in_place(START, 90.0), r"angle of turn_in_place \(rad\)"),

@@ -45,10 +45,6 @@ from wbc.walking.steps import planned_walk
 DT = 0.005
 ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}
 
-SIZES = {name: tuple((sole.length, sole.width) for sole in robot.soles[:2]) for name, robot in ROBOTS.items()}
-
-SIDES_OF = {name: dict(zip(("left", "right"), sizes, strict=True)) for name, sizes in SIZES.items()}
-
 
 class Stage:
     """A walk and its driver without a robot: feet land when and where they should."""
@@ -125,13 +121,13 @@ def test_every_velocity_gives_steps_within_reach(name: str) -> None:
     robot, rng = ROBOTS[name], np.random.default_rng(3)
     reach = Reach.of(robot)
     for _ in range(60):
-        source = SteeredSteps(reach, SIZES[name], DriveSettings(acceleration=(99, 99, 99)))
+        source = SteeredSteps(reach, DriveSettings(acceleration=(99, 99, 99)))
         now = standing(name)
         for begun in range(3):
             x, y, turn = rng.normal(size=3)
             source.steering.command((x, y, turn))
             plan = source.footsteps(now._replace(begun=begun, time=float(begun)))
-            check_plan(plan, robot, reach)
+            check_plan(plan, reach)
             assert len(plan) >= 3
             limits = (0.3, 0.2, 0.5)
             for granted, wish, limit in zip(source.granted, (x, y, turn), limits, strict=True):
@@ -240,7 +236,7 @@ def test_steps_to_a_goal_are_the_same_in_a_world_that_is_moved_and_turned(
     x, y, _ = there.translation
 
     def to(goal: tuple[float, float, float]) -> SteeredSteps:
-        source = SteeredSteps(reach, SIZES["hrp4_class"])
+        source = SteeredSteps(reach)
         source.steering.go_to(*goal)
         return source
 
@@ -374,14 +370,14 @@ def test_a_plan_is_walked_to_its_end_whatever_foot_begins_and_wherever_a_push_pu
     plan = walk_distance(FootstepPlan.standing(robot), 0.8)
     source, now = PlanSource(plan), standing(name)._replace(first=first)
     for begun in range(len(plan) + 9):
-        answer = next_steps(source, now._replace(begun=begun), robot, reach)
+        answer = next_steps(source, now._replace(begun=begun, reach=reach))
         if not answer.steps:
             break
         step = answer.steps[0]
         if begun == pushed:  # as far away as a step may go
             stance = now.start.right if step.side == "left" else now.start.left
             far = replace(step, x=step.x + x, y=step.y + y, yaw=step.yaw + yaw)
-            step = reach.nearest(stance, far, SIDES_OF[name])
+            step = reach.nearest(stance, far)
         start = replace(now.start, left=step) if step.side == "left" else replace(now.start, right=step)
         now = now._replace(start=start, first="right" if step.side == "left" else "left")
     assert not answer.steps
@@ -411,7 +407,7 @@ def test_the_reach_of_every_robot_grants_its_speed(name: str) -> None:
     robot = ROBOTS[name]
     height = bent_height(robot, DriveSettings().stretch)
     assert height <= robot.com[2] + 1e-9 and (height < robot.com[2] - 0.01) == (name == "g1")
-    source = SteeredSteps(Reach.of(robot, height), SIZES[name])
+    source = SteeredSteps(Reach.of(robot, height))
     for first, target in ((0, 0.3), (30, 0.2)):
         source.steering.command((target, 0.0, 0.0))
         for i in range(first, first + 30):

@@ -49,7 +49,7 @@ def test_three_metres_are_22_steps_and_end_side_by_side() -> None:
     reaches = [step.seen_from(plan.stance(i))[0] for i, step in enumerate(plan.steps)]
     np.testing.assert_allclose(reaches[:-1], 3.0 / 21)
     assert reaches[-1] == pytest.approx(0.0, abs=1e-12)
-    check_plan(plan, ROBOT)
+    check_plan(plan, Reach.of(ROBOT))
 
 
 @examples(30)
@@ -65,9 +65,9 @@ def test_plans_mirror_and_follow_the_world(vx: float, vy: float, turn: float, st
 def test_sideways_and_in_a_turn_each_the_foot_on_its_side_opens() -> None:
     for turn in (0.15, -0.15):
         plan = walk_velocity(START, (0.05, 0.04, turn), 6)
-        check_plan(plan, ROBOT)
+        check_plan(plan, Reach.of(ROBOT))
         assert plan.steps[0].side == "left"
-        check_plan(walk_velocity(START, (0.0, math.copysign(0.1, turn), 0.0), 6), ROBOT)
+        check_plan(walk_velocity(START, (0.0, math.copysign(0.1, turn), 0.0), 6), Reach.of(ROBOT))
     assert walk_velocity(START, (0.05, 0.0, -0.15), 6).steps[0].side == "right"
 
 
@@ -79,14 +79,14 @@ def test_a_velocity_is_reached() -> None:
     np.testing.assert_allclose(middle[:2], [0.12 * 10 * duration, 0.03 * 10 * duration])
     turning = walk_velocity(START, (0.0, 0.0, 0.1), 10)
     assert turning.final[0].yaw == pytest.approx(0.1 * 10 * duration)
-    check_plan(plan, ROBOT)
-    check_plan(turning, ROBOT)
+    check_plan(plan, Reach.of(ROBOT))
+    check_plan(turning, Reach.of(ROBOT))
 
 
 @pytest.mark.parametrize("angle", [math.pi / 2, -math.pi, 0.1])
 def test_turning_in_place_turns_and_stays(angle: float) -> None:
     plan = turn_in_place(START, angle)
-    check_plan(plan, ROBOT)
+    check_plan(plan, Reach.of(ROBOT))
     left, right = plan.final
     np.testing.assert_allclose(0.5 * (left.position + right.position), 0.0, atol=1e-9)
     assert math.remainder(left.yaw - angle, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
@@ -98,7 +98,7 @@ def test_turning_in_place_turns_and_stays(angle: float) -> None:
 def test_a_turn_about_a_point_ahead_keeps_its_distance_and_faces_it(angle: float, looks: float) -> None:
     start = START.moved(pin.SE3(pin.utils.rotate("z", looks), np.zeros(3)))
     plan = turn_in_place(start, angle, per_step=0.08, ahead=1.0)
-    check_plan(plan, ROBOT)
+    check_plan(plan, Reach.of(ROBOT))
     for foot in plan.final:
         assert math.remainder(foot.yaw - looks - angle, math.tau) == pytest.approx(0.0, abs=1e-9)
     feet, points = {"left": start.left, "right": start.right}, []
@@ -115,7 +115,7 @@ def test_a_turn_about_a_point_ahead_keeps_its_distance_and_faces_it(angle: float
 def test_stairs(rise: float, together: bool) -> None:
     plan = climb_stairs(START, rise=rise, tread=0.3, count=4, first_edge=0.4, together=together)
     reach = Reach.of(ROBOT, 0.76)
-    check_plan(plan, ROBOT, reach)
+    check_plan(plan, reach)
     left, right = plan.final
     levels = np.repeat((1, 2, 3, 4), (2, 2, 2, 2) if together else (1, 1, 1, 2))
     assert [step.z for step in plan.steps] == pytest.approx([0.0] * 3 + [*(rise * levels)])
@@ -181,7 +181,7 @@ def test_plans_are_joined_into_an_l() -> None:
         end = middle + [c - s, s + c, 0.0]
         np.testing.assert_allclose(0.5 * (left.position + right.position), end, atol=1e-9)
         assert mean_heading(left.yaw, right.yaw) == pytest.approx(0.7 + 0.5 * math.pi)
-        check_plan(plan, ROBOT)
+        check_plan(plan, Reach.of(ROBOT))
         assert plan.left == start.left and plan.right == start.right and plan.end.steps == ()
     assert added + start == added
     same(start + added, added)

@@ -16,7 +16,7 @@ from wbc.robots import RobotDescription, load
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import walk_distance
-from wbc.walking.plans.reach import CARRIED, ROOM, carried_height, check_plan, leg_geometry, sized
+from wbc.walking.plans.reach import CARRIED, ROOM, Reach, carried_height, check_plan, leg_geometry, sized
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text(encoding="utf-8")
@@ -95,7 +95,7 @@ def test_the_default_gait_has_the_size_of_the_robot(factor: float) -> None:
         name, power = field.name, 1.0 if field.name in LENGTHS else 0.5
         if name not in ("apex", "feet_spacing"):
             assert getattr(gait, name) == pytest.approx(getattr(default, name) * scale**power, abs=1e-4)
-    check_plan(walk_distance(FootstepPlan.standing(robot, gait), 3.0), robot)
+    check_plan(walk_distance(FootstepPlan.standing(robot, gait), 3.0), Reach.of(robot))
     own = Gait(swing_height=default.swing_height, step_length=0.02)
     kept = sized(own, robot)
     assert (kept.swing_height, kept.step_length) == (default.swing_height, 0.02)
@@ -109,4 +109,4 @@ def test_a_default_step_is_within_reach_of_straight_legs() -> None:
     robot = RobotDescription.from_urdf(BIPED, half_sitting=posture, **FEET).robot()
     gait = sized(Gait(), robot)
     assert gait.full.step_length < 0.14
-    check_plan(walk_distance(FootstepPlan.standing(robot, gait), 3.0), robot)
+    check_plan(walk_distance(FootstepPlan.standing(robot, gait), 3.0), Reach.of(robot))

@@ -369,7 +369,7 @@ def adjust(
     settings: AdjustmentSettings | None = None,
 ) -> tuple[Footstep, float]:
     """Adjust that swing, with an error of the DCM in the axes of the stance foot, m."""
-    adjuster = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), SIZES, settings=settings)
+    adjuster = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), settings=settings)
     turn = complex(np.cos(swing.stance.yaw), np.sin(swing.stance.yaw))
     return adjuster.adjust(swing, elapsed, swing.dcm(elapsed) + turn * complex(*error))
 

@@ -15,7 +15,6 @@ from dataclasses import replace
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING
-from wbc.core.robot import Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
@@ -39,7 +38,7 @@ class GaitMachine(ReferenceSource):
         duration: Planned length of this phase, s.
         steps_done: Steps that have ended with a foot on the ground.
         swing: Swing of this step, which has its landing; None before the first decision on it, and on both feet.
-        reach: Reach of the robot's legs, which bounds footsteps that are asked for; None without a robot.
+        reach: Reach of the legs, which bounds footsteps that are asked for; None where they are taken as they are.
         extent: Extent of the ground, which bounds them as well, m; None is endless.
         met: Time since lift-off at which the swing foot met the ground while the other one still carries, s; else None.
         ground: What is known of the ground.
@@ -48,7 +47,6 @@ class GaitMachine(ReferenceSource):
     ground: GroundEstimate
     reach: Reach | None = None
     extent: Extent | None = None
-    _robot: Robot | None = None
     _gait: Gait  # of the footsteps that are asked for
 
     def __init__(self, dt: float, ground: GroundEstimate, lasting: float = 0.0) -> None:
@@ -75,12 +73,9 @@ class GaitMachine(ReferenceSource):
         """
         left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in feet)
         start = FootstepPlan(left, right, (), self._gait)
-        now = Standing(start, first, self.steps_done + swings, swings, self.time)
+        now = Standing(start, first, self.steps_done + swings, swings, self.time, self.reach)
         try:
-            if self._robot is None or self.reach is None:
-                plan = planner.footsteps(now)
-            else:
-                plan = next_steps(planner, now, self._robot, self.reach, self.extent)
+            plan = next_steps(planner, now, self.extent)
             return replace(plan, gait=plan.gait.full.on_grid(self.dt)[0])
         except Exception as error:  # of a planner of the user's own, too
             self.reason = dropped(error)

@@ -16,10 +16,10 @@ from typing import Annotated, NamedTuple
 
 from wbc.base.lag import lag_gain
 from wbc.core.robot import SIDES
-from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, SoleSizes, other
+from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other
 from wbc.walking.plans.gait import Gait, pace
 from wbc.walking.plans.planners import opens, steps_along
-from wbc.walking.plans.reach import Reach, soles_overlap
+from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import (
     AT_REST,
     DriveSettings,
@@ -319,20 +319,19 @@ class SteeredSteps(FootstepSource):
     def __init__(
         self,
         reach: Reach,
-        sizes: SoleSizes,
         settings: DriveSettings | None = None,
         steering: Steering | None = None,
         granted: Velocity = AT_REST,
         pace: float = 0.0,
     ) -> None:
-        """Stand; soles are (length, width) of left and right, m, `granted` and `pace` are those of the robot now."""
+        """Stand; `granted` and `pace` are those of the robot now."""
         self.settings = s = settings or DriveSettings()
         self.steering = steering or Steering(s.limits, PLANNED_NEAR)
         self.granted, self.pace = granted, pace
         self._wish: Velocity = granted  # before the limits of the reach
         self._asked: tuple[Velocity, float, Gait] | None = None  # last asked of the reach
         self._share = 1.0  # of that velocity within reach
-        self._reach, self._sizes = reach, dict(zip(SIDES, sizes, strict=True))
+        self._reach = reach
         self._time: float | None = None
         self._stop: int | None = None  # steps begun when the stop was commanded
         self._goal: Place | None = None  # last one
@@ -472,7 +471,7 @@ class SteeredSteps(FootstepSource):
             )
             forward, left, _, _ = step.seen_from(stance)
             far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= r.max_spacing
-            if far or soles_overlap(stance, step, self._sizes):
+            if far or r.overlap(stance, step):
                 return False
         return True
 

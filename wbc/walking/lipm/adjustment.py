@@ -18,7 +18,7 @@ from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.pendulum import natural_frequency
 from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.schedule import ZmpTarget
-from wbc.walking.plans.footsteps import Footstep, SoleSizes
+from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.reach import Reach
 from wbc.walking.stepping.law import Point
 from wbc.walking.stepping.program import COSTS, FREE, SHIFT, TIME, Bounds, StepProgram, Wish
@@ -71,16 +71,15 @@ class StepAdjuster:
         self,
         height: float,
         reach: Reach,
-        sizes: SoleSizes,
         target: ZmpTarget | None = None,
         settings: AdjustmentSettings | None = None,
     ) -> None:
-        """Make the program for a height of the CoM, m, and (length, width) of the left and of the right sole, m."""
+        """Make the program for a height of the CoM, m."""
         self.settings = s = settings or AdjustmentSettings()
         self._omega, self._reach, self._program = natural_frequency(height), reach, StepProgram(height)
         self._shifts = {}  # of the ZMP under each foot, least and greatest, ahead and towards the other foot, m
         target = target or ZmpTarget()
-        for side, sole in zip(SIDES, sizes, strict=True):
+        for side, sole in zip(SIDES, reach.soles, strict=True):
             length, width = (max(0.5 * size - s.margin, 1e-3) for size in sole)
             low = min(0.0, max(-length - target.forward, -s.backward)), min(0.0, -width - target.inward)
             self._shifts[side] = low, (max(0.0, length - target.forward), max(0.0, width - target.inward))

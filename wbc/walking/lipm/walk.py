@@ -35,7 +35,7 @@ from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, heading, mean_heading, other
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading, mean_heading, other
 from wbc.walking.plans.reach import Extent, Reach, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,
@@ -129,7 +129,6 @@ class LipmWalk(GaitMachine):
     com_height: float
     steering: Steering
     reach: Reach
-    _robot: Robot
 
     def __init__(
         self,
@@ -154,15 +153,13 @@ class LipmWalk(GaitMachine):
         full, notes = plan.gait.full.on_grid(dt)
         for note in notes:
             logger.warning("%s", note)
-        check_plan(replace(plan, gait=full), robot, self.reach, extent)
+        check_plan(replace(plan, gait=full), self.reach, extent)
         self.swing_height = full.swing_height
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)  # of plans to come
         self._drive = drive or DriveSettings()
         self.steering = Steering(self._drive.limits, PLANNED_NEAR)
         ground = GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
         super().__init__(dt, ground, DEBOUNCE)
-        left, right = robot.soles[:2]
-        self._sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         self._laws = [self._law(climbs) for climbs in (False, True)]
         if com is None:
@@ -183,14 +180,14 @@ class LipmWalk(GaitMachine):
         if climbs:  # as planned: on rough ground, landings make a plan that climbs, too
             inward = min(inward, CLIMBING_INWARD)
         most = _most_inward(
-            0.5 * min(width for _, width in self._sizes),
+            0.5 * min(width for _, width in self.reach.soles),
             margin if adjustment is None else max(margin, adjustment.margin),
         )
         target = replace(preview.target, inward=max(-most, min(most, inward)))
-        planner = PreviewController(self._sizes, self.com_height, replace(preview, target=target))
+        planner = PreviewController(self.reach.soles, self.com_height, replace(preview, target=target))
         if adjustment is None:
             return planner, None
-        return planner, StepAdjuster(self.com_height, self.reach, self._sizes, target, adjustment)
+        return planner, StepAdjuster(self.com_height, self.reach, target, adjustment)
 
     def begin(self, heading: float) -> None:
         """Stand where the robot stands now, with the heading of its feet; steps and orders before are forgotten."""
@@ -275,7 +272,7 @@ class LipmWalk(GaitMachine):
         pace, granted = 0.0 if self._rests else self._pace, self.granted
         if isinstance(self.planner, PlanSource) and not self.steering.pending:
             granted = AT_REST
-        return SteeredSteps(self.reach, self._sizes, self._drive, self.steering, granted, pace)
+        return SteeredSteps(self.reach, self._drive, self.steering, granted, pace)
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""

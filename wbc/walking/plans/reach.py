@@ -14,7 +14,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import Positive, in_units, settings
 from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, moved
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, moved
 from wbc.walking.plans.gait import Gait, StepGait
 
 MAX_SLOPE = 0.5
@@ -71,6 +71,7 @@ class Reach:
         max_height: Greatest difference in height, m.
         max_swing_height: Greatest swing height, m.
         min_single_support: Least time on one foot, s.
+        soles: (length, width) of the left and of the right sole, m.
     """
 
     max_length: Annotated[Positive, "m"]
@@ -80,6 +81,7 @@ class Reach:
     max_height: Annotated[Positive, "m"]
     max_swing_height: Annotated[Positive, "m"]
     min_single_support: Annotated[Positive, "s"]
+    soles: Annotated[SoleSizes, "m"]
 
     def __post_init__(self) -> None:
         if self.min_spacing >= self.max_spacing:
@@ -98,16 +100,17 @@ class Reach:
         leg = leg_geometry(robot)
         span = leg_span(robot, com_height, leg)
         spacing = sole_spacing(robot)
-        width = max(sole.width for sole in robot.soles)
+        left, right = robot.soles[:2]
         yaw = _hip_yaw_range(robot)
         return Reach(
             max_length=SPANS * span,
-            min_spacing=min(width + 0.01, 0.95 * spacing),
+            min_spacing=min(max(left.width, right.width) + 0.01, 0.95 * spacing),
             max_spacing=spacing + 1.2 * span,
             max_yaw=min(0.5, 0.8 * yaw) if yaw > 0.0 else 0.1,
             max_height=leg.length / 3.0,
             max_swing_height=leg.length / 2.0,
             min_single_support=QUICKEST * math.sqrt(leg.com_height / GRAVITY),
+            soles=((left.length, left.width), (right.length, right.width)),
         )
 
     def allows(self, stance: Footstep, step: Footstep) -> bool:
@@ -117,16 +120,13 @@ class Reach:
         aside = self.min_spacing - ROUNDING <= spacing <= self.max_spacing + ROUNDING
         return aside and abs(forward) <= self.max_length + ROUNDING
 
-    def nearest(self, stance: Footstep, step: Footstep, sizes: dict[str, tuple[float, float]]) -> Footstep:
-        """Return a step within reach of the foot that stands, clear of it: the same one, or the nearest on its way.
-
-        Soles have sizes (length, width) by side, m.
-        """
+    def nearest(self, stance: Footstep, step: Footstep) -> Footstep:
+        """Return a step within reach of the foot that stands, clear of it: the same one, or the nearest on its way."""
         forward, left, _, turn = step.seen_from(stance)
         side = 1.0 if step.side == "left" else -1.0
         beside, out, long = side * left, side * turn, self.max_length
         turned = -0.5 * self.max_yaw - ROUNDING <= out <= self.max_yaw + ROUNDING
-        if turned and self.allows(stance, step) and not soles_overlap(stance, step, sizes):
+        if turned and self.allows(stance, step) and not self.overlap(stance, step):
             return step
         x = forward if abs(forward) <= long + ROUNDING else math.copysign(BACK * long, forward)
         yaw = stance.yaw + side * min(max(out, -0.5 * self.max_yaw), self.max_yaw)
@@ -134,9 +134,26 @@ class Reach:
         while True:
             u, v, _ = moved((stance.x, stance.y, stance.yaw), x, side * beside, 0.0)
             near = replace(step, x=u, y=v, yaw=yaw)
-            if beside >= self.max_spacing or not soles_overlap(stance, near, sizes):
+            if beside >= self.max_spacing or not self.overlap(stance, near):
                 return near
             beside = min(beside + CLEARING, self.max_spacing)
+
+    def corners(self, foot: Footstep) -> Array:
+        """Return the corners of a sole in the world, seen from above, shape (4, 2), m."""
+        half = 0.5 * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * self.soles[SIDES.index(foot.side)]
+        c, s = math.cos(foot.yaw), math.sin(foot.yaw)
+        corners: Array = half @ np.array([[c, s], [-s, c]]) + (foot.x, foot.y)
+        return corners
+
+    def overlap(self, a: Footstep, b: Footstep) -> bool:
+        """Return True if two soles overlap, by the separating axes of two rectangles."""
+        p, q = self.corners(a), self.corners(b)
+        for yaw in (a.yaw, a.yaw + math.pi / 2, b.yaw, b.yaw + math.pi / 2):
+            axis = np.array([math.cos(yaw), math.sin(yaw)])
+            s, t = p @ axis, q @ axis
+            if s.max() <= t.min() or t.max() <= s.min():
+                return False
+        return True
 
 
 @dataclass(frozen=True)
@@ -298,32 +315,25 @@ def sized(gait: Gait, robot: Robot) -> Gait:
 
 
 @checked
-def check_plan(
-    plan: FootstepPlan,
-    robot: Robot,
-    reach: Reach | None = None,
-    extent: Extent | None = None,
-) -> None:
-    """Raise an `InputError` unless a robot can walk a plan on a ground of an extent, m; None is endless."""
-    reach = reach or Reach.of(robot)
+def check_plan(plan: FootstepPlan, reach: Reach, extent: Extent | None = None) -> None:
+    """Raise an `InputError` unless legs of a reach walk a plan on a ground of an extent, m; None is endless."""
     height = plan.gait.full.swing_height
     if height > reach.max_swing_height:
         raise InputError(
-            f"swing_height of {height:g} m is out of reach; '{robot.name}' lifts a foot "
-            f"by up to {reach.max_swing_height:.3f} m"
+            f"swing_height of {height:g} m is out of reach: the legs lift a foot by up to "
+            f"{reach.max_swing_height:.3f} m"
         )
     if plan.gait.full.single_support < reach.min_single_support:
         raise InputError(
-            f"single_support of {plan.gait.full.single_support:g} s is too quick; '{robot.name}' needs "
+            f"single_support of {plan.gait.full.single_support:g} s is too quick: the robot needs "
             f"{reach.min_single_support:.3f} s at least, {QUICKEST:g}/ω"
         )
-    sizes = {side: (s.length, s.width) for side, s in zip(SIDES, robot.soles[:2], strict=True)}
-    _check_overlap("the feet at the start", plan.left, plan.right, sizes)
+    _check_overlap("the feet at the start", plan.left, plan.right, reach)
     for i, step in enumerate(plan.steps):
         _check_step(f"step {i + 1} of {len(plan)} ({step.side})", plan.stance(i), step, reach)
-        _check_overlap(f"step {i + 1} of {len(plan)}", step, plan.stance(i), sizes)
+        _check_overlap(f"step {i + 1} of {len(plan)}", step, plan.stance(i), reach)
     if extent is not None:
-        _check_extent(plan, sizes, extent)
+        _check_extent(plan, reach, extent)
 
 
 def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> None:
@@ -347,42 +357,20 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
             )
 
 
-def _check_overlap(what: str, a: Footstep, b: Footstep, sizes: dict[str, tuple[float, float]]) -> None:
-    """Check that two soles do not overlap."""
-    if soles_overlap(a, b, sizes):
+def _check_overlap(what: str, a: Footstep, b: Footstep, reach: Reach) -> None:
+    if reach.overlap(a, b):
         raise InputError(
             f"the soles overlap at {what}: {a.side} at ({a.x:.3f}, {a.y:.3f}), {b.side} at ({b.x:.3f}, {b.y:.3f}) m"
         )
 
 
-def soles_overlap(a: Footstep, b: Footstep, sizes: dict[str, tuple[float, float]]) -> bool:
-    """Return true if two soles of sizes (length, width), m, overlap, by the separating axes of two rectangles."""
-    p, q = _corners(a, sizes[a.side]), _corners(b, sizes[b.side])
-    for yaw in (a.yaw, a.yaw + math.pi / 2, b.yaw, b.yaw + math.pi / 2):
-        axis = np.array([math.cos(yaw), math.sin(yaw)])
-        s, t = p @ axis, q @ axis
-        if s.max() <= t.min() or t.max() <= s.min():
-            return False
-    return True
-
-
-def _check_extent(
-    plan: FootstepPlan, sizes: dict[str, tuple[float, float]], extent: tuple[float, float, float, float]
-) -> None:
+def _check_extent(plan: FootstepPlan, reach: Reach, extent: Extent) -> None:
     low_x, high_x, low_y, high_y = extent
     for i, step in enumerate((plan.left, plan.right, *plan.steps)):
-        corners = _corners(step, sizes[step.side])
+        corners = reach.corners(step)
         if (corners < (low_x, low_y)).any() or (corners > (high_x, high_y)).any():
             which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
             raise InputError(
                 f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it extends over "
                 f"x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m"
             )
-
-
-def _corners(step: Footstep, size: tuple[float, float]) -> Array:
-    """Corners of a sole seen from above, shape (4, 2), m."""
-    half = 0.5 * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * size
-    c, s = math.cos(step.yaw), math.sin(step.yaw)
-    corners: Array = half @ np.array([[c, s], [-s, c]]) + (step.x, step.y)
-    return corners

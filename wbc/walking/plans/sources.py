@@ -16,12 +16,8 @@ from typing import Annotated, NamedTuple
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import finite_array, finite_scalar
 from wbc.base.settings import NonNegative, Positive, Share, settings
-from wbc.core.robot import SIDES, Robot
-from wbc.walking.plans.footsteps import (
-    FootstepPlan,
-    closing_step,
-    other,
-)
+from wbc.core.robot import SIDES
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, closing_step, other
 from wbc.walking.plans.reach import Extent, Reach, check_plan
 
 logger = logging.getLogger(__name__)
@@ -82,6 +78,7 @@ class Standing(NamedTuple):
         begun: Number of steps begun so far.
         swings: True while a foot is in the air.
         time: Time since the start of the walk, s.
+        reach: Reach of the legs; None where it is unknown, and steps are taken as they are.
     """
 
     start: FootstepPlan
@@ -89,6 +86,7 @@ class Standing(NamedTuple):
     begun: int
     swings: bool
     time: float
+    reach: Reach | None = None
 
 
 class FootstepSource(ABC):
@@ -119,15 +117,6 @@ class FootstepSource(ABC):
         Args:
             now: Feet, side that steps next, and time.
         """
-
-    def within_reach_of(
-        self, now: Standing, plan: FootstepPlan, reach: Reach, sizes: dict[str, tuple[float, float]]
-    ) -> FootstepPlan:
-        """Return an answer of `footsteps` with steps that feet reach which stand elsewhere than planned.
-
-        Soles have sizes (length, width) by side, m. The answer of a planner that looks at the feet stays as it is.
-        """
-        return plan
 
 
 class PlanSource(FootstepSource):
@@ -168,45 +157,37 @@ class PlanSource(FootstepSource):
             last = self.plan.steps[done - 1]
             rise = (start.left if last.side == "left" else start.right).z - last.z
             steps = tuple(replace(step, z=step.z + rise) for step in steps)
+        if now.reach is not None and self.plan.steps and not self.plan.climbs:
+            found = self._reached(start, steps, now.reach) if steps else self._further(now, done, now.reach)
+            steps = tuple(found)
         return replace(start, steps=steps)
 
-    def within_reach_of(
-        self, now: Standing, plan: FootstepPlan, reach: Reach, sizes: dict[str, tuple[float, float]]
-    ) -> FootstepPlan:
-        """See `FootstepSource`.
+    def _reached(self, start: FootstepPlan, steps: Sequence[Footstep], reach: Reach) -> Sequence[Footstep]:
+        """Return steps that feet reach which stand elsewhere than planned.
 
-        Steps that are fixed, that climb, or that are out of reach from where they are planned stay.
+        Steps that are fixed, or that are out of reach from where they are planned, stay.
         """
-        if self.plan.climbs or not self.plan.steps:
-            return plan
-        if not plan.steps:
-            return self._further(now, plan, reach, sizes)
-        first = len(self.plan) - len(plan)
-        stance = now.start.right if plan.steps[0].side == "left" else now.start.left
-        steps = list(plan.steps)
+        first, found = len(self.plan) - len(steps), list(steps)
+        stance = start.right if steps[0].side == "left" else start.left
         for i, step in enumerate(steps):
-            near = reach.nearest(stance, step, sizes)
+            near = reach.nearest(stance, step)
             meant = self.plan.stance(first + i)
-            if near is step or step.place == "fixed" or reach.nearest(meant, step, sizes) is not step:
+            if near is step or step.place == "fixed" or reach.nearest(meant, step) is not step:
                 break
-            steps[i] = stance = near
-        return replace(plan, steps=tuple(steps))
+            found[i] = stance = near
+        return found
 
-    def _further(
-        self, now: Standing, plan: FootstepPlan, reach: Reach, sizes: dict[str, tuple[float, float]]
-    ) -> FootstepPlan:
-        """Return a plan without steps with one more, if a foot stands too far beside its last place."""
-        assert self._begun is not None
-        feet, goals = (dict(zip(SIDES, pair, strict=True)) for pair in (plan.final, self.plan.final))
+    def _further(self, now: Standing, done: int, reach: Reach) -> Sequence[Footstep]:
+        """Return one more step after the last one, if a foot stands too far beside its last place."""
+        stand = now.start.left, now.start.right
+        feet, goals = (dict(zip(SIDES, pair, strict=True)) for pair in (stand, self.plan.final))
         off = {
             side: math.dist((feet[side].x, feet[side].y), (goals[side].x, goals[side].y)) for side in SIDES
         }
-        more = now.begun - self._begun - len(self.plan)
-        if max(off.values()) < BESIDE * reach.max_length or more >= MORE:
-            return plan
+        if max(off.values()) < BESIDE * reach.max_length or done - len(self.plan) >= MORE:
+            return ()
         side = now.first or max(off, key=off.__getitem__)
-        step = reach.nearest(feet[other(side)], replace(goals[side], z=feet[side].z), sizes)
-        return replace(plan, steps=(step,))
+        return (reach.nearest(feet[other(side)], replace(goals[side], z=feet[side].z)),)
 
 
 def planner_of(source: FootstepPlan | FootstepSource) -> FootstepSource:
@@ -216,29 +197,24 @@ def planner_of(source: FootstepPlan | FootstepSource) -> FootstepSource:
     return PlanSource(source) if isinstance(source, FootstepPlan) else source
 
 
-def next_steps(
-    planner: FootstepSource, now: Standing, robot: Robot, reach: Reach, extent: Extent | None = None
-) -> FootstepPlan:
+def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = None) -> FootstepPlan:
     """Return what a planner answers.
 
     An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground.
     """
     plan = planner.footsteps(now)
-    sizes = {side: (s.length, s.width) for side, s in zip(SIDES, robot.soles[:2], strict=True)}
     if not isinstance(plan, FootstepPlan):
         raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
-    plan, count = planner.within_reach_of(now, plan, reach, sizes), planner.to_check
     if not plan.steps:
         return plan
     if now.first is not None and plan.steps[0].side != now.first:
         raise InputError(
             f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
         )
-    if count != 0 or extent is not None:
-        steps = plan.steps[: count or None]
-        check_plan(
-            replace(plan, left=now.start.left, right=now.start.right, steps=steps), robot, reach, extent
-        )
+    if now.reach is not None and (planner.to_check != 0 or extent is not None):
+        steps = plan.steps[: planner.to_check or None]
+        checked = replace(plan, left=now.start.left, right=now.start.right, steps=steps)
+        check_plan(checked, now.reach, extent)
     return plan
 
 

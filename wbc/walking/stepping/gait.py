@@ -96,16 +96,16 @@ class SteppingWalk(GaitMachine):
         scale: RobotSize,
         heading: float,
         dt: float,
-        robot: Robot | None = None,
+        reach: Reach | None = None,
     ) -> None:
         """Stand, with a heading, rad; an `InputError` for steps that cannot be walked.
 
-        Without a robot, whose legs bound footsteps that are asked of a planner, these are taken as they are.
+        Without a `reach` of the legs, footsteps that are asked of a planner are taken as they are.
         """
         self.settings, self.scale, self.com_height = settings.in_si(scale), scale, scale.height
         self.constants = c = in_si(SteppingConstants(), scale)
         super().__init__(dt, GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0))
-        self._robot, self.reach = robot, None if robot is None else Reach.of(robot, scale.height)
+        self.reach = reach
         self._shape = SwingShape(
             self.settings.swing_height,
             apex=c.apex / c.touch,
@@ -137,7 +137,8 @@ class SteppingWalk(GaitMachine):
         """Return a walk of a robot, the CoM at a height over its soles, m, or as far down as the settings' `bend`."""
         s = settings or SteppingSettings()
         towards = heading(robot.placement(robot.base_frame).rotation)
-        return SteppingWalk(s, RobotSize.of(robot, s.bend, com_height), towards, dt, robot)
+        scale = RobotSize.of(robot, s.bend, com_height)
+        return SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height))
 
     def begin(self, heading: float) -> None:
         """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
