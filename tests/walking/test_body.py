@@ -15,7 +15,7 @@ from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.body import lowest_com
-from wbc.walking.plans.reach import leg_geometry
+from wbc.walking.plans.reach import Leg
 
 DT = 0.005
 
@@ -170,7 +170,7 @@ def test_a_walk_as_low_as_may_be_comes_to_a_stand(name: str) -> None:
 def test_the_lowest_height_is_one_that_the_legs_reach() -> None:
     for name in ("hrp4_class", "talos", "g1"):
         robot = load_robot(name).robot()
-        leg = leg_geometry(robot)
+        leg = Leg(robot)
         lowest = lowest_com(robot)
         assert lowest < leg.com_height - 0.08
         assert reached_by_the_legs(robot, lowest + 0.005) and not reached_by_the_legs(robot, lowest - 0.005)

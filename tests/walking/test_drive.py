@@ -28,7 +28,7 @@ from wbc.walking import (
 )
 from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm.walk import TURNED, WalkSettings
-from wbc.walking.plans.reach import Reach, bent_height, check_plan
+from wbc.walking.plans.reach import Leg, Reach, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,
     BESIDE,
@@ -405,7 +405,7 @@ def test_gait_for_a_speed() -> None:
 def test_the_reach_of_every_robot_grants_its_speed(name: str) -> None:
     """Straight legs get it by bent knees, which robots with bent ones keep."""
     robot = ROBOTS[name]
-    height = bent_height(robot, DriveSettings().stretch)
+    height = Leg(robot).bent_height(DriveSettings().stretch)
     assert height <= robot.com[2] + 1e-9 and (height < robot.com[2] - 0.01) == (name == "g1")
     source = SteeredSteps(Reach.of(robot, height))
     for first, target in ((0, 0.3), (30, 0.2)):

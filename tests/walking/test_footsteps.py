@@ -17,7 +17,7 @@ from wbc.robots import load
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
-from wbc.walking.plans.reach import Reach, check_plan, hip_height, leg_geometry
+from wbc.walking.plans.reach import Leg, Reach, check_plan
 from wbc.walking.plans.sources import close_up
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
@@ -157,11 +157,11 @@ def test_a_footstep_can_be_read_off_a_robot_that_has_fallen() -> None:
 def test_reach_is_sane_and_a_height_out_of_reach_is_refused(name: str) -> None:
     robot = load(name).robot()
     reach = Reach.of(robot)
-    leg = leg_geometry(robot)
+    leg = Leg(robot)
     assert 0.1 < reach.max_length < 2 * leg.length and reach.max_yaw >= 0.3
     low = Reach.of(robot, leg.com_height - 0.03)
     assert low.max_length > reach.max_length  # bent knees reach further
-    assert hip_height(robot, leg.com_height, leg) == pytest.approx(leg.hip_height)
+    assert leg.hips(leg.com_height) == pytest.approx(leg.hip_height)
     for height in (0.2, leg.com_height + 0.3):
         with pytest.raises(InputError, match="CoM height"):
             Reach.of(robot, height)

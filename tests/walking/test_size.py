@@ -16,7 +16,7 @@ from wbc.robots import RobotDescription, load
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import walk_distance
-from wbc.walking.plans.reach import CARRIED, ROOM, Reach, carried_height, check_plan, leg_geometry, sized
+from wbc.walking.plans.reach import CARRIED, ROOM, Leg, Reach, check_plan, sized
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text(encoding="utf-8")
@@ -42,7 +42,7 @@ def small(factor: float) -> Robot:
 
 def bent(robot: Robot, side: str, tilt: float) -> tuple[np.ndarray, float]:
     """Return the robot on flat soles with shanks that tilt forward by an angle, and the height of its CoM, m."""
-    leg = leg_geometry(robot)
+    leg = Leg(robot)
     thigh = math.asin(leg.shank * math.sin(tilt) / (leg.length - leg.shank))
     joints = {"hip_pitch": -thigh, "knee": thigh + tilt, "ankle_pitch": -tilt}
     q = robot.configuration(
@@ -57,8 +57,8 @@ def test_the_knee_carries_the_robot_on_one_leg_at_the_height_that_is_derived() -
     robot = RobotDescription.from_urdf(
         BIPED, torque_limits={"left_knee": 30.0, "right_knee": 30.0}, **FEET
     ).robot()
-    leg = leg_geometry(robot)
-    height = carried_height(robot, leg)
+    leg = Leg(robot)
+    height = leg.carried_height()
     tilts = np.linspace(0.05, 0.8, 200)
     tilt = tilts[np.argmin([abs(bent(robot, "left", each)[1] - height) for each in tilts])]
     q, com = bent(robot, "left", tilt)
@@ -74,14 +74,14 @@ def test_the_ankle_keeps_room_at_the_height_that_is_derived() -> None:
     limits = {f"{side}_ankle_pitch": (-0.45, 0.7) for side in ("left", "right")}
     robot = RobotDescription.from_urdf(BIPED, position_limits=limits, **FEET).robot()
     _, height = bent(robot, "left", 0.45 - ROOM)
-    assert carried_height(robot, leg_geometry(robot)) == pytest.approx(height, abs=5e-3)
-    assert RobotSize.of(robot, BEND).height == carried_height(robot, leg_geometry(robot))
+    assert Leg(robot).carried_height() == pytest.approx(height, abs=5e-3)
+    assert RobotSize.of(robot, BEND).height == Leg(robot).carried_height()
 
 
 @pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
 def test_robots_that_the_gaits_were_made_for_walk_as_before(name: str) -> None:
     robot = load(name).robot()
-    assert carried_height(robot, leg_geometry(robot)) < RobotSize.of(robot, BEND).height
+    assert Leg(robot).carried_height() < RobotSize.of(robot, BEND).height
     assert sized(Gait(), robot) == Gait()
 
 
@@ -89,7 +89,7 @@ def test_robots_that_the_gaits_were_made_for_walk_as_before(name: str) -> None:
 def test_the_default_gait_has_the_size_of_the_robot(factor: float) -> None:
     """Lengths as the robot, times and speeds as their root; the default walk is within its reach."""
     robot = small(factor)
-    scale = leg_geometry(robot).com_height / FULL_HEIGHT
+    scale = Leg(robot).com_height / FULL_HEIGHT
     gait, default = sized(Gait(), robot).full, StepGait()
     for field in dataclasses.fields(default):
         name, power = field.name, 1.0 if field.name in LENGTHS else 0.5

@@ -13,7 +13,7 @@ from wbc.core.robot import Robot
 from wbc.motion.contacts import runs
 from wbc.motion.kinematics import Soles, corners_of
 from wbc.walking.plans.footsteps import heading
-from wbc.walking.plans.reach import STANDING, Reach, leg_geometry
+from wbc.walking.plans.reach import STANDING, Leg, Reach
 
 CLEARANCE = 0.01
 """Least height of a foot's lowest corner in the air, m."""
@@ -77,7 +77,7 @@ def _reach(robot: Robot, com_height: Array, standing: Array) -> Reach:
     alone = standing.sum(axis=1) == 1
     if not alone.any():
         return widest
-    leg = leg_geometry(robot)
+    leg = Leg(robot)
     to_com = leg.com_height - leg.hip_height
     hips = float(np.median(com_height[alone])) - to_com
     hips = min(max(hips, leg.shortest + 1e-6), STANDING * leg.length - 1e-6)  # inside of what a leg spans

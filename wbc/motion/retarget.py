@@ -35,7 +35,7 @@ from wbc.motion.kinematics import BodyMotion, Soles
 from wbc.motion.measures import MotionMeasures, measure
 from wbc.motion.skeleton import SkeletonClip
 from wbc.tasks import OrientationTask, PoseTask, PositionTask, PostureTask
-from wbc.walking.plans.reach import leg_geometry
+from wbc.walking.plans.reach import Leg
 
 FASTEST = 60.0
 """Most frames per second that are solved for, Hz: of a faster clip every second frame is used, or every third …"""
@@ -169,7 +169,7 @@ class _Legs:
     @staticmethod
     def of(robot: Robot) -> _Legs:
         """Find the legs of a robot."""
-        leg, joints = leg_geometry(robot), robot.joints_between(robot.soles[0].frame, robot.base_frame)
+        leg, joints = Leg(robot), robot.joints_between(robot.soles[0].frame, robot.base_frame)
         above = joints[: joints.index(leg.knee)]
         hip, thigh, _ = centre_of_turning(robot, robot.base_frame, robot.joint_numbers[leg.knee], above)
         data = robot.model.createData()

@@ -39,7 +39,7 @@ from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.footsteps import heading, mean_heading
-from wbc.walking.plans.reach import bent_height
+from wbc.walking.plans.reach import Leg
 from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, WholeBody
@@ -120,7 +120,7 @@ class MotionSource(ReferenceSource):
         self._soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
         left, right = (place.copy() for place in self._soles)
         ground = 0.5 * float(left.translation[2] + right.translation[2])
-        self.com_height = min(float(robot.com[2]) - ground, bent_height(robot, DriveSettings().stretch))
+        self.com_height = min(float(robot.com[2]) - ground, Leg(robot).bent_height(DriveSettings().stretch))
         self.clip = placed(clip, motion.soles[0], (left, right))
         self.configurations, self.motion = clip_references(robot, self.clip, standing, ground, dt)
         self.tick = 0

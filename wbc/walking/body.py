@@ -26,7 +26,7 @@ from wbc.tasks.motion.direction import LookAtTask
 from wbc.tasks.motion.frame import PoseTask, PositionTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.plans.reach import hip_height, leg_geometry
+from wbc.walking.plans.reach import Leg
 
 SPEED, ACCELERATION = 0.1, 0.5
 """Greatest speed (m/s) and acceleration (m/s²) of the height: a twentieth of gravity hardly changes the pendulum."""
@@ -142,7 +142,7 @@ class Body:
         robot, what = self._robot, f"com_height (m) of '{self._robot.name}'"
         height = finite_scalar(what, value)
         if height > self._nominal:
-            hip_height(robot, height, leg_geometry(robot))
+            Leg(robot).hips(height)
         else:
             self._check_low(what, height, self._lift())
         self._set(0, height - self._nominal)

@@ -23,7 +23,7 @@ from wbc.walking.balance import Balance
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import FootstepPlan, check_start
-from wbc.walking.plans.reach import Extent, Reach, bent_height
+from wbc.walking.plans.reach import Extent, Leg, Reach
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import ReferenceSource
 from wbc.walking.stepping.gait import SteppingWalk
@@ -111,7 +111,7 @@ def planned_walk(
     )
     if not plan.steps:
         if s.com_height is None:
-            height = min(height, bent_height(robot, s.drive.stretch))
+            height = min(height, Leg(robot).bent_height(s.drive.stretch))
         # Bent knees reach further ahead; to the side ankles must roll by what the robot sways.
         reach = replace(Reach.of(robot, height), max_spacing=Reach.of(robot).max_spacing)
     com = np.array(robot.com)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Annotated
 
 import numpy as np
@@ -97,9 +97,8 @@ class Reach:
         A leg of length L whose hip, half way between the feet, is h over its ankle spans √((0.98 L)² − h²) either way.
         Raises `InputError` with the range for a height that the legs cannot reach.
         """
-        leg = leg_geometry(robot)
-        span = leg_span(robot, com_height, leg)
-        spacing = sole_spacing(robot)
+        leg = Leg(robot)
+        span, spacing = leg.span(com_height), leg.spacing
         left, right = robot.soles[:2]
         yaw = _hip_yaw_range(robot)
         return Reach(
@@ -156,124 +155,100 @@ class Reach:
         return True
 
 
-@dataclass(frozen=True)
 class Leg:
-    """A leg as two bars."""
+    """Left leg of a robot, measured in half-sitting; its two longest bars are thigh and shank.
 
-    length: float  # thigh and shank together, m
-    shank: float  # knee to ankle, m
-    knee: int  # index of the knee in arrays of joints, shape (na,)
-    ankle: int  # index of the ankle's pitch
-    shortest: float  # hip to ankle with the knee bent by 120°, m
-    ankle_height: float  # ankle over the sole, m
-    hip_over_com: float  # height of the hip joint minus that of the CoM in half-sitting, m
-    hip_height: float  # height of the hip over the ankle in half-sitting, m
-    com_height: float  # height of the CoM over the sole in half-sitting, m
-
-
-def leg_geometry(robot: Robot) -> Leg:
-    """Return the left leg of a robot in half-sitting; its two longest bars are thigh and shank."""
-    model, data = robot.model, robot.model.createData()
-    pin.centerOfMass(model, data, robot.half_sitting)
-    pin.updateFramePlacements(model, data)
-    chain = joints_to(model, robot.frame_id(robot.soles[0].frame))
-    places = [data.oMi[joint].translation for joint in chain]
-    bars = [float(np.linalg.norm(b - a)) for a, b in zip(places, places[1:], strict=False)]
-    if len(bars) < 2:
-        raise InputError(f"sole '{robot.soles[0].name}' of {robot!r} does not hang on a leg with a knee")
-    first, second = sorted(sorted(range(len(bars)), key=lambda i: bars[i])[-2:])
-    hip, ankle = places[first], places[second + 1]
-    ground = float(data.oMf[robot.frame_id(robot.soles[0].frame)].translation[2])
-    thigh, shank = bars[first], bars[second]
-    bend = math.radians(120.0)
-    pin.computeJointJacobians(model, data, robot.half_sitting)
-    pitch = [abs(float(data.J[4, model.joints[joint].idx_v])) for joint in chain]
-    below = max(range(second + 1, len(chain)), key=lambda i: pitch[i])
-    return Leg(
-        length=thigh + shank,
-        shank=shank,
-        knee=model.joints[chain[second]].idx_v - BASE_DOF,
-        ankle=model.joints[chain[below]].idx_v - BASE_DOF,
-        shortest=math.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * math.cos(bend)),
-        ankle_height=float(ankle[2]) - ground,
-        hip_over_com=float(hip[2]) - float(data.com[0][2]),
-        hip_height=float(hip[2] - ankle[2]),
-        com_height=float(data.com[0][2]) - ground,
-    )
-
-
-def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
-    """Return the height of the hips over the ankles, m, for one of the CoM over the soles; half-sitting when None."""
-    offset = leg.hip_over_com - leg.ankle_height
-    low, high = leg.shortest - offset, STANDING * leg.length - offset
-    if com_height is None:
-        if leg.hip_height > STANDING * leg.length:
-            raise InputError(
-                f"the legs of '{robot.name}' are too straight in half-sitting to take a step; give a CoM height from "
-                f"{low:.3f} to {high:.3f} m"
-            )
-        return leg.hip_height
-    finite_scalar(
-        f"CoM height (m) of '{robot.name}' (half-sitting: {leg.com_height:.3f} m)",
-        com_height,
-        low=low,
-        high=high,
-    )
-    return float(com_height) + offset
-
-
-def leg_span(robot: Robot, com_height: float | None, leg: Leg) -> float:
-    """Return how far an ankle gets from below its hip, m, for a CoM height over the soles, m; None is half-sitting."""
-    return math.sqrt((STRETCHED * leg.length) ** 2 - hip_height(robot, com_height, leg) ** 2)
-
-
-def carried_height(robot: Robot, leg: Leg) -> float:
-    """Return the least CoM height over the soles, m, at which one leg carries a robot that steps.
-
-    With the hip above the ankle the shank tilts by α, and the knee, whose torque is m g b sin α for a shank of length
-    b, may take `CARRIED` of its limit; the ankle must keep `ROOM` to the end of its range. Half-sitting is carried.
+    Attributes:
+        length: Thigh and shank together, m.
+        shank: Knee to ankle, m.
+        knee: Index of the knee in arrays of joints, shape (na,).
+        shortest: Hip to ankle with the knee bent by 120°, m.
+        ankle_height: Ankle over the sole, m.
+        hip_height: Height of the hip over the ankle, m.
+        com_height: Height of the CoM over the sole, m.
+        spacing: Lateral distance between the centres of both soles, m.
     """
-    model = robot.model
-    thigh = leg.length - leg.shank
-    knee = CARRIED * float(robot.torque_limit[leg.knee]) / (robot.mass * GRAVITY * leg.shank)
-    data = model.createData()
-    pin.computeJointJacobians(model, data, robot.half_sitting)
-    bent = float(robot.half_sitting[7 + leg.ankle])
-    # A foot that turns forward lets the shank stand up.
-    bends_down = float(data.J[4, BASE_DOF + leg.ankle]) > 0.0
-    end = float(robot.position_lower[leg.ankle] if bends_down else robot.position_upper[leg.ankle])
-    now = (leg.hip_height**2 + leg.shank**2 - thigh**2) / (2.0 * leg.hip_height * leg.shank)
-    tilt = math.acos(min(1.0, now)) + max(0.0, abs(end - bent) - ROOM)
-    tilt = min(tilt, math.asin(min(1.0, knee)), math.asin(min(1.0, thigh / leg.shank)))
-    hip = leg.shank * math.cos(tilt) + math.sqrt(thigh**2 - (leg.shank * math.sin(tilt)) ** 2)
-    return min(hip, leg.hip_height) - leg.hip_over_com + leg.ankle_height
 
+    def __init__(self, robot: Robot) -> None:
+        """Measure a robot; an `InputError` for a sole that does not hang on a leg with a knee."""
+        self._robot, model = robot, robot.model
+        self._data = data = model.createData()
+        pin.centerOfMass(model, data, robot.half_sitting)
+        pin.computeJointJacobians(model, data, robot.half_sitting)
+        pin.updateFramePlacements(model, data)
+        chain = joints_to(model, robot.frame_id(robot.soles[0].frame))
+        places = [data.oMi[joint].translation for joint in chain]
+        bars = [float(np.linalg.norm(b - a)) for a, b in zip(places, places[1:], strict=False)]
+        if len(bars) < 2:
+            raise InputError(f"sole '{robot.soles[0].name}' of {robot!r} does not hang on a leg with a knee")
+        first, second = sorted(sorted(range(len(bars)), key=lambda i: bars[i])[-2:])
+        hip, ankle = places[first], places[second + 1]
+        left, right = (data.oMf[robot.frame_id(sole.frame)].translation for sole in robot.soles[:2])
+        thigh, self.shank = bars[first], bars[second]
+        self.length, bend = thigh + self.shank, math.radians(120.0)
+        self.shortest = math.sqrt(thigh**2 + self.shank**2 + 2.0 * thigh * self.shank * math.cos(bend))
+        self.knee = model.joints[chain[second]].idx_v - BASE_DOF
+        self._above = chain[:second]  # joints from the base to the knee, without it
+        self._ankle = max(chain[second + 1 :], key=lambda joint: abs(self._pitch(joint)))
+        self.ankle_height, self.hip_height = float(ankle[2]) - float(left[2]), float(hip[2] - ankle[2])
+        self.com_height = float(data.com[0][2]) - float(left[2])
+        # Height of the hip over the ankle less that of the CoM over the sole, for an upright trunk.
+        self._offset = float(hip[2]) - float(data.com[0][2]) - self.ankle_height
+        self.spacing = float(np.linalg.norm(left[:2] - right[:2]))
 
-def hip_acceleration(robot: Robot, leg: Leg) -> float:
-    """Return the angular acceleration of a leg in half-sitting by the whole torque of its hip, rad/s²."""
-    model, data = robot.model, robot.model.createData()
-    inertia = pin.crba(model, data, robot.half_sitting)
-    pin.computeJointJacobians(model, data, robot.half_sitting)
-    columns = [model.joints[joint].idx_v for joint in joints_to(model, robot.frame_id(robot.soles[0].frame))]
-    above = columns[: columns.index(leg.knee + BASE_DOF)]
-    hip = max(above, key=lambda column: abs(float(data.J[4, column])))
-    return float(robot.torque_limit[hip - BASE_DOF]) / float(inertia[hip, hip])
+    def _pitch(self, joint: int) -> float:
+        """Return the part of the axis of a joint that is to the left."""
+        return float(self._data.J[4, self._robot.model.joints[joint].idx_v])
 
+    def hips(self, com_height: float | None) -> float:
+        """Return the height of the hips over the ankles, m, for a CoM height over the soles; half-sitting when None."""
+        robot = self._robot
+        low, high = self.shortest - self._offset, STANDING * self.length - self._offset
+        if com_height is None:
+            if self.hip_height > STANDING * self.length:
+                raise InputError(
+                    f"the legs of '{robot.name}' are too straight in half-sitting to take a step; give a CoM height "
+                    f"from {low:.3f} to {high:.3f} m"
+                )
+            return self.hip_height
+        what = f"CoM height (m) of '{robot.name}' (half-sitting: {self.com_height:.3f} m)"
+        return finite_scalar(what, com_height, low=low, high=high) + self._offset
 
-def bent_height(robot: Robot, stretch: float) -> float:
-    """Return the CoM height over the soles of a driven robot, m: straight legs bend to a ratio of their length."""
-    leg = leg_geometry(robot)
-    if leg.hip_height <= STRAIGHT * leg.length:
-        return leg.com_height
-    return leg.com_height - max(0.0, leg.hip_height - max(stretch * leg.length, leg.shortest))
+    def span(self, com_height: float | None) -> float:
+        """Return how far an ankle gets from below its hip, m, for a CoM height over the soles; see `hips`."""
+        return math.sqrt((STRETCHED * self.length) ** 2 - self.hips(com_height) ** 2)
 
+    def carried_height(self) -> float:
+        """Return the least CoM height over the soles, m, at which one leg carries a robot that steps.
 
-def sole_spacing(robot: Robot) -> float:
-    """Return the lateral distance between the sole centres in half-sitting, m."""
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
-    left, right = (data.oMf[robot.frame_id(sole.frame)].translation for sole in robot.soles[:2])
-    return float(np.linalg.norm(left[:2] - right[:2]))
+        With the hip above the ankle the shank tilts by α, and the knee, whose torque is m g b sin α for a shank of
+        length b, may take `CARRIED` of its limit; the ankle must keep `ROOM` to the end of its range. Half-sitting is
+        carried.
+        """
+        robot, shank, thigh = self._robot, self.shank, self.length - self.shank
+        knee = CARRIED * float(robot.torque_limit[self.knee]) / (robot.mass * GRAVITY * shank)
+        ankle = robot.model.joints[self._ankle].idx_v - BASE_DOF
+        bent = float(robot.half_sitting[7 + ankle])
+        # A foot that turns forward lets the shank stand up.
+        end = float((robot.position_lower if self._pitch(self._ankle) > 0.0 else robot.position_upper)[ankle])
+        now = (self.hip_height**2 + shank**2 - thigh**2) / (2.0 * self.hip_height * shank)
+        tilt = math.acos(min(1.0, now)) + max(0.0, abs(end - bent) - ROOM)
+        tilt = min(tilt, math.asin(min(1.0, knee)), math.asin(min(1.0, thigh / shank)))
+        hip = shank * math.cos(tilt) + math.sqrt(thigh**2 - (shank * math.sin(tilt)) ** 2)
+        return min(hip, self.hip_height) - self._offset
+
+    def bent_height(self, stretch: float) -> float:
+        """Return the CoM height over the soles of a driven robot, m: straight legs bend to a ratio of their length."""
+        if self.hip_height <= STRAIGHT * self.length:
+            return self.com_height
+        return self.com_height - max(0.0, self.hip_height - max(stretch * self.length, self.shortest))
+
+    def hip_acceleration(self) -> float:
+        """Return the angular acceleration of the leg by the whole torque of its hip, rad/s²."""
+        robot = self._robot
+        inertia = pin.crba(robot.model, robot.model.createData(), robot.half_sitting)
+        hip = robot.model.joints[max(self._above, key=lambda joint: abs(self._pitch(joint)))].idx_v
+        return float(robot.torque_limit[hip - BASE_DOF]) / float(inertia[hip, hip])
 
 
 def _hip_yaw_range(robot: Robot) -> float:

@@ -16,7 +16,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.core.robot import GRAVITY, Robot
-from wbc.walking.plans.reach import SPANS, carried_height, hip_acceleration, leg_geometry, leg_span
+from wbc.walking.plans.reach import SPANS, Leg
 
 QUICKEST_SWING = 0.455
 """Least time of a step, 1/ω: its swing ends at 0.88 of it (`SteppingConstants.touch`) and has two pieces of 0.2/ω each
@@ -64,16 +64,16 @@ class RobotSize:
         heights = [float(at[2]) for at in joints]
         leg_length = max(heights) - min(heights)
         ankle = float(sole.actInv(data.oMi[robot.joint_numbers[legs[0][-1]]]).translation[0])
-        leg = leg_geometry(robot)
-        height = max(com - bend * leg_length, carried_height(robot, leg)) if height is None else height
+        leg = Leg(robot)
+        height = max(com - bend * leg_length, leg.carried_height()) if height is None else height
         return RobotSize(
             height=height,
             leg=leg_length,
             mass=robot.mass,
             sole=(0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width),
             ankle=ankle,
-            stride=LONGEST * (SPANS * leg_span(robot, height, leg)),
-            swing=leg_length * hip_acceleration(robot, leg),
+            stride=LONGEST * (SPANS * leg.span(height)),
+            swing=leg_length * leg.hip_acceleration(),
         )
 
 
