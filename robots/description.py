@@ -136,6 +136,7 @@ class RobotDescription:
         return partial(type(self), **values), ()
 
     @classmethod
+    @checked
     def from_urdf(
         cls,
         source: str | Path,
@@ -188,6 +189,7 @@ class RobotDescription:
         )
 
     @classmethod
+    @checked
     def from_mjcf(
         cls,
         source: object,

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, WbcError, choose, shown
+from wbc.base.errors import InputError, WbcError, check_parts, choose, shown
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.drive.control import DriveControl
@@ -349,11 +349,12 @@ class Program:
             self.machine.end(self._scope)
             self.note(self.machine.name, self.outcome)
 
+    @checked
     def run(
         self,
         plant: Any,
         *,
-        seconds: float | None = None,
+        seconds: Annotated[NonNegative, "s"] | None = None,
         after_tick: Callable[[], object] | None = None,
         record: Callable[[Any, Program, Measurement, Command], object] | None = None,
     ) -> str | None:
@@ -363,6 +364,7 @@ class Program:
         each tick, for example to update a view. `record` is called in each tick with plant, program, measurement and
         command, for example a `wbc.app.Recorder`.
         """
+        check_parts("a plant", plant, "measure", "step")
         if seconds is None and not self.machine.possible:
             raise InputError(f"machine '{self.machine.name}' has no end: run it for a number of seconds")
         while self.outcome is None and (seconds is None or self.time < seconds - ROUNDING):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
+from wbc.base.checked import checked
 from wbc.base.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
 from wbc.feet.soles.sole import AnkleSole, FootFit, box_inertia
@@ -22,6 +23,7 @@ SOFT_ANKLE_BEHIND = 0.030
 class FlatFoot(Foot):
     """The robot's own sole: rigid, with its rectangle and height; its mass is part of the ankle link."""
 
+    @checked
     def fit(self, sole: AnkleSole) -> FootFit:
         """Return the foot in place of the robot's own sole; see `Foot.fit`."""
         return FootFit(sole, box_inertia(0.0, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)), 0.0, 0.0)
@@ -53,6 +55,7 @@ class RigidFoot(Foot):
     ankle_height: Annotated[Positive, "m"] | None = None
     mass: Annotated[NonNegative, "kg"] = 0.34
 
+    @checked
     def fit(self, sole: AnkleSole) -> FootFit:
         """Return the foot in place of the robot's own sole; see `Foot.fit`."""
         fitted = fitted_sole(

@@ -9,6 +9,7 @@ from typing import Annotated
 import pinocchio as pin
 from pydantic import Field
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Number, Positive, settings
@@ -143,6 +144,7 @@ class SoftDesign(Foot):
         """Mass of the whole foot, kg."""
         return self.phalanges * self.phalanx_mass + self.frontal_arch_mass + self.backward_arch_mass
 
+    @checked
     def fit(self, sole: AnkleSole) -> FootFit:
         """Return the foot in place of the robot's own sole; see `Foot.fit`."""
         fitted = fitted_sole(
@@ -161,6 +163,7 @@ class SoftDesign(Foot):
             fitted, fitted.placement.act(inertia), self.mass, float(fitted.ankle[2]) - float(sole.ankle[2])
         )
 
+    @checked
     def layout(self, fitted: AnkleSole) -> SoftLayout:
         """Return places and inertias of the parts in the rest shape, under a given ankle."""
         n, z = self.phalanges, self.hinge_height

@@ -179,6 +179,7 @@ class StiffnessModel:
     made: Mapping[str, Any]
 
     @classmethod
+    @checked
     def fit(
         cls,
         values: ArrayLike,
@@ -251,6 +252,7 @@ class StiffnessModel:
             cluster = int(clusters.of(stiffness))
         return Prediction(stiffness, cluster, closest, closest <= self.reach, features)
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write the model as JSON, with one training profile in each line and exact numbers."""
         head = {
@@ -269,6 +271,7 @@ class StiffnessModel:
         write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
     @classmethod
+    @checked
     def load(cls, path: str | Path) -> StiffnessModel:
         """Return the model that `save` wrote; raise an `InputError` for any other or inconsistent file."""
         target = Path(path)

@@ -31,7 +31,7 @@ from wbc.sim.plant.drives import delays
 from wbc.sim.plant.places import body_frame
 from wbc.sim.plant.robot import ANOTHER, DivergedError, check_period
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
-from wbc.sim.plant.settings import Machine, Step, steps_per_tick
+from wbc.sim.plant.settings import Machine, SoleIndex, Step, steps_per_tick
 from wbc.sim.plant.truth import GroundTruth
 
 FASTEST = 1e4
@@ -221,7 +221,8 @@ class EngineLoop(ABC):
         """True velocities of the actuated joints now, shape (na,), rad/s."""
         return self._v[6:]
 
-    def sole_pose(self, side: int) -> tuple[Array, Array]:
+    @checked
+    def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
         """Return the true centre, shape (3,), m, and the rotation, shape (3, 3), of a sole, 0 left, 1 right."""
         place = self._data.oMf[self._sole_frames[side]]
         return place.translation.copy(), place.rotation.copy()

@@ -41,7 +41,7 @@ from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.pushes import Loads
 from wbc.sim.plant.robot import DivergedError, SimulatedRobot, advance, check_period
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
-from wbc.sim.plant.settings import Machine, PhysicsSettings, Step, steps_per_tick, whole_steps
+from wbc.sim.plant.settings import Machine, PhysicsSettings, SoleIndex, Step, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import Imu
 from wbc.sim.scenes.base import Scene
 from wbc.sim.terrain.spec import Terrain
@@ -268,7 +268,8 @@ class Plant(SimulatedRobot):
         q[2] += lift - INITIAL_PRESS
         return q
 
-    def sole_pose(self, side: int) -> tuple[Array, Array]:
+    @checked
+    def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
         """See `SimulatedRobot`."""
         site = self.sole_sites[side]
         return self.data.site_xpos[site], self.data.site_xmat[site].reshape(3, 3)

@@ -24,7 +24,7 @@ from wbc.sim.plant.hands import Grips, HandSensor
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.pushes import Push, Pushes
 from wbc.sim.plant.sensors import NOISE_PRESETS, SensorChain, SensorNoise
-from wbc.sim.plant.settings import Machine, steps_per_tick
+from wbc.sim.plant.settings import Machine, SoleIndex, steps_per_tick
 from wbc.sim.plant.signals import Imu, TrueSignals
 from wbc.sim.plant.truth import Contacts, GroundTruth
 
@@ -143,7 +143,8 @@ class SimulatedRobot(ABC):
         """True velocities of the actuated joints now, shape (na,), rad/s."""
         return np.asarray(self.data.qvel[self.places.joint_dof])
 
-    def sole_pose(self, side: int) -> tuple[Array, Array]:
+    @checked
+    def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
         """Return the true centre, shape (3,), m, and the rotation, shape (3, 3), of a sole, 0 left, 1 right."""
         places, body = self.places, self.places.feet[side]
         rotation, sole = self.data.xmat[body].reshape(3, 3), places.soles[side]

@@ -8,6 +8,7 @@ from typing import Annotated
 import mujoco
 from pydantic import Field
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import LONGEST_PERIOD, NonNegative, Positive, settings
@@ -48,6 +49,7 @@ class PhysicsSettings:
     gravity: Annotated[float, Field(ge=0.0, le=1000.0), "m/s²"] = GRAVITY
     few_contacts: bool = True
 
+    @checked
     def apply(self, spec: mujoco.MjSpec) -> None:
         """Write the settings into a model under construction."""
         option = spec.option
@@ -64,6 +66,9 @@ class PhysicsSettings:
         # A robot is one island; looking for more costs 8 % of a step.
         option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
 
+
+SoleIndex = Annotated[int, Field(ge=0, le=1)]
+"""A sole: 0 left, 1 right."""
 
 OF_THE_PLANT = ("friction", "payload", "hand_sensors")
 """Properties of a `Machine` that change the model of the robot, so that only the plant, which builds it, has them."""

@@ -35,7 +35,7 @@ from pydantic import BaseModel
 from pydantic_core import from_json
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, WbcError, shown_path
+from wbc.base.errors import InputError, WbcError, check_parts, shown_path
 from wbc.base.files import decoding
 from wbc.base.settings import to_json
 from wbc.sim.studies.provenance import provenance
@@ -257,6 +257,7 @@ class Journal:
         entries: Entries of the journal, by key.
     """
 
+    @checked
     def __init__(self, path: Path | str, *, any_code: bool = False) -> None:
         """Open a journal or start a new one, lock it, and cut off an incomplete last line.
 
@@ -298,8 +299,10 @@ class Journal:
 
     def entry(self, spec: AnyTrialSpec) -> Entry | None:
         """Return the entry of a trial; None if it has not been run."""
+        check_parts("a trial", spec, "kind", "to_json")
         return self.entries.get(trial_key(spec.to_json()))
 
+    @checked
     def add(self, entry: Entry) -> None:
         """Append an entry.
 

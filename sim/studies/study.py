@@ -133,6 +133,7 @@ class Study:
         """Part of the results that the table shows: `metric`, or that of the kind of trial."""
         return self.metric or KINDS.find(self.kind)[1].metric
 
+    @checked
     def titled(self, part: str) -> str:
         """Return a part of the results with its unit, such as "zmp_error.mean (m)"."""
         unit = KINDS.find(self.kind)[1].units.get(part)

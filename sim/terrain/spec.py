@@ -22,7 +22,7 @@ from wbc.base.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family
-from wbc.sim.terrain.families.site import Draws, Site, cells
+from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
 from wbc.sim.terrain.shapes import Box, Shape, lowered
 
@@ -50,9 +50,6 @@ LARGEST_AMPLITUDE = 100.0
 
 LEAST_AMPLITUDE = 1e-6
 """Least amplitude of a ground that is not flat, m: solids cannot be thinner than rounding."""
-
-LONGEST_TRACK = 1000.0
-"""Longest and widest track, m."""
 
 AMPLITUDE_TOLERANCE = 1e-9
 """Largest difference between the amplitude asked for and the one built, m."""
@@ -109,6 +106,7 @@ class Terrain:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @staticmethod
+    @checked
     def default_ramp(parameters: Family) -> float:
         """Return the length of the ramp of a family by default, m."""
         return parameters.track().get("ramp", RAMP)

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Self
 
+from wbc.base.checked import checked
 from wbc.base.errors import choose
 from wbc.base.settings import Positive, Seed, from_json, json_object, settings, to_json
 from wbc.core.drive.control import Mode
@@ -119,6 +120,7 @@ class TrialSpec:
         """Return the control period when none is given, s."""
         return CONTROL_PERIOD[self.chosen]
 
+    @checked
     def build(
         self, observer: ObserverSettings | None = None, *, visuals: bool = False
     ) -> tuple[Robot, TrialLoop, Observer]:

@@ -193,6 +193,7 @@ class ComplianceTask(FrameTask):
         vector[3:] = pin.log3(self._offset_rotation)
         return vector
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve names; a task on a sole reads the wrench of that sole."""
         for index, sole in enumerate(robot.soles):

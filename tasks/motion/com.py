@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.qp.axes import POSITION_AXES
@@ -37,6 +38,7 @@ class CoMTask(Task):
         """Return the centre of mass, shape (3,), m."""
         return np.array(robot.com)
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         super().bind(robot)
@@ -86,6 +88,7 @@ class CoMOverFeetTask(CoMTask):
         """Return the vector from the middle of the soles to the centre of mass, shape (3,), m."""
         return np.asarray(robot.com - self._middle(robot))
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         if not robot.soles:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
 from wbc.core.qp.axes import distinct_joints, joint_columns
@@ -35,6 +36,7 @@ class JointTask(Task):
         super().__init__(name, len(self._joints or [""]), **options)
         self._pending = target  # until the joints are known
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve the joints, and take the present values as targets where none were given."""
         if self._joints is None:

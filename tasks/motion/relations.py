@@ -57,6 +57,7 @@ class DistanceTask(_Number):
         if target is not None:
             self.target = target
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve the frames."""
         super().bind(robot)
@@ -117,6 +118,7 @@ class JointCouplingTask(_Number):
         if target is not None:
             self.target = target
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve the joints."""
         self._columns = joint_columns(robot, self.coefficients)
@@ -170,6 +172,7 @@ class ManipulabilityTask(_Number):
         if target is not None:
             self.target = target
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Find the joints of the limb."""
         self._id, self._data = robot.frame_id(self.frame), robot.model.createData()
@@ -245,6 +248,7 @@ class LowAccelerationTask(SelectionTask):
         """Describe the task, which has no target."""
         super().__init__("low acceleration", 1, **options)
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Take all coordinates."""
         self._resize(robot.nv)

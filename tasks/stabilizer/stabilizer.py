@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from wbc.base.checked import checked
 from wbc.base.numbers import Array
 from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY
@@ -93,9 +94,10 @@ class Stabilizer:
         return self._gains
 
     @gains.setter
-    def gains(self, gains: StabilizerGains) -> None:
-        self._given = gains
-        gains = gains.for_mass(self._mass)
+    @checked
+    def gains(self, value: StabilizerGains) -> None:
+        self._given = value
+        gains = value.for_mass(self._mass)
         old, self._gains = self._gains, gains
         self._feedback.gains = self.feet.gains = gains
         self._wrench.time_constant = gains.wrench_time

@@ -138,6 +138,9 @@ def test_unknown_signal_names_the_nearest_ones(log_file: Path) -> None:
         log["com/estimatd"]
     with pytest.raises(InputError, match="texts"):
         log["walk/phase"]
+    for read in (log.column, log.parts, log.texts, log.lists):
+        with pytest.raises(InputError, match=f"of Log.{read.__name__} must be"):
+            read(["time"])  # type: ignore[arg-type]
 
 
 def test_the_parts_of_a_vector_may_stand_in_any_order(log_file: Path) -> None:

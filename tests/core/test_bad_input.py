@@ -49,6 +49,10 @@ def pairs(*names: str, **options: object) -> wbc.CollisionLimit:
     return wbc.CollisionLimit([names], **options)  # type: ignore[arg-type, list-item]
 
 
+def observer() -> wbc.Observer:
+    return wbc.Observer(g1().clone())
+
+
 def again(*items: wbc.TorqueLimits | wbc.JointLimits) -> None:
     balance_controller(g1().clone(), 0.002).add(*items)
 
@@ -96,6 +100,26 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: pairs("left_hand", "left_hand"), InputError, "left_hand"),
     (lambda: pairs("left_hand", "pelvis", margin=0.2, influence=0.1), InputError, "influence"),
     (lambda: pairs("left_hant", "pelvis", shapes={"pelvis": BALL}).bind(g1()), UnknownNameError, "left_hant"),
+    (lambda: g1().configuration(3), InputError, "joints of Robot.configuration"),  # type: ignore[arg-type]
+    (lambda: g1().joint_index(np.zeros(3)), InputError, "name of Robot.joint_index"),  # type: ignore[arg-type]
+    (lambda: g1().sole(np.zeros(3)), InputError, "name of Robot.sole"),  # type: ignore[arg-type]
+    (lambda: wbc.CoMPolygonLimit().use_soles("left_foot"), InputError, "soles of CoMPolygonLimit.use_soles"),
+    *(
+        (lambda item=item: item.bind(load("g1")), InputError, r"robot of \w+.bind .*description\.robot\(\)")
+        for item in (
+            wbc.CoMTask(),
+            wbc.PostureTask(),
+            wbc.PoseTask("left_hand"),
+            Sole("left_foot"),
+            Point("left_hand"),
+            wbc.JointLimits(),
+            wbc.TorqueLimits(),
+            wbc.CoMPolygonLimit(),
+            wbc.FrameSpeedLimit("left_hand", linear=1.0),
+            pairs("left_hand", "pelvis", shapes={"pelvis": BALL}),
+        )
+    ),
+    (lambda: observer().retune(3), InputError, "settings of Observer.retune"),  # type: ignore[arg-type]
 ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from wbc.base.errors import InputError
-from wbc.feet import foot
+from wbc.feet import StiffnessModel, foot
 from wbc.feet.sensing.roughness import roughness
 from wbc.feet.sensing.scan import GroundScan, ScanSettings, resample
 from wbc.feet.soles.sole import AnkleSole
@@ -28,6 +28,9 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: resample([0.0, 1.0], [0.0]), "shape"),
     (lambda: roughness(GRID**2, FLAT), "even"),
     (lambda: roughness(GRID, FLAT[1:]), "shape"),
+    (lambda: foot("flat").fit("left_foot"), "sole of FlatFoot.fit"),  # type: ignore[arg-type]
+    (lambda: foot("soft").fit(None), "sole of SoftFoot.fit"),  # type: ignore[arg-type]
+    (lambda: StiffnessModel.load(3), "path of StiffnessModel.load"),  # type: ignore[arg-type]
 ]
 
 

@@ -336,6 +336,12 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
         (lambda: GroundSettings(max_age=0.0), "max_age"),
         (lambda: HeightMapSettings(cell=0.001), "cell"),
         (lambda: HeightMapSettings(cell=0.5), "cell"),
+        (lambda: HeightMap().add([[0.0, 0.0, math.nan]], [0.01], 0.0), "points of HeightMap.add"),
+        (lambda: HeightMap().add(np.zeros((3, 2)), np.ones(3), 0.0), "points and std"),
+        (lambda: HeightMap().add(np.zeros((3, 3)), np.ones(2), 0.0), "points and std"),
+        (lambda: HeightMap().add(np.zeros((3, 3)), -np.ones(3), 0.0), "std of HeightMap.add"),
+        (lambda: HeightMap().shift(math.nan), "height of HeightMap.shift"),
+        (lambda: HeightMap().rewind("now"), "time of HeightMap.rewind"),
     ],
 )
 def test_bad_input_is_named(make, name):

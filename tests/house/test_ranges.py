@@ -255,7 +255,8 @@ def outside(kind: type, rules: tuple[Any, ...]) -> list[Any]:
     values: list[Any] = []
     for rule in rules:
         if isinstance(rule, Numbers):
-            low, high = max(rule.low, math.nextafter(rule.above, math.inf)), rule.high
+            above = math.nextafter(rule.above, math.inf) if math.isfinite(rule.above) else -math.inf
+            low, high = max(rule.low, above), rule.high
             values += [
                 math.nextafter(bound, bound + way)
                 for bound, way in ((low, -1.0), (high, 1.0))

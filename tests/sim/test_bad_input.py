@@ -6,19 +6,32 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from wbc import Plant
+from wbc import Plant, PositionControl
 from wbc.app.log.recorder import Recorder
 from wbc.app.plot.signals import draw_signals
 from wbc.app.replay.replay import Replay
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.feet import foot
-from wbc.robots import load
-from wbc.sim import DepthCamera, FootTest, SharedPlant, WalkPlan, WalkPush, WalkSpec, make_scene, stand, walk
+from wbc.motion import MotionClip
+from wbc.robots import RobotDescription, load
+from wbc.sim import (
+    DepthCamera,
+    FootTest,
+    SharedPlant,
+    WalkPlan,
+    WalkPush,
+    WalkSpec,
+    dome,
+    make_scene,
+    stand,
+    walk,
+)
 from wbc.sim import make_terrain as ground
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.studies import Cell, Journal, Study, read_journal, study_frame, study_table
@@ -26,7 +39,8 @@ from wbc.sim.studies.trials import trial_from_json
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.loop import Trial
 from wbc.sim.trial.loops import trial_loop
-from wbc.tasks import PostureTask
+from wbc.tasks import Behaviour, PostureTask, Program, StateMachine
+from wbc.tasks.balance import balance_controller
 from wbc.walking import Gait
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 
@@ -41,6 +55,16 @@ image = partial(terrain, "image", 0.03, metres_per_pixel=0.01)
 @cache
 def plant() -> Plant:
     return make()
+
+
+def journal(method: str, value: object) -> None:
+    with TemporaryDirectory() as folder, Journal(Path(folder) / "j.jsonl") as made:
+        getattr(made, method)(value)
+
+
+def program(*args: Any, **options: Any) -> None:
+    control = PositionControl(balance_controller(plant().robot.clone(), 0.005))
+    Program(StateMachine("m", [Behaviour("a", timeout=1.0)]), control).run(*args, **options)
 
 
 REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
@@ -83,6 +107,9 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: image(source="none.png"), "none.png"),
         (lambda: image(source=np.array([[np.nan, 1.0], [2.0, 3.0]])), "finite"),
         (lambda: terrain("image", source=np.eye(5)), "metres_per_pixel|scale"),
+        (lambda: dome(0.0, 0.0, 1e300, 0.1), r"radius of dome \(m\)"),
+        (lambda: dome(0.0, 0.0, 0.1, 1e4), r"top of dome \(m\)"),
+        (lambda: terrain("flat").default_ramp(3), "parameters of Terrain.default_ramp"),  # type: ignore[arg-type]
     ],
     "rig": [
         (lambda: FootTest(physics=PhysicsSettings(gravity=0.0)), "gravity"),
@@ -134,6 +161,19 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: load("g1").with_servos("*=1,2"), "gains of RobotDescription.with_servos must be a sequence"),
         (lambda: Replay("walk.arrow"), "log of Replay must be of class Log"),  # type: ignore[arg-type]
         (lambda: Recorder(3), "path of Recorder"),  # type: ignore[arg-type]
+        (lambda: plant().sole_pose("left"), "side of Plant.sole_pose"),  # type: ignore[arg-type]
+        (lambda: plant().sole_pose(2), "side of Plant.sole_pose"),
+        (lambda: PhysicsSettings().apply(plant().model), "spec of PhysicsSettings.apply"),  # type: ignore[arg-type]
+        (lambda: WalkSpec().build(3), "observer of WalkSpec.build"),  # type: ignore[arg-type]
+        (lambda: study().titled([]), "part of Study.titled"),  # type: ignore[arg-type]
+        (lambda: Journal(3), "path of Journal"),  # type: ignore[arg-type]
+        (lambda: journal("entry", 3), "a trial must have kind and to_json"),
+        (lambda: journal("add", {}), "entry of Journal.add"),
+        (lambda: RobotDescription.from_urdf(3), "source of RobotDescription.from_urdf"),  # type: ignore[arg-type]
+        (lambda: MotionClip.of("g1", np.zeros((2, 36)), 50.0), "robot of MotionClip.of"),  # type: ignore[arg-type]
+        (lambda: MotionClip.of(plant().robot, np.zeros(41), 50.0), r"shape \(T, 41\)"),
+        (lambda: program(3), "a plant must have measure and step"),
+        (lambda: program(plant(), seconds=-1.0), "seconds of Program.run"),
         (lambda: draw_signals([3], ["time"]), "logs of draw_signals.* must be of class Log"),  # type: ignore[list-item]
     ],
 }

@@ -86,6 +86,12 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: walking().hands.press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)), "left_hand"),
     (lambda: walking().hands.press("left_hand", 500.0, DOWN, firm=True), "left_hand"),
     (lambda: WalkingControl(ROBOT.clone(), walk_distance(START, 3.0), DT, extent=(-1, 2, -1, 1)), "ground"),
+    (lambda: START.moved(np.eye(4)), "world of FootstepPlan.moved"),
+    (lambda: START.on(0.1), "height of FootstepPlan.on"),  # type: ignore[arg-type]
+    (lambda: Gait.for_speed((0.1, 0.0, 0.0), 0.5), "gait of Gait.for_speed"),  # type: ignore[arg-type]
+    (lambda: Gait.at_speed(-0.1), r"speed of Gait.at_speed \(m/s\)"),
+    (lambda: setattr(walking().stabilizer, "gains", {"dcm_p": 5.0}), "gains of Stabilizer"),
+    (lambda: walking().arms["left_hand"].reach([0.3, 0.2, 0.1], "pelvis", duration=1e300), "duration"),
 ]
 
 

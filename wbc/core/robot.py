@@ -539,6 +539,7 @@ class Robot:
         """Frames by role, such as "left_hand" and "left_foot"; the name of a frame takes precedence over a role."""
         return {**{sole.name: sole.frame for sole in self.soles}, **self.frames}
 
+    @checked
     def joint_index(self, name: str) -> int:
         """Return the index of an actuated joint in arrays of shape (na,)."""
         if name not in self.joint_names:
@@ -568,6 +569,7 @@ class Robot:
         if not self.soles:
             raise InputError(f"{what} needs two feet, robot '{self.name}' is described without")
 
+    @checked
     def sole(self, name: str) -> Sole:
         """Return a sole by its name or by its frame."""
         for sole in self.soles:
@@ -592,6 +594,7 @@ class Robot:
         """Joints between the soles and the base, as indices in arrays of shape (na,)."""
         return [j for sole in self.soles for j in self.joints_between(sole.frame, self.base_frame)]
 
+    @checked
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
         """Return half-sitting with other positions of some joints, the lower sole (if any) on the ground z = 0.
 

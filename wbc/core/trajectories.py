@@ -20,6 +20,7 @@ from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 from scipy.interpolate import BSpline, make_interp_spline
 
 from wbc.base.checked import checked
@@ -37,6 +38,12 @@ KEPT = 1.0 + 1e-6
 
 DURATIONS, TRIALS = (1e-3, 1e3), 200
 """Times among which that of a path which begins in motion is looked for, s, and their number."""
+
+LONGEST = 86_400.0
+"""Longest time of a trajectory, s: a day."""
+
+Duration = Annotated[Positive, Field(le=LONGEST), "s"]
+"""Time of a trajectory, s."""
 
 STRIDE = 5
 """Samples of which one is looked at in the first pass of that search."""
@@ -215,7 +222,7 @@ class Trajectory:
     def __init__(
         self,
         points: Sequence[ArrayLike] | Array,
-        duration: Annotated[Positive, "s"] | None = None,
+        duration: Duration | None = None,
         *,
         speed: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,

@@ -15,12 +15,13 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from wbc.base.checked import checked
+from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.base.settings import Count, NonNegative, Number, Positive, settings
+from wbc.base.settings import Count, NonNegative, Number, Numbers, Positive, settings
 
 Places = NDArray[np.complex128]
 """Places x + iy in the world, m."""
@@ -97,13 +98,24 @@ class HeightMap:
         self.heights, self.std = np.full(SIDE * SIDE, np.nan), np.full(SIDE * SIDE, np.inf)
         self._refreshed = -math.inf  # time at which all cells were, s
 
-    def add(self, points: Array, std: Array, time: float) -> float | None:
+    @checked
+    def add(
+        self,
+        points: Annotated[ArrayLike, Numbers(), "m"],
+        std: Annotated[ArrayLike, Numbers(low=0.0), "m"],
+        time: Annotated[Number, "s"],
+    ) -> float | None:
         """Fuse the points of one frame, shape (n, 3), m, in the world, with their standard deviations, shape (n,), m.
 
         Return the height by which the map is shifted to agree with the frame, m; None if they overlap too little.
         """
-        if not len(points):
+        points, std = np.asarray(points), np.asarray(std)
+        if not points.size:
             return None
+        if points.ndim != 2 or points.shape[1] != 3 or std.shape != points.shape[:1]:
+            raise InputError(
+                f"points and std of a height map must have shapes (n, 3) and (n,), got {points.shape} and {std.shape}"
+            )
         s = self.settings
         slot, code, z, r = self._frame(points, std)
         var = self._var[slot] + s.wander**2 * (time - self._seen[slot])
@@ -123,12 +135,14 @@ class HeightMap:
         self._refresh(time, slot, shift is not None)
         return shift
 
-    def shift(self, height: float) -> None:
+    @checked
+    def shift(self, height: Annotated[Number, "m"]) -> None:
         """Move all heights up by a height, m."""
         self._z += height
         self.heights += height
 
-    def rewind(self, time: float) -> None:
+    @checked
+    def rewind(self, time: Annotated[Number, "s"]) -> None:
         """Set the time at which all heights were seen to a time, s, when the clock starts again."""
         np.minimum(self._seen, time, out=self._seen)
         self._refreshed = -math.inf

@@ -118,10 +118,16 @@ class MotionClip:
         return q
 
     @classmethod
+    @checked
     def of(
         cls, robot: Robot, q: Array, rate: float, name: str = "motion", standing: Array | None = None
     ) -> MotionClip:
         """Make a clip of all joints of a robot from configurations, shape (T, nq), at a rate, Hz."""
+        q = finite_array("configurations of a motion", q)
+        if q.ndim != 2 or q.shape[1] != robot.nq:
+            raise InputError(
+                f"configurations of a motion must have shape (T, {robot.nq}) for {robot!r}, got {q.shape}"
+            )
         return cls(robot.joint_names, rate, q[:, :7], q[:, 7:], name, standing)
 
     def sampled(self, times: Array, rate: float) -> MotionClip:

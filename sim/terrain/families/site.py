@@ -12,6 +12,9 @@ import numpy as np
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, whole_number
 
+LONGEST_TRACK = 1000.0
+"""Longest and widest track, m."""
+
 
 class Draws:
     """One stream of uniform numbers, fixed by a seed and a key; another key is an independent stream.

@@ -6,10 +6,12 @@ import math
 from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.numbers import Array
 from wbc.base.settings import Number, Positive
+from wbc.sim.terrain.families.site import LONGEST_TRACK
 from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, Sphere, tilted_rotation, yaw_rotation
 
 BURIED = 0.005
@@ -20,8 +22,8 @@ BURIED = 0.005
 def dome(
     x: Annotated[Number, "m"],
     y: Annotated[Number, "m"],
-    radius: Annotated[Positive, "m"],
-    top: Annotated[Positive, "m"],
+    radius: Annotated[Positive, Field(le=LONGEST_TRACK), "m"],
+    top: Annotated[Positive, Field(le=LONGEST_TRACK), "m"],
 ) -> Shape:
     """Make a round stone from its place, radius on the floor and height, m: a spherical cap or half an ellipsoid."""
     if top > radius:

@@ -160,12 +160,14 @@ class Log:
                 )
         return np.stack([self[part] for part in parts], axis=1)
 
+    @checked
     def column(self, name: str) -> Any:
         """Return a signal as it is in the file: a pyarrow column."""
         if name not in self.signals:
             self._unknown(name, self.signals)
         return self._rows.column(name)
 
+    @checked
     def parts(self, group: str) -> list[str]:
         """Return the names of all numeric signals of a group; raise an `UnknownNameError` for an unknown group."""
         names = [
@@ -178,10 +180,12 @@ class Log:
             self._unknown(group, groups | set(self.signals))
         return names
 
+    @checked
     def texts(self, name: str) -> NDArray[np.object_]:
         """Return the texts of a signal, shape (ticks,), with None in ticks without a text."""
         return self._objects(name, "text")
 
+    @checked
     def lists(self, name: str) -> list[Array | None]:
         """Return the lists of a signal, one for each tick, with None in ticks without a list."""
         values = self._objects(name, "list")

@@ -177,6 +177,7 @@ class Observer:
             self.outside = OutsideWrench(self.robot)
         return self.outside
 
+    @checked
     def retune(self, settings: InertialSettings) -> None:
         """Change the time constants of attitude and velocity."""
         self.inertial.settings = settings

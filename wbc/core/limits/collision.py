@@ -213,6 +213,7 @@ class CollisionLimit(Limit):
             raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
         self._time = time_constant
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Build the shapes, and find the pairs where all are asked for."""
         self._robot = robot

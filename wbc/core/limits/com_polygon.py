@@ -110,6 +110,7 @@ class CoMPolygonLimit(Limit):
         self._polygon, self._edges = corners, len(corners)
         self._normals[: self._edges], self._offsets[: self._edges] = normals, offsets
 
+    @checked
     def use_soles(self, soles: Iterable[str] | None = None) -> None:
         """Take the hull of some soles as the polygon; call it when contacts have changed.
 
@@ -133,6 +134,7 @@ class CoMPolygonLimit(Limit):
         used = slice(0, self._edges)
         return float((self._offsets[used] - self._normals[used] @ self._robot.com[:2]).min())
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Take the hull of the soles when no polygon was given."""
         if not robot.floating:

@@ -46,6 +46,7 @@ class FrameLimit(Limit):
         self.frame, self.name, self.dim = frame, name or f"{frame} {what}", dim
         self._time = time_constant
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve the frame."""
         self._robot, self._id = robot, robot.frame_id(self.frame)

@@ -161,6 +161,7 @@ class JointLimits(Limit):
         self._acceleration, self._braking = acceleration, braking
         self._margin, self._ratio = margin, velocity_ratio
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Take the limits from the model."""
         self.dim = na = robot.na

@@ -40,6 +40,7 @@ class TorqueLimits(Limit):
         self._ratio = ratio
         self._rate = rate
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Take the limits from the model."""
         self.dim = robot.na

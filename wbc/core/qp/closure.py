@@ -77,6 +77,7 @@ class LoopClosure(Contact):
         self._turn, self._turn_spin = np.zeros((0, 3)), np.zeros((0, 3)) if rotation else None
         super().__init__(name or f"{frame} to {other}", frame, np.zeros((0, self.dim)), **options)
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve the frames, and find the directions in which the chain could open."""
         self._other_id = robot.frame_id(self.other)

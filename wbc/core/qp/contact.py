@@ -489,6 +489,7 @@ class SoleContact(_HeldFrame):
         self._change = np.eye(6)
         super().__init__(sole, sole, np.zeros((16 if torsion is None else 10, 6)), **options)
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Take frame and rectangle from the robot's sole."""
         sole = robot.sole(self.name)

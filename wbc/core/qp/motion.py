@@ -10,6 +10,7 @@ from typing import Any, ClassVar, SupportsIndex
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, read_only
 from wbc.core.robot import Robot
@@ -92,6 +93,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
             )
         return self._robot
 
+    @checked
     def bind(self, robot: Robot) -> None:
         """Resolve names against the robot, whose state is up to date; called when a controller gets it.
 

@@ -6,7 +6,7 @@ A task is a `Targeted` motion; `Move` computes the trajectories.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.base.checked import checked as checked_arguments
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, read_only
-from wbc.base.settings import Positive
 from wbc.core.qp.motion import Motion
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
 from wbc.core.robot import Robot
+from wbc.core.trajectories import Duration
 
 
 class Target:
@@ -148,7 +148,7 @@ class Targeted(Motion):
         self,
         target: Any,
         *,
-        duration: Annotated[Positive, "s"] | None = None,
+        duration: Duration | None = None,
         speed: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:
@@ -172,7 +172,7 @@ class Targeted(Motion):
         self,
         targets: Sequence[Any],
         *,
-        duration: Annotated[Positive, "s"] | None = None,
+        duration: Duration | None = None,
         speed: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:

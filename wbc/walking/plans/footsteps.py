@@ -242,6 +242,7 @@ class FootstepPlan:
             steps = (right if steps[0].side == "left" else left, *steps)
         return replace(self, steps=(*self.steps, *steps))
 
+    @checked
     def moved(self, world: pin.SE3) -> FootstepPlan:
         """Return the plan moved to another place.
 
@@ -250,6 +251,7 @@ class FootstepPlan:
         """
         return self._mapped(lambda step: step.moved(world))
 
+    @checked
     def on(self, height: Callable[[float, float], float]) -> FootstepPlan:
         """Return the plan with every sole centre on a known ground.
 

@@ -14,7 +14,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, finite_array
-from wbc.base.settings import Period, Positive, settings
+from wbc.base.settings import NonNegative, Period, Positive, settings
 
 SHORTEST = 0.05
 """Least duration of a piece of the motion, s: ten periods of 5 ms."""
@@ -175,6 +175,7 @@ class Gait:
         return replace(self, **changed) if changed else self, tuple(notes)
 
     @staticmethod
+    @checked
     def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> StepGait:
         """Return the gait for a velocity; steps take less time at a higher velocity.
 
@@ -188,7 +189,8 @@ class Gait:
         return Gait.at_speed(pace(finite_array(what, velocity, (3,)).tolist()), gait)
 
     @staticmethod
-    def at_speed(speed: float, gait: Gait | None = None) -> StepGait:
+    @checked
+    def at_speed(speed: Annotated[NonNegative, "m/s"], gait: Gait | None = None) -> StepGait:
         """Return the gait for a speed, m/s; see `for_speed`."""
         return _at_speed(round(speed, 2), gait or Gait())
 
