@@ -17,6 +17,9 @@ Vector = Sequence[float]
 Rotation = Sequence[Sequence[float]]
 """A rotation, row by row."""
 
+Point = tuple[float, float]
+"""x, y."""
+
 
 def largest(values: Array) -> float:
     """Return the same as `values.max()` for one axis, in a quarter of the time.
@@ -37,6 +40,12 @@ def turned_all(rotation: Rotation, vectors: Iterable[Vector]) -> list[tuple[floa
     """Return rotation times each of some vectors."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     return [(a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z) for x, y, z in vectors]
+
+
+def along(direction: Point, x: float, y: float) -> Point:
+    """Return the parts of a vector of the plane along a direction, given by its cosine and sine, and to its left."""
+    cos, sin = direction
+    return cos * x + sin * y, cos * y - sin * x
 
 
 def add_cross(vector: Vector, a: Vector, b: Vector) -> tuple[float, float, float]:

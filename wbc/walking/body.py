@@ -20,13 +20,13 @@ from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.trajectories import approach
 from wbc.tasks.motion.direction import LookAtTask
 from wbc.tasks.motion.frame import PoseTask, PositionTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.plans.reach import Leg
+from wbc.walking.plans.reach import Leg, vertical_joint
 
 SPEED, ACCELERATION = 0.1, 0.5
 """Greatest speed (m/s) and acceleration (m/s²) of the height: a twentieth of gravity hardly changes the pendulum."""
@@ -310,14 +310,10 @@ def lowest_com(robot: Robot) -> float:
 
 def _waist_turn(robot: Robot) -> float | None:
     """Return how far the waist turns the torso either way about the vertical, rad; None if no joint of it does."""
-    data = robot.model.createData()
-    pin.computeJointJacobians(robot.model, data, robot.half_sitting)
-    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
-    rows = pin.getFrameJacobian(robot.model, data, robot.frame_id(robot.torso_frame), pin.LOCAL_WORLD_ALIGNED)
-    for joint in robot.joints_between(robot.torso_frame, robot.base_frame):
-        if abs(float(rows[5, BASE_DOF + joint])) > 0.9:
-            return min(-float(robot.position_lower[joint]), float(robot.position_upper[joint])) - MARGIN
-    return None
+    joint, up = vertical_joint(robot, robot.torso_frame, robot.half_sitting)
+    if up == 0.0:
+        return None
+    return min(-float(robot.position_lower[joint]), float(robot.position_upper[joint])) - MARGIN
 
 
 def _neck_joints(robot: Robot) -> list[str]:

@@ -324,8 +324,8 @@ class WalkingControl:
         self.control.observer.retune(steps.estimate)
 
     def _lift(self) -> float:
-        """Return the height by which feet are lifted now, m."""
-        return self.source.lift()
+        """Return the height by which feet are lifted now, m; zero once all orders are done."""
+        return 0.0 if self.source.finished else self.source.swing_height
 
     # ---- what can be asked between ticks ------------------------------------------------------------------------
 

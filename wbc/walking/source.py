@@ -132,8 +132,6 @@ class ReferenceSource(ABC):
     lands and how the pendulum moves until then, and `progress` returns phase and steps.
 
     Attributes:
-        by_steps: True if the references contain the load of each foot, because steps balance the robot and not a
-            stabilizer.
         unsteered: Message of the error when a source that cannot be steered is steered.
         com_height: Height of the CoM over the soles, m; None for the height of the robot at the start.
         swing_height: Height of the swing, which bounds how far the body can be lowered, m.
@@ -143,7 +141,6 @@ class ReferenceSource(ABC):
         planner: Planner of the footsteps; None without one.
     """
 
-    by_steps = False
     unsteered = "references that do not come from footsteps cannot be steered"
     com_height: float | None = None
     swing_height = 0.0
@@ -191,10 +188,6 @@ class ReferenceSource(ABC):
     def haste(self) -> float:
         """Share from 0 to 1 by which the walk is a fast one, in which arms swing."""
         return 0.0
-
-    def lift(self) -> float:
-        """Return the present height of the swing, m; zero once all orders are done."""
-        return 0.0 if self.finished else self.swing_height
 
     @property
     def finished(self) -> bool:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 from wbc.base.lag import lag_gain
+from wbc.base.vectors import Point, along
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other
 from wbc.walking.plans.gait import Gait, pace
@@ -30,7 +31,7 @@ from wbc.walking.plans.sources import (
     checked_velocity,
     close_up,
 )
-from wbc.walking.stepping.law import SIDEWAYS, Pace, Point, SteppingConstants
+from wbc.walking.stepping.law import SIDEWAYS, Pace, SteppingConstants
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 
 LEADER_TURN = 4.0 / 3.0
@@ -112,9 +113,8 @@ class Steering:
         if distance > self.near:
             off = math.remainder((math.atan2(dy, dx) if towards is None else towards) - heading, math.tau)
             return min(cruise, distance / time) * max(0.0, math.cos(off)) ** 4, 0.0, off / time
-        cos, sin = math.cos(heading), math.sin(heading)
-        ahead, aside = (cos * dx + sin * dy) / time, (cos * dy - sin * dx) / time
-        return min(max(ahead, -cruise), cruise), aside, turn / time
+        ahead, aside = along((math.cos(heading), math.sin(heading)), dx, dy)
+        return min(max(ahead / time, -cruise), cruise), aside / time, turn / time
 
 
 # ---- free steps -----------------------------------------------------------------------------------------------------
@@ -146,7 +146,6 @@ class StepVelocity(NamedTuple):
     """Velocity of the next steps."""
 
     velocity: Point  # forward and left, m/s
-    turn: float  # rad/s
     go: bool  # true if the robot is to walk; False brings it to a stand
     made_up: float = 0.0  # part of the forward velocity that offsets of ξ make up, and no longer steps, m/s
 
@@ -243,9 +242,7 @@ class PathSteering(Steering):
         held = self._held(place, turn)
         self._make_up(held, speed)
         self.goes = self.pending
-        return StepVelocity(
-            (held[0] + self._missing, held[1]), turn, self.pending, self.haste * self._missing
-        )
+        return StepVelocity((held[0] + self._missing, held[1]), self.pending, self.haste * self._missing)
 
     def _wanted(self, place: Point) -> Velocity:
         """Return the velocity that target or goal ask for, within the limits."""
@@ -273,18 +270,17 @@ class PathSteering(Steering):
         if self._line is not None:
             (from_x, from_y), direction = self._line
             way_x, way_y = math.cos(direction), math.sin(direction)
-            along = way_x * (place[0] - from_x) + way_y * (place[1] - from_y)
-            self._path = from_x + way_x * along, from_y + way_y * along
+            gone = way_x * (place[0] - from_x) + way_y * (place[1] - from_y)
+            self._path = from_x + way_x * gone, from_y + way_y * gone
         path = place if self._path is None else self._path
         path = (path[0] + (cos * x - sin * y) * self._dt, path[1] + (sin * x + cos * y) * self._dt)
-        dx, dy = place[0] - path[0], place[1] - path[1]
-        ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
+        ahead, aside = along(self.direction, place[0] - path[0], place[1] - path[1])
         # A robot that walks is never behind its path; one that walks sideways or turns takes it along.
-        along = 0.0 if x == 0.0 and y == 0.0 and turn == 0.0 else ahead
+        taken = 0.0 if x == 0.0 and y == 0.0 and turn == 0.0 else ahead
         across = 0.0 if y == 0.0 and turn == 0.0 else aside * self._path_gain
-        self._path = (path[0] + cos * along - sin * across, path[1] + sin * along + cos * across)
+        self._path = (path[0] + cos * taken - sin * across, path[1] + sin * taken + cos * across)
         most = c.drift_speed
-        back = -c.drift_gain * (ahead - along), -c.drift_gain * aside
+        back = -c.drift_gain * (ahead - taken), -c.drift_gain * aside
         return x + min(max(back[0], -most), most), y + min(max(back[1], -most), most)
 
     def _make_up(self, asked: Point, speed: Point) -> None:

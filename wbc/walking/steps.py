@@ -83,7 +83,7 @@ def steps_of(
     """
     s, robot, dt = settings, control.controller.robot, control.controller.dt
     if isinstance(source, ReferenceSource):
-        if source.by_steps or s.step_kind == "free":
+        if isinstance(source, SteppingWalk) or s.step_kind == "free":
             raise InputError(
                 f"a stabilizer balances the robot along {shown(source)}: free steps take a plan, or None"
             )

@@ -181,12 +181,7 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
         com=(np.array([0.0, 0.0, weight]), np.full(3, weight)),
         shift=_com_gains(law.shift_gains, height_gains),
         stand=_com_gains((law.stand_gain * square, (1.0 + law.stand_gain) * omega), height_gains),
-        box=law.box,
-        standing_box=law.standing_box,
-        carrying=law.carrying,
-        least_force=law.least_force,
-        carried=law.carried,
-        unloaded=1e-3 * law.most_force,
+        law=law,
     )
     contacts = [
         SoleContact(

@@ -25,6 +25,7 @@ from wbc.walking.body import Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
+from wbc.walking.stepping.law import SteppingConstants
 from wbc.walking.stepping.rise import RiseLimit
 
 TURNED = 0.3
@@ -38,6 +39,9 @@ STRAIGHT = Twist(0.0, 0.0, 0.0, by_waist=False)
 
 UNTURNED = (STRAIGHT, STRAIGHT)
 """No turn of pelvis and torso."""
+
+UNLOADED = 1e-3
+"""Least bound of the force of a foot in contact, over the greatest force of a foot."""
 
 GAINS = ("weight", "stiffness", "damping")
 """Gains of a task that a user may set at any tick."""
@@ -264,12 +268,7 @@ class StanceContacts:
     # Stiffness and damping of the CoM, shape (3,) each, while the weight shifts, and in a stand.
     shift: tuple[Array, Array]
     stand: tuple[Array, Array]
-    box: tuple[float, float]  # size of the box of the centre of pressure, m
-    standing_box: tuple[float, float]  # the same on both feet, m
-    carrying: float  # place of the centre of the box ahead of that of the sole, m; not in a stand
-    least_force: float  # least force of the foot that stands, N
-    carried: float  # the same of one that carries alone, N
-    unloaded: float  # force below which none is asked for, N
+    law: SteppingConstants  # boxes of the centre of pressure, their place, and forces
     _state: list[object] = field(default_factory=list)  # of the last tick
 
     def forget(self) -> None:
@@ -279,21 +278,21 @@ class StanceContacts:
     def switch(self, tasks: WalkTasks, reference: Reference) -> None:
         """Switch contacts, and the weights that go with them, where they change."""
         tasks.hurry(reference.urgency, self.urgent, self.hurled)
-        most, stance, phase = reference.most_force, reference.stance, reference.phase
+        most, stance, phase, law = reference.most_force, reference.stance, reference.phase, self.law
         balanced, standing = phase is not GaitPhase.SINGLE, phase is GaitPhase.STANDING
         state = [balanced, standing, reference.contact, most, stance, reference.swing]
         if not balanced:
             ahead, aside = reference.cop
-            tasks.contacts[stance].centre_box((self.carrying + ahead, aside))
+            tasks.contacts[stance].centre_box((law.carrying + ahead, aside))
         if state == self._state:
             return
         before, self._state[:] = self._state[:2], state
         if before != state[:2]:
             tasks.com.weight = self.com[balanced]
             tasks.com.stiffness, tasks.com.damping = self.stand if standing else self.shift
-            length, width = self.standing_box if balanced else self.box
+            length, width = law.standing_box if balanced else law.box
             for contact in tasks.contacts:
-                contact.set_box(length, width, (0.0 if standing else self.carrying, 0.0))
+                contact.set_box(length, width, (0.0 if standing else law.carrying, 0.0))
         both = all(reference.contact)
         for side, contact in enumerate(tasks.contacts):
             on = reference.contact[side]
@@ -304,13 +303,13 @@ class StanceContacts:
                 continue
             full = balanced or side == stance
             if not full:
-                contact.centre_box((self.carrying, 0.0))
+                contact.centre_box((law.carrying, 0.0))
             weight = self.firm if balanced else self.held
             contact.motion_weight = weight if full else self.yielding * weight
             contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
-            contact.max_force = max(most[side], self.unloaded)
+            contact.max_force = max(most[side], UNLOADED * law.most_force)
             if full:
-                contact.min_force = 0.2 * self.least_force if both else self.carried
+                contact.min_force = 0.2 * law.least_force if both else law.carried
 
 
 def _named(name: str, gains: GainOptions) -> GainOptions:

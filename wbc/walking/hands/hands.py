@@ -26,6 +26,7 @@ from numpy.typing import ArrayLike
 from wbc.base.errors import InputError, choose
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
+from wbc.base.vectors import along
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -384,9 +385,8 @@ class Hands:
 
     def _beyond_zmp(self, goal: Array, yaw: float) -> Array:
         """Return the shift of the CoM that remains once the ZMP of the feet has moved by `edge` of the distance."""
-        (x, y), c, s = goal.tolist(), math.cos(yaw), math.sin(yaw)
-        parts = abs(c * x + s * y), abs(c * y - s * x)  # towards the toes, and to the side
-        to_edge = min(edge / max(part, ROUNDING) for edge, part in zip(self._edges, parts, strict=True))
+        parts = along((math.cos(yaw), math.sin(yaw)), *goal.tolist())  # towards the toes, and to the side
+        to_edge = min(edge / max(abs(part), ROUNDING) for edge, part in zip(self._edges, parts, strict=True))
         return np.asarray(goal * max(0.0, 1.0 - self.settings.edge * to_edge))
 
     def shifted(self, pendulum: Pendulum) -> Pendulum:

@@ -224,7 +224,7 @@ class Arm:
         move = None
         if duration is not None or speed is not None:
             limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
-            move = Move(PoseCoordinates(reference, _any_pose), [goal], (velocity, None), **limits)
+            move = Move(PoseCoordinates(reference, pin.SE3), [goal], (velocity, None), **limits)
         self._within, self._goal, self._point = frame, goal, point
         self._reference, self._velocity, self._move = reference, velocity, move
         if self._blend.goal == 0.0:
@@ -478,8 +478,3 @@ class Arms:
         solution = self._controller.solution
         if solution is not None and active:
             com.spared_acceleration = solution.accelerations[com.spared]
-
-
-def _any_pose(target: pin.SE3) -> pin.SE3:
-    """Return a target as it is: `reach` has checked it."""
-    return target

@@ -14,13 +14,13 @@ from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 from wbc.base.settings import NonNegative, settings
+from wbc.base.vectors import Point
 from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.pendulum import natural_frequency
 from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.schedule import ZmpTarget
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.reach import Reach
-from wbc.walking.stepping.law import Point
 from wbc.walking.stepping.program import COSTS, FREE, SHIFT, TIME, Bounds, StepProgram, Wish
 
 LONGEST, FREEZE = 0.1, 0.05

@@ -65,17 +65,12 @@ Area = tuple[complex, complex, complex]
 
 
 class PreviewController:
-    """Planner of the pendulum over a horizon.
-
-    Attributes:
-        missed: Distance between the DCM and that from which the last plan begins, m: none but where a ZMP inside the
-            supports does not take it there.
-    """
+    """Planner of the pendulum over a horizon."""
 
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
         """Set up; an `InputError` for a margin or a target that does not fit into a sole."""
         self.settings = s = settings or PreviewSettings()
-        self.height, self.omega, self.missed = height, natural_frequency(height), 0.0
+        self.height, self.omega = height, natural_frequency(height)
         self._room = {}
         for side, (length, width) in zip(SIDES, sizes, strict=True):
             if 2.0 * s.margin >= min(length, width):
@@ -96,7 +91,6 @@ class PreviewController:
         times, points, areas = self._knots(supports, complex(*start.zmp[:2].tolist()))
         dcm = start.com[:2] + start.com_velocity[:2] / self.omega
         error = complex(*dcm.tolist()) - dcm_backwards(times, points, self.omega)[0]
-        self.missed = 0.0
         if abs(error) > ROUNDING:
             self._shift(times, points, areas, error)
         profile = HeightProfile(supports, self.height, start)
@@ -162,6 +156,5 @@ class PreviewController:
             hessian, gradient, np.zeros((0, 2 * free)), high, low, np.zeros(2 * free, np.int32)
         )
         shifts = solved.view(complex) if flag > 0 else np.zeros(free, complex)
-        self.missed = abs(error - complex((gain * shifts).sum()))
         for k, shift in enumerate((shifts * axes).tolist(), start=1):
             points[k] += shift

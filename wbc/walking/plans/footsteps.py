@@ -16,6 +16,7 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import Array, finite_scalar
+from wbc.base.vectors import along
 from wbc.core.robot import SIDES, Robot
 from wbc.walking.plans.gait import Gait
 
@@ -105,10 +106,9 @@ class Footstep:
 
     def seen_from(self, stance: Footstep) -> tuple[float, float, float, float]:
         """Return forward, left, up (m) and turn (rad) from another footstep, in the frame of its heading."""
-        c, s = math.cos(stance.yaw), math.sin(stance.yaw)
-        dx, dy = self.x - stance.x, self.y - stance.y
+        direction = math.cos(stance.yaw), math.sin(stance.yaw)
         turn = math.remainder(self.yaw - stance.yaw, math.tau)
-        return c * dx + s * dy, c * dy - s * dx, self.z - stance.z, turn
+        return *along(direction, self.x - stance.x, self.y - stance.y), self.z - stance.z, turn
 
 
 def moved(place: Place, dx: float, dy: float, turn: float) -> Place:

@@ -253,19 +253,26 @@ class Leg:
 
 def _hip_yaw_range(robot: Robot) -> float:
     """Return the smaller of the outward ranges of the hips' yaw, rad; 0 if no leg joint turns about the vertical."""
-    model, data = robot.model, robot.model.createData()
-    pin.computeJointJacobians(model, data, pin.neutral(model))
     ranges = []
     for sole, outward in zip(robot.soles[:2], (1.0, -1.0), strict=True):
-        for joint in joints_to(model, robot.frame_id(sole.frame)):
-            column = model.joints[joint].idx_v
-            jacobian = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
-            turn = float(jacobian[5, column]) * outward
-            if abs(turn) > 0.9:
-                k = column - BASE_DOF
-                ranges.append(float(robot.position_upper[k] if turn > 0 else -robot.position_lower[k]))
-                break
-    return min(ranges) if len(ranges) == 2 else 0.0
+        joint, up = vertical_joint(robot, sole.frame, pin.neutral(robot.model))
+        outer = robot.position_upper[joint] if up * outward > 0.0 else -robot.position_lower[joint]
+        ranges.append(0.0 if up == 0.0 else float(outer))
+    return min(ranges)
+
+
+def vertical_joint(robot: Robot, frame: str, configuration: Array) -> tuple[int, float]:
+    """Return the first joint from the base to a frame that turns about the vertical, and its axis upwards; 0 if none.
+
+    The joint is an index in arrays of shape (na,), the axis is between −1 and 1.
+    """
+    data = robot.model.createData()
+    pin.computeJointJacobians(robot.model, data, configuration)
+    for joint in robot.joints_between(frame, robot.base_frame):
+        up = float(data.J[5, BASE_DOF + joint])
+        if abs(up) > 0.9:
+            return joint, up
+    return 0, 0.0
 
 
 def sized(gait: Gait, robot: Robot) -> Gait:

@@ -13,13 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.base.vectors import Vector
-from wbc.core.robot import SIDES
+from wbc.base.vectors import Point, Vector, along
 from wbc.ground.height_map import Places
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.area import HeldArea
-from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, Point, SteppingConstants
+from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, SteppingConstants
 from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 from wbc.walking.swing import RISE
@@ -38,7 +37,7 @@ class StepState(NamedTuple):
     """State that a step is decided by.
 
     Attributes:
-        foot: Foot that stands: 0 left, 1 right.
+        side: 1 if the left foot swings, −1 if the right one does.
         direction: Cosine and sine of the heading.
         pivot: Carrying point of the foot that stands, m.
         cop_command: Commanded centre of pressure on it, m.
@@ -51,7 +50,7 @@ class StepState(NamedTuple):
         down: Time that the swing foot needs to come straight down, s.
     """
 
-    foot: int
+    side: float
     direction: Point
     pivot: Vector
     cop_command: Vector
@@ -63,19 +62,9 @@ class StepState(NamedTuple):
     swing: tuple[float, float, float, float]
     down: float
 
-    @property
-    def side(self) -> float:
-        """1 if the left foot swings, −1 if the right one does."""
-        return 1.0 if self.foot == 1 else -1.0
-
-    def along(self, x: float, y: float) -> Point:
-        """Return the parts of a vector along the heading and to its left."""
-        cos, sin = self.direction
-        return cos * x + sin * y, cos * y - sin * x
-
     def offset(self, x: float, y: float) -> Point:
         """Return how far a point is ahead and outwards of the pivot, m."""
-        ahead, left = self.along(x - self.pivot[0], y - self.pivot[1])
+        ahead, left = along(self.direction, x - self.pivot[0], y - self.pivot[1])
         return ahead, self.side * left
 
     def point(self, ahead: float, outwards: float) -> Point:
@@ -139,9 +128,8 @@ class StepDecision:
         """
         c, omega, elapsed = self._c, stance.dcm.omega, stance.elapsed
         offset = stance.offset(stance.dcm.x, stance.dcm.y)
-        ahead, left = stance.along(
-            stance.contact[0] - stance.cop_command[0], stance.contact[1] - stance.cop_command[1]
-        )
+        (x, y, _), (p, q, _) = stance.contact, stance.cop_command
+        ahead, left = along(stance.direction, x - p, y - q)
         contact = (
             min(max(ahead, -c.cop_error), c.cop_error),
             stance.side * min(max(left, -c.cop_error), c.cop_error),
@@ -256,7 +244,7 @@ class StepDecision:
         (x, y, u, v), carrying = stance.swing, self._c.carrying
         ahead, outwards = stance.offset(x, y)
         ahead += carrying
-        on, left = stance.along(u, v)
+        on, left = along(stance.direction, u, v)
         rates, a = (on, stance.side * left), self._c.swing_push / RISE
 
         def missed(time: float, place: Point) -> float:
@@ -317,7 +305,7 @@ class StepDecision:
             return abs(ahead + c.carrying) <= s.reach and s.gap <= outwards <= s.widest
 
         heading = math.atan2(stance.direction[1], stance.direction[0])
-        place = Footstep(SIDES[1 - stance.foot], *free, self._ground.height, heading)
+        place = Footstep("left" if stance.side > 0.0 else "right", *free, self._ground.height, heading)
         chosen = self._ground.choose(place, allowed, cost)
         self._about = free
         self._chosen = None if (chosen.x, chosen.y) == free else (chosen.x, chosen.y)

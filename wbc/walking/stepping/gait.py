@@ -19,7 +19,7 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING
-from wbc.base.vectors import Rotation, Vector, part_way
+from wbc.base.vectors import Point, Rotation, Vector, along, part_way
 from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.trajectories import Follower
@@ -38,7 +38,6 @@ from wbc.walking.stepping.law import (
     SIDEWAYS,
     Divergent,
     Orbit,
-    Point,
     SteppingConstants,
     divergent_component,
     takes_over,
@@ -85,7 +84,6 @@ class SteppingWalk(GaitMachine):
         footsteps: Last answer of the planner, from the step that swings now on; none of a walk that is steered.
     """
 
-    by_steps = True
     com_height: float
     steering: PathSteering
     dcm: Divergent
@@ -333,7 +331,7 @@ class SteppingWalk(GaitMachine):
             return events
         if self._outside(dcm, 1.0) <= 0.0:
             return ()
-        left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
+        left, right = (abs(self._outwards(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
         self.stance = 0 if left > right else 1
         loads = [row[2] for row in state.wrenches]
         if loads[self.stance] < self.constants.least_force < loads[1 - self.stance]:
@@ -440,11 +438,11 @@ class SteppingWalk(GaitMachine):
             return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
         landing, (x, y, _) = self.footsteps[0], state.places[self.stance]
         (a, _, _), (b, _, _), _ = state.turns[self.stance]
-        ahead, _ = self._along(landing.x - x, landing.y - y)
+        ahead, _ = self._outwards(landing.x - x, landing.y - y)
         going = len(self.footsteps) > 1
         velocity = ahead / self.steering.step_time if going else 0.0
         self.steering.along((velocity, 0.0), mean_heading(math.atan2(b, a), landing.yaw))
-        return StepVelocity((velocity, 0.0), 0.0, going)
+        return StepVelocity((velocity, 0.0), going)
 
     def _orbit(self, steps: StepVelocity) -> Orbit:
         """Return the orbit of the steps that are asked for."""
@@ -482,7 +480,7 @@ class SteppingWalk(GaitMachine):
         if not decides and thrown is None:
             return
         touch = self._touch
-        turn = self.steering.heading + steps.turn * max(self.duration - self.elapsed, 0.0)
+        turn = self.steering.heading + self.steering.turn * max(self.duration - self.elapsed, 0.0)
         if self.footsteps:
             turn = self.footsteps[0].yaw
         landing = Footstep(SIDES[side], *self.decision.place, self.ground.height, turn, *self._tilt)
@@ -561,7 +559,7 @@ class SteppingWalk(GaitMachine):
         c, (u, v), footsteps = self.constants, self.decision.cop, self.footsteps
         self._planned = None  # from what is measured now
         stance = StepState(
-            self.stance,
+            self._side,
             self.steering.direction,
             self._carrying_point(self.stance),
             self._on_sole(self.stance, c.carrying + u, v),
@@ -636,14 +634,15 @@ class SteppingWalk(GaitMachine):
         c, dcm, orbit = self.constants, self.dcm, self._orbit(steps)
         left = self._touch - self.elapsed
         (x, y, _), (p, q, _) = self._state.places[1 - self.stance], self.contact
-        (ahead, aside), (on, out) = self._along(dcm.x - x, dcm.y - y), self._along(dcm.x - p, dcm.y - q)
+        ahead, beyond = self._outwards(dcm.x - x, dcm.y - y)
+        on, out = self._outwards(dcm.x - p, dcm.y - q)
         ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
-        if left <= 0.0 or not (ahead_of_orbit or self._side * out < 0.0):
+        if left <= 0.0 or not (ahead_of_orbit or out < 0.0):
             return False
         grown = math.exp(dcm.omega * left)
-        there = self._along(p + grown * (dcm.x - p) - landing.x, q + grown * (dcm.y - q) - landing.y)
-        now = viability(ahead, -self._side * aside, orbit, c.stretch)
-        return c.rubs * now < viability(there[0], -self._side * there[1], orbit, c.stretch)
+        there = self._outwards(p + grown * (dcm.x - p) - landing.x, q + grown * (dcm.y - q) - landing.y)
+        now = viability(ahead, -beyond, orbit, c.stretch)
+        return c.rubs * now < viability(there[0], -there[1], orbit, c.stretch)
 
     def _meet(self, steps: StepVelocity) -> tuple[Event, ...]:
         """Detect that the swing foot has met the ground, or has lost it again."""
@@ -687,9 +686,8 @@ class SteppingWalk(GaitMachine):
         if self.elapsed > max(self._longest, self._waits):
             return True
         c, (x, y, _), (p, q, _) = self.constants, self._carrying, self.contact
-        ahead, aside = self._along(dcm.x - x, dcm.y - y)
-        on, out = self._along(dcm.x - p, dcm.y - q)
-        there, here = (ahead, -self._side * aside), (on, self._side * out)
+        ahead, beyond = self._outwards(dcm.x - x, dcm.y - y)
+        there, here = (ahead, -beyond), self._outwards(dcm.x - p, dcm.y - q)
         patience = c.patience + self.haste * (1.0 - c.patience)  # a fast walk needs all of its time
         return takes_over(there, here, self._orbit(steps), c.stretch, c.wait, patience)
 
@@ -747,16 +745,17 @@ class SteppingWalk(GaitMachine):
         """1 if the left foot swings, −1 if the right one does."""
         return 1.0 if self.stance == 1 else -1.0
 
-    def _along(self, x: float, y: float) -> Point:
-        """Return the parts of a vector along the heading and to its left."""
-        cos, sin = self.steering.direction
-        return cos * x + sin * y, cos * y - sin * x
+    def _outwards(self, x: float, y: float) -> Point:
+        """Return the parts of a vector along the heading and outwards, to the side of the foot that swings."""
+        ahead, left = along(self.steering.direction, x, y)
+        return ahead, self._side * left
 
     def _middle(self) -> Point:
         (x, y, _), (left, right) = self._state.com, self._state.places
         cos, sin = self.steering.direction
         # Along the path the CoM, across it the middle of the feet.
-        _, aside = self._along(0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y)
+        way = 0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y
+        _, aside = along(self.steering.direction, *way)
         return x - sin * aside, y + cos * aside
 
     def _outside(self, dcm: Divergent, share: float) -> float:

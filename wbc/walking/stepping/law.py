@@ -26,13 +26,10 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from wbc.base.vectors import Vector, add_cross
+from wbc.base.vectors import Point, Vector, add_cross
 from wbc.core.robot import GRAVITY
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 from wbc.walking.swing import RISE
-
-Point = tuple[float, float]
-"""x, y, m."""
 
 SIDEWAYS = 0.8
 """Greatest ratio of the distance between the feet by which they come together in a walk to the side."""

@@ -26,7 +26,7 @@ import daqp
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.walking.stepping.law import Point
+from wbc.base.vectors import Point
 
 PLACES, SHIFT, NEXT_SHIFT, TIME, OFFSETS = slice(0, 6), slice(6, 8), slice(8, 10), 10, slice(11, 17)
 """The unknowns, ahead and outwards in turn."""
