@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.walking.steering import PathSteering, StepVelocity
-from wbc.walking.stepping.law import SteppingConstants
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
+from wbc.walking.steering import PathSteering
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 
 DT = 0.002
 
@@ -62,12 +61,13 @@ def turned(point: tuple[float, float], angle: float) -> tuple[float, float]:
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
 
 
-def drive(steering: PathSteering, yaw: float, side: float) -> list[StepVelocity]:
-    """Steps of a robot that is slower than them and sways to a side first, in a world turned by an angle."""
+def drive(steering: PathSteering, yaw: float, side: float) -> list[tuple[float, ...]]:
+    """Velocity, turn and go of a robot that is slower and sways to a side first, in a world turned by an angle."""
     place, steps, speed, seconds = (0.0, 0.0), [], (0.0, 0.0), 3.0
     for tick in range(round(seconds / DT)):
-        steps.append(steering.update(turned(place, yaw), turned(speed, yaw)))
-        x, y = steps[-1].velocity
+        step = steering.update(turned(place, yaw), turned(speed, yaw))
+        x, y = step.velocity
+        steps.append((x, y, steering.turn, step.go))
         sway = 0.1 * side * math.cos(8.0 * tick * DT)
         speed = turned((0.8 * x - 0.05, y + sway), steering.heading - yaw)
         place = (place[0] + DT * speed[0], place[1] + DT * speed[1])
@@ -87,7 +87,7 @@ def test_a_turned_and_a_mirrored_world_are_steered_as_this_one(
         else:
             x, y = (2.5, side * 0.9) if order == "far goal" else (0.15, side * -0.1)
             steering.go_to(*turned((x, y), yaw), yaw + side * 0.4)
-        runs.append(np.array([(*step.velocity, step.turn, step.go) for step in drive(steering, yaw, side)]))
+        runs.append(np.array(drive(steering, yaw, side)))
     np.testing.assert_allclose(runs[1], runs[0], atol=1e-9)
     np.testing.assert_allclose(runs[2], runs[0] * (1.0, -1.0, -1.0, 1.0), atol=1e-9)
 

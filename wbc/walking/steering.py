@@ -31,8 +31,8 @@ from wbc.walking.plans.sources import (
     checked_velocity,
     close_up,
 )
-from wbc.walking.stepping.law import SIDEWAYS, Pace, SteppingConstants
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
+from wbc.walking.stepping.law import SIDEWAYS, Pace
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 
 LEADER_TURN = 4.0 / 3.0
 """Turn of the outer foot over that of the step; the inner one takes 2/3 and turns inwards."""

@@ -81,7 +81,7 @@ class SwingFoot:
         self._shape = shape
         self.duration = duration
         self.landing, self.over = landing, over
-        if duration < shape.shortest:
+        if duration < shape.shortest - ROUNDING:
             raise InputError(
                 f"a swing of {duration:g} s leaves less than {2 * shape.piece:g} s between take-off "
                 f"({shape.takeoff_time:g} s) and landing ({shape.landing_time:g} s)"

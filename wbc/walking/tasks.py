@@ -25,8 +25,8 @@ from wbc.walking.body import Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
-from wbc.walking.stepping.law import SteppingConstants
 from wbc.walking.stepping.rise import RiseLimit
+from wbc.walking.stepping.settings import SteppingConstants
 
 TURNED = 0.3
 """Greatest difference of heading of pelvis or torso that is turned back at once, rad."""

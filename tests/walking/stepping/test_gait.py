@@ -23,8 +23,7 @@ from wbc.walking.plans.planners import walk_distance
 from wbc.walking.plans.sources import PlanSource
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingWalk
-from wbc.walking.stepping.law import SteppingConstants
-from wbc.walking.stepping.settings import SteppingSettings, in_si
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
 
 DT = 0.004
 VELOCITY = (0.25, 0.05, 0.2)

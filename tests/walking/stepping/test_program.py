@@ -18,9 +18,9 @@ from wbc.core.robot import GRAVITY
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.decision import StepDecision, StepState
-from wbc.walking.stepping.law import Divergent, Orbit, SteppingConstants
+from wbc.walking.stepping.law import Divergent, Orbit
 from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 
 HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
 OMEGA = math.sqrt(GRAVITY / HEIGHT)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from wbc.base.lag import lag_gain
 from wbc.base.vectors import Rotation, Vector
-from wbc.walking.stepping.law import SteppingConstants
+from wbc.walking.stepping.settings import SteppingConstants
 
 
 class HeldArea:

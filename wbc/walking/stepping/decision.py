@@ -18,9 +18,9 @@ from wbc.ground.height_map import Places
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.area import HeldArea
-from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, SteppingConstants
+from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit
 from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.swing import RISE
 
 MISSED, LATER = 0.02, 8

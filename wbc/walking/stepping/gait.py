@@ -38,12 +38,11 @@ from wbc.walking.stepping.law import (
     SIDEWAYS,
     Divergent,
     Orbit,
-    SteppingConstants,
     divergent_component,
     takes_over,
     viability,
 )
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 from wbc.walking.swing import REST, RISE, SwingFoot
 
 LOOKS = 2

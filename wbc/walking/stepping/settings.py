@@ -1,4 +1,4 @@
-"""Settings of the stepping walk, in units of the robot: the same numbers walk robots of any size.
+"""Settings and constants of the stepping walk, in units of the robot: the same numbers walk robots of any size.
 
 Lengths are in heights h of the CoM, times in 1/ω with ω² = g/h, forces in weights. `SteppingSettings.in_si` multiplies
 them out for one robot.
@@ -15,12 +15,9 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Positive, in_units, settings
+from wbc.base.vectors import Point
 from wbc.core.robot import GRAVITY, Robot
 from wbc.walking.plans.reach import SPANS, Leg
-
-QUICKEST_SWING = 0.455
-"""Least time of a step, 1/ω: its swing ends at 0.88 of it (`SteppingConstants.touch`) and has two pieces of 0.2/ω each
-(`piece`)."""
 
 LONGEST = 1.1
 """Longest step of a velocity over the longest planned one, which both soles stand flat after."""
@@ -77,12 +74,165 @@ class RobotSize:
         )
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class SteppingConstants:
+    """Constants of the law, in units of the robot; docs/measured.md has what parts of it are worth."""
+
+    # ---- Time and place of a step.
+    # Velocity about which steps begin to take longer, because longer steps need more time; velocity from which on they
+    # take as little time as the torque of the hips lets them.
+    brisk: Annotated[float, "hω"] = 0.23
+    quick: Annotated[float, "hω"] = 0.21
+    # Low-pass of the time of a step: noise of ξ would move it by more than 10 ms.
+    time_lag: Annotated[float, "1/ω"] = 0.111
+    # Greatest time of a step when it begins, over the nominal time.
+    later: float = 1.15
+    # Distance of the DCM past the outer CoP bound from which on the step ends as soon as it can.
+    outer_cop: Annotated[float, "h"] = 0.008
+    # Distance of ξ ahead of its orbit that ends a step which would otherwise wait for ξ aside.
+    stretch: Annotated[float, "h"] = 0.09
+    # Weight of the last step in the mean time of steps.
+    pace_gain: float = 0.2
+    # ---- Contact of the foot that stands.
+    # Carrying point, ahead of the centre of the sole: between centre and ankle either of them can hold a moment.
+    carrying: Annotated[float, "ankle"] = 0.57
+    # Low-pass of the measured centre of pressure: force sensors ring at impacts.
+    cop_lag: Annotated[float, "1/ω"] = 0.081
+    # Size of the box of the centre of pressure about the commanded one: one stone gives no moment.
+    box: Annotated[Point, "sole"] = (0.035, 0.067)
+    # The same on both feet: what a sole holds on stones.
+    standing_box: Annotated[Point, "sole"] = (0.59, 0.67)
+    # ---- Supported area of the foot that stands, and the centre of pressure in it.
+    # Distance of the greatest area from the edges of the sole.
+    margin: Annotated[float, "h"] = 0.026
+    # Half width of a sole whose area counts for nothing on rough ground, and of one whose area counts in full.
+    trusted: Annotated[Point, "h"] = (0.045, 0.065)
+    # Height between the feet up to which the ground counts as level, and from which on as rough.
+    even: Annotated[Point, "h"] = (0.01, 0.03)
+    # Growth of each edge on rough ground: the whole sole within a step.
+    area_growth: Annotated[float, "hω"] = 0.09
+    # The part of the growth that level ground adds, over that on rough ground.
+    level_growth: float = 4.0
+    # Distance of the edge of an area from the measured centre of pressure, where the foot turns over this edge.
+    inside: Annotated[float, "h"] = 0.0064
+    # Greatest rate of a foot that stands; least rate of a foot that turns over an edge; low-pass of both rates.
+    still: Annotated[float, "ω"] = 0.07
+    turning: Annotated[float, "ω"] = 0.14
+    spin_lag: Annotated[float, "1/ω"] = 0.044
+    # Normal force from which on the centre of pressure shows where a foot holds.
+    carries: Annotated[float, "mg"] = 0.3
+    # Greatest speed of the commanded centre of pressure: moments do not jump.
+    cop_speed: Annotated[float, "hω"] = 0.36
+    # Greatest difference of measured and commanded centre of pressure that counts.
+    cop_error: Annotated[float, "h"] = 0.038
+    # Part of the half sole that the next foot is expected to hold: stones hold less than all.
+    next_area: float = 0.3
+    # Period of the program.
+    period: Annotated[float, "1/ω"] = 0.021
+    # Half of the supported width in the last steps from which on steps are slow.
+    slow_width: Annotated[float, "h"] = 0.04
+    # Weight of the last step in this width, where it is less and where it is more.
+    held_gain: Point = (0.8, 0.3)
+    # ---- The foot that has landed takes over.
+    # Offset of ξ over that of the orbit up to which the next step is long enough.
+    patience: float = 1.5
+    # Time ahead for which waiting is judged, 1/ω.
+    wait: float = 0.2
+    # Greatest force of a foot that waits: more would move the contact point.
+    share: Annotated[float, "mg"] = 0.3
+    # Time in which the foot that has carried gives up its load.
+    unload: Annotated[float, "1/ω"] = 0.20
+    # Greatest force of a foot: with twice the weight robots jump to gain yaw moment.
+    most_force: Annotated[float, "mg"] = 1.4
+    # Force from which on a foot is in contact, and the least one of both feet together.
+    least_force: Annotated[float, "mg"] = 0.061
+    # Least force of a foot that carries alone. Where ξ is far aside a force up has a moment about the CoM, and the QP
+    # would rather give up the force than let the trunk turn; but a trunk comes upright again, and a fall does not.
+    carried: Annotated[float, "mg"] = 0.5
+    # ---- Swing, over the time of the step.
+    apex: float = 0.42
+    # Time at which the foot meets the expected ground: a foot that comes late fells robots.
+    touch: float = 0.88
+    # The same in a walk of twice the velocity `quick`, whose long steps need the time.
+    late_touch: float = 0.95
+    # Time at which the sole is level: one that is still tilted rubs at edges.
+    level: float = 0.3
+    # Greatest acceleration over the ground: a long step takes its time.
+    swing_push: Annotated[float, "g"] = 6.5
+    # Stiffness and damping of the task of the swing foot's place.
+    swing_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (30.6, 9.9)
+    # Distance of a landing from the one that was asked for, from which on the swing foot goes before the trunk, and at
+    # which it does so in full.
+    urgent: Annotated[Point, "h"] = (0.2, 0.5)
+    lift_speed: Annotated[float, "hω"] = 0.206
+    # Greatest acceleration upwards: hips lack torque for more in a short step.
+    lift: Annotated[float, "g"] = 4.0
+    # Speed of a landing: soft on level ground, quicker by `haste` for each height between the feet in the last steps,
+    # and at most as the third one says.
+    landing_speed: Annotated[float, "hω"] = 0.103
+    haste: Annotated[float, "ω"] = 4.3
+    hardest: Annotated[float, "hω"] = 0.25
+    # Depth of the search for the ground, at which a leg is still not straight, and its time.
+    search: Annotated[float, "h"] = 0.20
+    search_time: Annotated[float, "1/ω"] = 1.21
+    # Least time of a piece of the swing's motion.
+    piece: Annotated[float, "1/ω"] = 0.2
+    # ---- Contact of the foot in the air.
+    # Part of the step before which a force is that of a foot that rubs.
+    early: float = 0.5
+    # Speed of a swing foot, beside twice the velocity of the walk, from which on a push has hurled it; time for which
+    # its force is no contact then, and for which it goes after the trunk.
+    hurled: Annotated[float, "hω"] = 1.2
+    hurled_time: Annotated[float, "1/ω"] = 0.4
+    # Speed of a foot without load in a stand from which on it has been kicked away.
+    kicked: Annotated[float, "hω"] = 0.2
+    # Change of the height of a foot that stands from which on its estimate has moved, and not the foot.
+    drifted: Annotated[float, "h"] = 0.033
+    # Height of the swing foot over the ground, in heights of a swing, above which its force is no contact.
+    low: float = 1.1
+    # Viability of the planned landing over that of a place where the foot rubs, from which on the foot goes on.
+    rubs: float = 1.3
+    # Force from which on the foot has met the ground; below which it has lost it again; of the other foot, which must
+    # hold meanwhile, or it is a flight; time for which that must last.
+    met: Annotated[float, "mg"] = 0.122
+    lost: Annotated[float, "mg"] = 0.015
+    held: Annotated[float, "mg"] = 0.18
+    lost_time: Annotated[float, "1/ω"] = 0.12
+    # ---- Height.
+    # Low-pass of the height of the feet that carry: the CoM need not follow each stone.
+    level_lag: Annotated[float, "1/ω"] = 1.01
+    # Part of an unexpected height that the next landing expects.
+    ground_share: float = 0.75
+    # ---- Choice of a place on ground that is seen.
+    # Cost of a landing away from the program's, over the program's own cost in h².
+    balance_cost: Annotated[float, "h"] = 3.0
+    # Part of the step's time from which on a place is chosen.
+    choice: float = 0.15
+    # Move of the program's landing from which on another place is chosen.
+    again: Annotated[float, "h"] = 0.03
+    # ---- Both feet.
+    shift_time: Annotated[float, "1/ω"] = 2.83
+    # Place of ξ when the shift ends, in b_y of a step in place: the first step begins late.
+    shift: float = 1.3
+    shift_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (2.45, 3.2)
+    rest: Annotated[float, "1/ω"] = 0.6
+    stand_gain: float = 0.74
+    # Greatest speed, and greatest distance between the feet, at which the robot stands again: a wide stand holds no
+    # push to the side. Size of the box in which ξ must be, over the standing box.
+    stop_speed: Annotated[float, "hω"] = 0.02
+    stop_length: Annotated[float, "h"] = 0.6
+    stop_box: float = 0.9
+
+
+QUICKEST_SWING = 2.0 * SteppingConstants().piece / SteppingConstants().touch
+"""Least time of a step, 1/ω: its swing has two pieces."""
+
 T = TypeVar("T")
 
 
 @settings
 class SteppingSettings:
-    """Settings of free steps, in units of the robot; the constants of the law are in `wbc.walking.stepping.law`.
+    """Settings of free steps, in units of the robot; the constants of the law are in `SteppingConstants`.
 
     h is the height of the CoM, ω its natural frequency √(g / h), and g the gravity, 9.81 m/s².
 
