@@ -179,7 +179,14 @@ class StateMachine(Behaviour):
         *,
         timeout: Annotated[Positive, "s"] | None = None,
     ) -> None:
-        """Take the states in order; a transition leads to a state, by its name, to "end", or to "end: OUTCOME"."""
+        """Describe the machine.
+
+        Args:
+            name: Name in paths, logs and messages.
+            states: The states, with distinct names; the machine begins with the first one.
+            transitions: State → outcome → what follows: the name of a state, "end", or "end: OUTCOME".
+            timeout: Time after which the machine ends with the outcome "timeout", s.
+        """
         super().__init__(name, timeout=timeout)
         self.states = {state.name: state for state in states}
         names = [state.name for state in states]

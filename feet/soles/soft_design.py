@@ -192,5 +192,5 @@ class SoftDesign(Foot):
         )
 
     def contact_rows(self) -> Array:
-        """Return the positions of the rows of contact spheres along x, from the toe, m."""
+        """Return the positions of the rows of contact spheres along x, from the toe, shape (rows,), m."""
         return self.contact.row_positions(self.length, ROWS * self.phalanges)

@@ -91,13 +91,20 @@ class TrialLoop(Protocol):
         """Return the present true state."""
 
     def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
-        """Start to push a body with a force in the world, N, for a duration, s, at a point in its frame, m."""
+        """Start to push a body.
+
+        Args:
+            body: Link or frame of the robot.
+            force: Force in the world, shape (3,), N.
+            duration: s.
+            at: Point in the frame of the body, shape (3,), m; the centre of mass of its link when None.
+        """
 
     def on_ground(self, configuration: ArrayLike) -> Array:
-        """Return a configuration moved up or down until its lowest sole touches the ground."""
+        """Return a configuration, shape (nq,), moved up or down until its lowest sole touches the ground."""
 
     def reset(self, configuration: ArrayLike | None = None) -> None:
-        """Restart at rest in a configuration."""
+        """Restart at rest in a configuration, shape (nq,); None stands for the start."""
 
 
 MEMBERS = tuple(

@@ -170,7 +170,7 @@ class PoseTask(FrameTask):
     unit = "m|rad"
 
     def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task; the target is a pose in the world, the present one when None."""
+        """Describe the task; the target is a `pin.SE3` in the world, the present pose when None."""
         super().__init__(frame, "pose", POSE_AXES, target, options)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
@@ -201,7 +201,7 @@ class RelativeFrameTask(FrameTask):
     def __init__(
         self, frame: str, reference: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]
     ) -> None:
-        """Describe the task; the target is the pose of `frame` in `reference`, the present one when None."""
+        """Describe the task; the target is the pose of `frame` in `reference`, a `pin.SE3`, or the present one."""
         if frame == reference:
             raise InputError(f"a relative task needs two frames, got '{frame}' twice")
         self.reference = reference

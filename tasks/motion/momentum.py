@@ -46,7 +46,7 @@ class MomentumTask(Task):
 
     @property
     def damping(self) -> Array:
-        """Damping, which is zero: a momentum has no velocity that could be damped."""
+        """Damping, shape (dim,), which is zero: a momentum has no velocity that could be damped."""
         return super().damping
 
     @damping.setter

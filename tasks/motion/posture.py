@@ -68,7 +68,7 @@ class PostureTask(JointTask, SelectionTask):
             self._rows.weight *= factor
 
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
-        """Check targets, and return a copy; a target beyond the range of its joint is most often in degrees."""
+        """Return a copy of targets, shape (dim,), rad (or m), after a check of the ranges of their joints."""
         target = super().checked(value, others)
         self.robot.check_range("target of joint", self._columns - self.robot.base_dof, target)
         return target

@@ -145,7 +145,7 @@ class StabilizerTask(CoMTask):
 
     @property
     def wrenches(self) -> dict[str, Array]:
-        """Name of a contact → its desired wrench, N and Nm, for `DriveControl.act`; empty before the first tick."""
+        """Contact → its desired wrench, shape (6,), N and Nm, for `DriveControl.act`; empty before the first tick."""
         if self.output is None:
             return {}
         left, right = self._contacts

@@ -88,6 +88,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: WalkingControl(ROBOT.clone(), walk_distance(START, 3.0), DT, extent=(-1, 2, -1, 1)), "ground"),
     (lambda: START.moved(np.eye(4)), "world of FootstepPlan.moved"),
     (lambda: START.on(0.1), "height of FootstepPlan.on"),  # type: ignore[arg-type]
+    (lambda: START.on(lambda x, y: "low"), "height"),  # type: ignore[arg-type,return-value]
     (lambda: Gait.for_speed((0.1, 0.0, 0.0), 0.5), "gait of Gait.for_speed"),  # type: ignore[arg-type]
     (lambda: Gait.at_speed(-0.1), r"speed of Gait.at_speed \(m/s\)"),
     (lambda: setattr(walking().stabilizer, "gains", {"dcm_p": 5.0}), "gains of Stabilizer"),

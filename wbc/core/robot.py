@@ -526,7 +526,7 @@ class Robot:
         )
 
     def frame_id(self, name: str) -> int:
-        """Return the index of a frame by its name or by its role, such as "left_hand" or "left_foot"."""
+        """Return the index of a frame by its name or by its role, such as "left_hand"; raise an `UnknownNameError`."""
         if name not in self._frame_ids:
             roles = self.roles
             if name not in roles:
@@ -541,7 +541,7 @@ class Robot:
 
     @checked
     def joint_index(self, name: str) -> int:
-        """Return the index of an actuated joint in arrays of shape (na,)."""
+        """Return the index of an actuated joint in arrays of shape (na,); raise an `UnknownNameError`."""
         if name not in self.joint_names:
             unknown_name("joint", name, self.joint_names)
         return self.joint_names.index(name)
@@ -571,7 +571,7 @@ class Robot:
 
     @checked
     def sole(self, name: str) -> Sole:
-        """Return a sole by its name or by its frame."""
+        """Return a sole by its name or by its frame; raise an `UnknownNameError`."""
         for sole in self.soles:
             if name in (sole.name, sole.frame):
                 return sole
@@ -596,9 +596,13 @@ class Robot:
 
     @checked
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
-        """Return half-sitting with other positions of some joints, the lower sole (if any) on the ground z = 0.
+        """Return half-sitting with other positions of some joints, shape (nq,); the lower sole is on the ground z = 0.
 
-        `joints` maps a joint name to its position, rad (or m).
+        Args:
+            joints: Joint name → position, rad (or m).
+
+        Raises:
+            InputError: A position is outside the range of its joint; as an `UnknownNameError`, there is no such joint.
         """
         q = np.array(self.half_sitting)
         for name, value in (joints or {}).items():

@@ -73,7 +73,7 @@ class Measurement:
 
     @property
     def wrenches(self) -> Array:
-        """Wrenches of `sole_wrench`; raises a `MeasurementError` if they are neither measured nor estimated yet."""
+        """`sole_wrench`, shape (number of soles, 6), N and Nm; raises a `MeasurementError` while there is none."""
         if self.sole_wrench is None:
             raise MeasurementError(
                 f"measurement at {self.time:.4f} s has no sole_wrench; a control estimates it (Control.measurement)"
@@ -121,8 +121,8 @@ class Command:
             stiffness; in the plant this is `RobotDescription.kp`.
         kd: Damping of each servo in this period, shape (na,), Nms/rad (or Ns/m). None stands for the machine's own
             damping; in the plant this is `RobotDescription.kd`.
-        released: True for each joint that something else moves, shape (na,): the command has no values for it. None if
-            the control commands all joints.
+        released: True for each joint that another controller moves, shape (na,): the command has no values for it.
+            None if the control commands all joints.
         period: Control period for which the command is made, s. A simulated robot with another control period refuses
             the command. None fits every period.
     """

@@ -87,7 +87,12 @@ class HeightMap:
         settings: HeightMapSettings | None = None,
         origin: tuple[Number, Number, Number] = (0.0, 0.0, 0.0),
     ) -> None:
-        """Know nothing."""
+        """Start with all heights unknown.
+
+        Args:
+            settings: Settings; the defaults when None.
+            origin: Position x and y (m) and heading (rad) of the grid in the world.
+        """
         self.settings = s = settings or HeightMapSettings()
         self.origin = origin
         x, y, yaw = origin
@@ -105,9 +110,18 @@ class HeightMap:
         std: Annotated[ArrayLike, Numbers(low=0.0), "m"],
         time: Annotated[Number, "s"],
     ) -> float | None:
-        """Fuse the points of one frame, shape (n, 3), m, in the world, with their standard deviations, shape (n,), m.
+        """Fuse the points of one frame.
 
-        Return the height by which the map is shifted to agree with the frame, m; None if they overlap too little.
+        Args:
+            points: Points in the world, shape (n, 3), m.
+            std: Standard deviations of their heights, shape (n,), m.
+            time: Time at which they were seen, s.
+
+        Returns:
+            Height by which the map is shifted to agree with the frame, m; None if they overlap too little.
+
+        Raises:
+            InputError: A number is not finite, or the shapes do not fit.
         """
         points, std = np.asarray(points), np.asarray(std)
         if not points.size:

@@ -215,7 +215,14 @@ class KnownGround:
         return self._footprints[side].best(self._at, x, y, yaw, allowed, cost)
 
     def highest(self, side: int, start: Array, end: Array, yaw: float) -> float:
-        """Return the largest height of the ground under a sole between two places, m; −inf if nothing is known."""
+        """Return the largest height of the ground, m, under a sole on its way between two places; −inf if unknown.
+
+        Args:
+            side: Sole, 0 left, 1 right.
+            start: Place in the world at the start, x and y (and z), m.
+            end: Place at the end.
+            yaw: Heading of the sole, rad.
+        """
         if "stance" in self.doubts:
             return -math.inf
         a, b = complex(start[0], start[1]), complex(end[0], end[1])

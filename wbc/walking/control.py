@@ -415,10 +415,10 @@ class WalkingControl:
             self.ground.add(seen)
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
-        """Leave exactly these joints to something else, from the next tick on; an empty list takes all joints back.
+        """Leave exactly these joints to another controller, from the next tick on; an empty list takes all back.
 
-            arms = walking.release(robot.joint_names[15:])  # a teleoperator, a policy, a hand controller has them
-            arms.tell(position, velocity)  # once a tick, if the other one says where they go; else they are measured
+            arms = walking.release(robot.joint_names[15:])  # a teleoperator or a policy moves them
+            arms.tell(position, velocity)  # once a tick, if the other controller states them; else they are measured
 
         The walk takes their motion into account, and does not command them (`Command.released`).
 

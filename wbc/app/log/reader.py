@@ -187,7 +187,7 @@ class Log:
 
     @checked
     def lists(self, name: str) -> list[Array | None]:
-        """Return the lists of a signal, one for each tick, with None in ticks without a list."""
+        """Return the lists of a signal, each of shape (any,), for every tick; None in ticks without a list."""
         values = self._objects(name, "list")
         return [None if value is None else np.asarray(value, dtype=np.float64) for value in values]
 

@@ -313,8 +313,9 @@ class DriveControl:
 
         Args:
             state: State of this tick.
-            wrenches: Name of a contact → wrench in place of the solution's in the torques, in the frame of the
-                contact, N and Nm: what a stabilizer wants (`StabilizerTask.wrenches`), where the QP's own are free.
+            wrenches: Name of a contact → wrench from which the torques are computed in place of that of the solution,
+                shape (6,), N and Nm, in the frame of the contact; for example the desired wrenches of a stabilizer
+                (`StabilizerTask.wrenches`).
         """
         if self.damped:
             command = self._damp(state)

@@ -194,7 +194,7 @@ class Observer:
 
     @property
     def least_share(self) -> float:
-        """Share of the load on the foot that carries least."""
+        """Share of the load on the foot that carries least, 0 to 0.5."""
         return min(self._shares)
 
     @property

@@ -155,11 +155,11 @@ class CollisionLimit(Limit):
         """Describe the limit.
 
         Args:
-            pairs: Pairs of links or frames; "all" for all links of `shapes` but neighbours, pairs that touch in
+            pairs: Pairs of links or frames; "all" for all links of `shapes` except neighbours, pairs that touch in
                 half-sitting, and pairs that never come within the margin in 1,000 random postures.
             obstacles: Shapes of the world; their placements are attributes.
-            against: Links that keep away from the obstacles. When None: all links of `shapes` but the feet or, for a
-                robot without feet, but the link at its root.
+            against: Links that keep away from the obstacles. When None: all links of `shapes` except the feet; for a
+                robot without feet, all except the link at its root.
             shapes: Link or frame → its shapes, in its own coordinates. `RobotDescription.collision_shapes` returns
                 spheres and capsules for all links; `collision_hulls` returns shapes that fit more closely, whose
                 distances take longer to compute.

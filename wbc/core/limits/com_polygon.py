@@ -35,9 +35,8 @@ class CoMPolygonLimit(Limit):
     `recovery` brings it back.
 
     Attributes:
-        time_constant: Time constant of the approach to an edge, s, once the limit is in a controller; as the next one
-            it cannot be assigned.
-        recovery: Acceleration that brings a CoM back from outside an edge, m/s².
+        time_constant: Time constant of the approach to an edge, s; read-only, known once a controller has the limit.
+        recovery: Acceleration that brings a CoM back from outside an edge, m/s²; read-only, known at the same time.
     """
 
     reads = "kinematics"
@@ -112,9 +111,13 @@ class CoMPolygonLimit(Limit):
 
     @checked
     def use_soles(self, soles: Iterable[str] | None = None) -> None:
-        """Take the hull of some soles as the polygon; call it when contacts have changed.
+        """Take the hull of some soles, where they are now, as the polygon; call it when contacts have changed.
 
-        `soles` has names or frames of soles; all when None.
+        Args:
+            soles: Names or frames of soles; all when None.
+
+        Raises:
+            InputError: No sole is given; as an `UnknownNameError`, the robot has no such sole.
         """
         robot = self._robot
         chosen = robot.soles if soles is None else [robot.sole(name) for name in soles]

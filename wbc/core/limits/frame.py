@@ -176,7 +176,14 @@ class FrameSpeedLimit(FrameLimit):
         angular: Annotated[Positive, "rad/s"] = math.inf,
         name: str | None = None,
     ) -> None:
-        """Describe the limit; a speed that is not given is not limited."""
+        """Describe the limit.
+
+        Args:
+            frame: Frame of the robot.
+            linear: Largest component of the linear velocity of the frame's origin, m/s; unlimited by default.
+            angular: Largest component of the angular velocity, rad/s; unlimited by default.
+            name: Name of the limit.
+        """
         super().__init__(frame, "speed", 6, name, 0.0)
         self.speed = np.repeat([linear, angular], 3)
 

@@ -112,8 +112,8 @@ class JointLimits(Limit):
     distances are kept, only if `acceleration` or `braking` is given.
 
     Attributes:
-        lower, upper: Least and greatest positions, shape (na,), rad (or m), once the limits are in a controller; as the
-            next ones they cannot be assigned.
+        lower, upper: Least and greatest positions, shape (na,), rad (or m); like all attributes read-only, and known
+            once a controller has the limits.
         velocity: Greatest velocities, shape (na,), rad/s (or m/s).
         acceleration: Greatest accelerations, shape (na,), rad/s² (or m/s²).
         braking: Deceleration that is available in both directions, shape (na,), rad/s² (or m/s²). For a drive that is

@@ -138,7 +138,7 @@ class Heights(Protocol):
 class CollisionHeights:
     """Ground of a height map: below each known cell a column with its height; for obstacles.
 
-    The map may change at any tick. Where it knows nothing there is nothing to collide with.
+    The map may change at any tick. Cells of unknown height collide with nothing.
 
     Attributes:
         heights: The map, such as a `wbc.ground.HeightMap`.

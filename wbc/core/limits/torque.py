@@ -17,9 +17,8 @@ class TorqueLimits(Limit):
     """Bounds of the joint torques and of their rates.
 
     Attributes:
-        least, most: Bounds of the torques, shape (na,), Nm, once the limits are in a controller; as the next one they
-            cannot be assigned.
-        rate: Greatest rates of the torques, shape (na,), Nm/s; None for none.
+        least, most: Bounds of the torques, shape (na,), Nm; read-only, known once a controller has the limits.
+        rate: Greatest rates of the torques, shape (na,), Nm/s, read-only; None for none.
         previous: Torques of the last tick, shape (na,), Nm; None before the first tick.
     """
 

@@ -162,7 +162,7 @@ class Contact(Motion):
 
     @checked
     def __init__(self, name: str, frame: str, cone: Array, **options: Unpack[ContactOptions]) -> None:
-        """Describe the contact by the attributes above; a cone without rows lets it transmit any force."""
+        """Describe the contact by the attributes above; a cone of shape (0, dim) lets it transmit any force."""
         for option in options:
             choose(f"option of contact '{name}'", option, ContactOptions.__annotations__)
         given: ContactOptions = {**self.usual, **options}
@@ -197,7 +197,7 @@ class Contact(Motion):
 
     @property
     def min_force(self) -> float:
-        """See `ContactOptions`."""
+        """Smallest normal force while active, N."""
         return self._min_force
 
     @min_force.setter
@@ -208,7 +208,7 @@ class Contact(Motion):
 
     @property
     def max_force(self) -> float | None:
-        """See `ContactOptions`; None before the contact is added if none was given."""
+        """Greatest normal force, N; None before the contact is added if none was given."""
         if self._max_force is None and self._robot is not None:
             return USUAL_WEIGHTS * self._robot.mass * GRAVITY
         return self._max_force
@@ -220,7 +220,7 @@ class Contact(Motion):
 
     @property
     def ramp(self) -> float:
-        """See `ContactOptions`."""
+        """Time in which the force grows or decays when the contact is switched, s."""
         return self._ramp
 
     @ramp.setter
@@ -342,7 +342,7 @@ class Contact(Motion):
         self._rows.velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
 
     def follow(self, target: pin.SE3, velocity: Array) -> None:
-        """Set `target`, kept and not copied, and `velocity` for one tick, unchecked: for who makes them itself."""
+        """Set `target`, not copied, and `velocity`, shape (dim,), for one tick; without a check, for the tick."""
         self._target = target
         self._rows.velocity[:] = velocity
 
@@ -365,7 +365,7 @@ class Contact(Motion):
         return min(self._min_force, 0.5 * high), high
 
     def force_ranges(self) -> tuple[Array | float, Array | float]:
-        """Return the smallest and the greatest values of the `ranged` force variables allowed now, N and Nm."""
+        """Return the least and greatest values of the `ranged` force variables, N and Nm, a number or shape (n,)."""
         return self.normal_force_range
 
     def _greatest(self) -> Array:
@@ -528,7 +528,7 @@ class SoleContact(_HeldFrame):
         self.update_cone()
 
     def centre_box(self, centre: Sequence[float] | Array) -> None:
-        """Move the box of the CoP to a centre in the sole frame, m; quick and unchecked, for the tick.
+        """Move the box of the CoP to a centre in the sole frame, shape (2,), m; without a check, for code in the tick.
 
         The cone is that of a wrench at the centre of the box, and does not change.
         """

@@ -35,7 +35,7 @@ class Controller(Items):
         model_time: Wall time of the last model update, s; it is part of the timings of the next solution.
         outside: Generalised forces of the surroundings in addition to the contacts, shape (nv,), Nm and N, for example
             of a crane that holds the robot. They enter the dynamics at every tick. None for no such forces.
-        released: Joints that something else moves, see `release`; None while there are none.
+        released: Joints that another controller moves, see `release`; None while there are none.
         drives: Kind of drive commands, "torque" or "position", of the control that runs the controller; None while no
             control runs it.
         measured: Robot whose state is estimated from the sensors; None if this is `robot`. In position control they
@@ -109,7 +109,7 @@ class Controller(Items):
             )
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
-        """Leave exactly these joints to something else, such as a teleoperator; an empty list takes all joints back.
+        """Leave exactly these joints to another controller, such as a teleoperator; an empty list takes all back.
 
         The QP knows their motion (see `wbc.core.qp.released`). Their torques are those that this motion needs. The
         controller does not apply their limits.
@@ -127,7 +127,7 @@ class Controller(Items):
     # ---- the tick -----------------------------------------------------------------------------------------------
 
     def update(self, q: Array, v: Array) -> None:
-        """Update the robot's state as `robot.update` does, and measure the time that it takes."""
+        """Update the robot's state: configuration, shape (nq,), and velocity, shape (nv,); see `Robot.update`."""
         start = perf_counter()
         self.robot.update(q, v)
         self.model_time = perf_counter() - start

@@ -247,7 +247,7 @@ class FootstepPlan:
         """Return the plan moved to another place.
 
         Args:
-            world: Displacement from the old places to the new ones, for example a turn and a shift.
+            world: Displacement in the world frame: the new placement of a sole is `world` times its old placement.
         """
         return self._mapped(lambda step: step.moved(world))
 
@@ -256,9 +256,9 @@ class FootstepPlan:
         """Return the plan with every sole centre on a known ground.
 
         Args:
-            height: Function that returns the height of the ground at (x, y), m.
+            height: Function that returns the height of the ground, m, at x and y in the world, m.
         """
-        return self._mapped(lambda step: replace(step, z=float(height(step.x, step.y))))
+        return self._mapped(lambda step: replace(step, z=finite_scalar("height (m)", height(step.x, step.y))))
 
     def _mapped(self, change: Callable[[Footstep], Footstep]) -> FootstepPlan:
         return replace(
@@ -273,6 +273,9 @@ class FootstepPlan:
             step: New landing.
             carry: Move all later steps as well, so that they keep their places relative to this step. Otherwise they
                 keep their places in the world.
+
+        Raises:
+            InputError: The plan has no such step, or the landing is of the other foot.
         """
         if not 0 <= index < len(self):
             raise InputError(f"no step {index} in a plan of {len(self)}")
