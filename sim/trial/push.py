@@ -12,13 +12,10 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Angle, Count, NonNegative, Positive, Share, settings
 from wbc.sim.trial.loop import TrialHook, TrialTick
-from wbc.walking.contact import Event
+from wbc.walking.contact import LIFT_OFFS
 
 PUSH_DURATION = 0.1
 """Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""
-
-LIFT_OFFS = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)
-"""Events that begin a step."""
 
 
 @settings(kw_only=True)
@@ -63,7 +60,7 @@ class PushSchedule(TrialHook):
             return
         plant, now = tick.plant, tick.plant.time
         reference = getattr(tick.walking, "reference", None)  # none of a robot that cannot step
-        if reference is not None and any(event in LIFT_OFFS for event in reference.events):
+        if reference is not None and not LIFT_OFFS.isdisjoint(reference.events):
             progress = tick.walking.progress
             self._lift_off.setdefault(progress.steps_done + 1, (now, progress.cycle))
         for push in [push for push in self._pending if now >= self._due(push) - ROUNDING]:

@@ -127,11 +127,11 @@ def test_stairs(rise: float, together: bool) -> None:
         assert step.z == pytest.approx(rise * (edges < step.x).sum())
 
 
-def test_stance_and_lift_off() -> None:
+def test_stance_and_the_foot_that_leaves() -> None:
     plan = walk_distance(START, 0.5, first="right")
-    assert plan.stance(0) == START.left and plan.lift_off(0) == START.right
-    assert plan.stance(1) == plan.steps[0] and plan.lift_off(1) == START.left
-    assert plan.stance(3) == plan.steps[2] and plan.lift_off(3) == plan.steps[1]
+    assert plan.stance(0) == START.left and plan.feet(0)[1] == START.right
+    assert plan.stance(1) == plan.steps[0] and plan.feet(1)[0] == START.left
+    assert plan.stance(3) == plan.steps[2] and plan.feet(3)[0] == plan.steps[1]
 
 
 @pytest.mark.parametrize(("name", "bound"), [("x", 0.01), ("z", 0.01), ("yaw", 0.05)])

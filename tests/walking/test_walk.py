@@ -17,11 +17,11 @@ from wbc.tasks.stabilizer.distribution import WrenchDistribution
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
-from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.contact import TOUCH_DOWNS, Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.schedule import schedule
-from wbc.walking.lipm.walk import CLIMBING_INWARD, TOUCH_DOWNS, LipmWalk, WalkSettings
+from wbc.walking.lipm.walk import CLIMBING_INWARD, LipmWalk, WalkSettings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
 from wbc.walking.plans.reach import Reach

@@ -26,6 +26,15 @@ class Event(enum.Enum):
     STOPPED = "stopped"
 
 
+LIFT_OFFS = frozenset((Event.LIFT_OFF, Event.FORCED_LIFT_OFF))
+"""Events that begin a step."""
+
+TOUCH_DOWNS = frozenset(
+    (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
+)
+"""Events that end one."""
+
+
 def touch_down(late: float, before: float, after: float) -> Event:
     """Return the event of a contact that comes `late`, s: on time from `before` to `after` its planned time, s."""
     if late < -before:

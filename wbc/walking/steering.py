@@ -341,12 +341,7 @@ class SteeredSteps(FootstepSource):
         self._beside, self._tries = False, 0  # no further from the goal than that; landings there
 
     @property
-    def target(self) -> Velocity | None:  # type: ignore[override]
-        """Commanded velocity; None for a stand, and with a goal."""
-        return self.steering.target
-
-    @property
-    def order(self) -> object:
+    def order(self) -> object:  # type: ignore[override]
         """Velocity and goal that are asked for."""
         return self.steering.target, self.steering.goal
 

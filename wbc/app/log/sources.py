@@ -28,7 +28,7 @@ from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.tasks.stabilizer.pendulum import dcm, natural_frequency
 from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp, net_wrench
-from wbc.walking.contact import Event
+from wbc.walking.contact import LIFT_OFFS
 from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 XYZ, XY, QUATERNION = ("x", "y", "z"), ("x", "y"), ("x", "y", "z", "w")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 WRENCH_UNITS = ("N", "N", "N", "Nm", "Nm", "Nm")
-LIFTS = {Event.LIFT_OFF, Event.FORCED_LIFT_OFF}
 VELOCITY, VELOCITY_UNITS = ("forward", "left", "turn"), ("m/s", "m/s", "rad/s")
 
 
@@ -169,7 +168,7 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
 def _seen(tick: Tick) -> Array | None:
     """Return the known cells of the ground, shape (n, 3), m, in a tick in which a foot lifts off."""
     walk, reference = tick.walking, tick.reference
-    if walk is None or walk.ground is None or reference is None or not LIFTS & set(reference.events):
+    if walk is None or walk.ground is None or reference is None or LIFT_OFFS.isdisjoint(reference.events):
         return None
     return walk.ground.map.known()[0]
 

@@ -17,6 +17,7 @@ from typing import Annotated
 
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Number, settings
+from wbc.core.robot import SIDES
 from wbc.core.trajectories import QuinticPath
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
@@ -60,7 +61,8 @@ def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
     supports = []
     for k in range(count):
         time = gait.initial_double_support if k == 0 else gait.double_support
-        supports.append(SupportPhase(time, (plan.lift_off(k), plan.stance(k)), time))
+        leaving = plan.feet(k)[SIDES.index(plan.steps[k].side)]
+        supports.append(SupportPhase(time, (leaving, plan.stance(k)), time))
         supports.append(SupportPhase(gait.single_support, (plan.stance(k),), gait.single_support))
     final = gait.final_double_support
     supports.append(SupportPhase(final, (plan.stance(count - 1), plan.steps[-1]), final))

@@ -29,7 +29,7 @@ from wbc.base.settings import NonNegative, Share, in_units, settings
 from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.contact import Event, GaitPhase, touch_down
+from wbc.walking.contact import LIFT_OFFS, TOUCH_DOWNS, Event, GaitPhase, touch_down
 from wbc.walking.gait import GaitMachine
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
@@ -50,9 +50,6 @@ from wbc.walking.steering import PLANNED_NEAR, SteeredSteps, Steering
 from wbc.walking.swing import SwingFoot
 
 logger = logging.getLogger(__name__)
-
-TOUCH_DOWNS = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
-
 
 CLIMBING_INWARD = 0.01
 """Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further inward the ZMP, the more
@@ -461,7 +458,7 @@ class LipmWalk(GaitMachine):
         steps = self.plan.steps
         self.stance = 1 - SIDES.index(steps[min(self.step, len(steps) - 1)].side) if steps else 0
         for event in events:
-            if event in (Event.LIFT_OFF, Event.FORCED_LIFT_OFF):
+            if event in LIFT_OFFS:
                 self._lift(places)
             elif event in TOUCH_DOWNS and flown is not None:
                 self._land(places, flown.landing)

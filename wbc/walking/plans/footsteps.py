@@ -172,13 +172,6 @@ class FootstepPlan:
             return self.steps[index - 1]
         return self.right if self.steps[0].side == "left" else self.left
 
-    def lift_off(self, index: int) -> Footstep:
-        """Return the place where the foot of step `index` leaves the ground."""
-        if index > 1:
-            return self.steps[index - 2]
-        side = self.steps[index].side
-        return self.left if side == "left" else self.right
-
     @property
     def climbs(self) -> bool:
         """True if a foot lands at least `LEAST_STAIR` above or below the other foot."""
@@ -323,8 +316,7 @@ def closing_step(stance: Footstep, mate: Footstep, spacing: float) -> tuple[Foot
 
 def check_start(robot: Robot, plan: FootstepPlan) -> None:
     """Raise an `InputError` unless a plan begins where the robot stands, as closely as a first step can make good."""
-    for sole, foot in zip(robot.soles, (plan.left, plan.right), strict=True):
-        stands = Footstep.of(foot.side, robot.placement(sole.frame))
+    for foot, stands in zip((plan.left, plan.right), FootstepPlan.standing(robot).final, strict=True):
         forward, left, up, turn = stands.seen_from(foot)
         if math.hypot(forward, left) > 0.02 or abs(up) > 0.05 or abs(turn) > 0.05:
             planned, real = (

@@ -93,22 +93,18 @@ class FootstepSource(ABC):
     """Planner of footsteps that is asked while the robot walks; one of your own writes `footsteps`.
 
     Attributes:
-        target: Commanded velocity; None for a planner that takes none.
+        order: What the user asks of the planner; where it changes, steps are asked for anew while a foot is in the air,
+            too.
         granted: Velocity of the present plan; None for the mean of its next two steps.
         pace: Speed of the gait (`SPEEDS`), m/s.
         to_check: Number of the next steps that are checked against the reach of the legs; None for all, 0 for a planner
             whose steps are within reach by construction.
     """
 
-    target: Velocity | None = None
+    order: object = None
     granted: Velocity | None = None
     pace = 0.0
     to_check: int | None = None
-
-    @property
-    def order(self) -> object:
-        """Order of the user: where it changes, steps are asked for anew while a foot is in the air, too."""
-        return self.target
 
     @abstractmethod
     def footsteps(self, now: Standing) -> FootstepPlan:
