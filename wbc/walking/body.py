@@ -70,6 +70,10 @@ class Twist(NamedTuple):
     by_waist: bool  # true if the waist turns the torso against the pelvis; otherwise both turn on the hips
 
 
+UNTWISTED = Twist(0.0, 0.0, 0.0, by_waist=False)
+"""No turn."""
+
+
 class Body:
     """Set-points of the body.
 

@@ -43,7 +43,7 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.lean import UPRIGHT
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.balance import Balance
-from wbc.walking.body import STEPPING_TURN, Body
+from wbc.walking.body import STEPPING_TURN, UNTWISTED, Body
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
@@ -201,7 +201,7 @@ class WalkingControl:
         if body.active:
             body.update(reference.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
-        lean, twist = UPRIGHT, None
+        lean, twist = UPRIGHT, UNTWISTED
         if balance is not None:
             reference = balance.update(reference, state)
             lean = balance.leaning

@@ -21,7 +21,7 @@ from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.tasks.stabilizer.task import StabilizerTask
-from wbc.walking.body import Twist
+from wbc.walking.body import UNTWISTED, Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
@@ -33,12 +33,6 @@ TURNED = 0.3
 
 UP = np.array([0.0, 0.0, 1.0])
 """Vertical."""
-
-STRAIGHT = Twist(0.0, 0.0, 0.0, by_waist=False)
-"""No turn of the trunk against the heading."""
-
-UNTURNED = (STRAIGHT, STRAIGHT)
-"""No turn of pelvis and torso."""
 
 UNLOADED = 1e-3
 """Least bound of the force of a foot in contact, over the greatest force of a foot."""
@@ -181,8 +175,8 @@ class WalkTasks:
             if not swing.idle:
                 swing.weight = self._swing_weight
 
-    def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist | None = None) -> None:
-        """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, None no twist."""
+    def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist = UNTWISTED) -> None:
+        """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, `UNTWISTED` no twist."""
         pendulum, body = reference.pendulum, reference.body
         if self._stance is not None:
             self._stance.switch(self, reference)
@@ -216,23 +210,21 @@ class WalkTasks:
             )
         self.posture.follow(body.position, body.velocity, body.acceleration)
 
-    def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist | None) -> None:
+    def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist) -> None:
         """Turn pelvis and torso to a heading (rad), twist them and let them lean.
 
         A trunk that is turned far from there is brought upright as it turns back: a rotation that is large about the
         vertical has parts about the level axes that are no tilt, so the heading of the target stays near the trunk's.
         """
-        turns = UNTURNED
-        if twist is not None:
-            turns = (STRAIGHT if twist.by_waist else twist, twist)
+        turns, still = (UNTWISTED if twist.by_waist else twist, twist), twist is UNTWISTED
         off = [
             math.remainder(yaw + turn.angle + own - heading(task.rotation), math.tau)
             for task, turn, own in zip(self._trunk, turns, self._trunk_yaws, strict=False)
         ]
         far = max(off) > TURNED or min(off) < -TURNED
-        if not far and twist is None and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
+        if not far and still and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
-        self._trunk_target = (yaw, lean) if not far and twist is None else (None, UPRIGHT)
+        self._trunk_target = (yaw, lean) if not far and still else (None, UPRIGHT)
         for task, tilt, turn, error in zip(self._trunk, self._trunk_tilts, turns, off, strict=False):
             towards = yaw + turn.angle
             if far:
@@ -243,13 +235,13 @@ class WalkTasks:
                 lean.acceleration + turn.acceleration * UP,
             )
         if self._twist is not None:
-            self._turn_waist(self._twist, turns[1], by_waist=twist is not None and twist.by_waist)
+            self._turn_waist(self._twist, twist)
 
-    def _turn_waist(self, task: OrientationTask, turn: Twist, *, by_waist: bool) -> None:
+    def _turn_waist(self, task: OrientationTask, turn: Twist) -> None:
         """Let the waist turn the torso where the gains of the trunk leave its heading free."""
-        if by_waist == task.idle:
-            task.weight = self._twist_weight if by_waist else 0.0
-        if by_waist:
+        if turn.by_waist == task.idle:
+            task.weight = self._twist_weight if turn.by_waist else 0.0
+        if turn.by_waist:
             target: Array = self._trunk[1].target
             task.follow(target, np.array([turn.rate]), np.array([turn.acceleration]))
 
