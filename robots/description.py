@@ -57,7 +57,7 @@ class RobotDescription:
         hands: Role → frame, such as {"left_hand": "l_wrist"}.
         servo: Rule for the servo gains.
         gains: Joint → (kp, kd) of joints to which the rule does not apply, Nm/rad and Nms/rad.
-        damping: Joint → passive damping, Nms/rad; it is in the plant, but not in the controller's model.
+        damping: Joint → viscous damping beside its drive, Nms/rad; it is in the plant and in the controller's model.
         frictionloss: Joint → dry friction, Nm; it is in the plant, but not in the controller's model.
         springs: Joint → (stiffness, rest position) of a spring parallel to its drive, Nm/rad and rad; it is in the
             plant and in the controller's model.
@@ -287,6 +287,7 @@ class RobotDescription:
             frames=self.hands,
             servos=self.servos,
             springs=self._springs,
+            damping=self._damping,
             torque_lower=self._torque_lower,
             passive=self.passive,
             closures=self.closures,
@@ -495,6 +496,12 @@ class RobotDescription:
             return None
         stiffness, rest = np.transpose([self.springs.get(name, (0.0, 0.0)) for name in self.joint_names])
         return stiffness.copy(), rest.copy()
+
+    @property
+    def _damping(self) -> Array | None:
+        if not self.damping:
+            return None
+        return np.array([self.damping.get(name, 0.0) for name in self.joint_names])
 
     @property
     def _sole_frames(self) -> tuple[str, ...]:

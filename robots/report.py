@@ -151,7 +151,6 @@ def doubts(robot: Any) -> tuple[str, ...]:
     undamped = [
         n for n, (kp, kd) in robot.gains.items() if kp > 0.0 and kd + robot.damping.get(n, 0.0) == 0.0
     ]
-    rubbing = {**robot.damping, **robot.frictionloss}
     guessed = (
         ["see the list above"] if any("torque limits not given" in line for line in robot.derived) else []
     )
@@ -162,11 +161,10 @@ def doubts(robot: Any) -> tuple[str, ...]:
         "no rotor inertia (armature); real drives have some": [
             n for n, a in robot.armature.items() if a == 0.0 and n not in robot.passive
         ],
-        f"damping up to {max(robot.damping.values(), default=0.0):g} Nms/rad and dry friction up to "
-        f"{max(robot.frictionloss.values(), default=0.0):g} Nm, which the controller neglects": [
-            f"{len(rubbing)} joints"
+        f"dry friction up to {max(robot.frictionloss.values(), default=0.0):g} Nm, which the controller neglects": [
+            f"{len(robot.frictionloss)} joints"
         ]
-        if rubbing
+        if robot.frictionloss
         else [],
         f"speed limits above {FASTEST:g} rad/s, in another unit or none?": [
             n for n, *_, v in limits if v > FASTEST

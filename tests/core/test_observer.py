@@ -460,25 +460,40 @@ def test_aligning_with_gravity_sets_roll_and_pitch() -> None:
     np.testing.assert_allclose(observer.robot.placement("base").rotation[2], truth[2], atol=1e-6)
 
 
-def test_wrenches_from_torques_count_the_springs_of_the_robot() -> None:
-    """Torques that hold a robot still, with springs at some joints or without, show the same wrenches."""
+def test_wrenches_from_torques_count_springs_and_damping_of_the_robot() -> None:
+    """Torques that hold a robot still show the wrenches on its soles; with springs and damping they are greater."""
     description = load("hrp4_class")
-    for springs in ({}, {"left_knee_pitch": (100.0, 0.0), "right_hip_roll": (60.0, -0.4)}):
-        robot = replace(description, springs=springs).robot()
-        wrenches = np.array([[10.0, -5.0, 250.0, 1.0, 2.0, 0.5], [-10.0, 5.0, 0.0, -1.0, 1.0, 0.0]])
-        wrenches[1, 2] = robot.mass * GRAVITY - 250.0
-        torque = np.array(robot.bias[6:])
-        for sole, wrench in zip(robot.soles, wrenches, strict=True):
-            frame = robot.frame_id(sole.frame)
-            jacobian = pin.computeFrameJacobian(
-                robot.model, robot.model.createData(), robot.q, frame, pin.LOCAL
-            )
-            torque -= jacobian[:, 6:].T @ wrench
-        estimator = WrenchEstimator(robot, 0.005)
-        for _ in range(400):
-            found = estimator.update(robot.q, np.zeros(robot.nv), torque)
-        np.testing.assert_allclose(found[:, 2], wrenches[:, 2], rtol=0.1)
-        assert estimator.contact == [True, True]
+    robot = description.robot()
+    wrenches = np.array([[10.0, -5.0, 250.0, 1.0, 2.0, 0.5], [-10.0, 5.0, 0.0, -1.0, 1.0, 0.0]])
+    wrenches[1, 2] = robot.mass * GRAVITY - 250.0
+    torque = np.array(robot.bias[6:])
+    for sole, wrench in zip(robot.soles, wrenches, strict=True):
+        jacobian = pin.computeFrameJacobian(
+            robot.model, robot.model.createData(), robot.q, robot.frame_id(sole.frame), pin.LOCAL
+        )
+        torque -= jacobian[:, 6:].T @ wrench
+    knee, hip = (robot.joint_index(name) for name in ("left_knee_pitch", "right_hip_roll"))
+    passive = replace(
+        description,
+        springs={"left_knee_pitch": (100.0, 0.0), "right_hip_roll": (60.0, -0.4)},
+        damping={"left_knee_pitch": 30.0, "right_hip_roll": 20.0},
+    )
+    plain, sprung = WrenchEstimator(robot, 0.005), WrenchEstimator(passive.robot(), 0.005)
+    v = np.zeros(robot.nv)
+    for tick in range(400):
+        v[6 + knee], v[6 + hip] = 0.2 * np.sin(0.1 * tick), 0.1 * np.cos(0.1 * tick)
+        q = pin.integrate(robot.model, robot.q, np.sin(0.05 * tick) * v)
+        more = np.zeros(robot.na)
+        more[knee] = 100.0 * q[7 + knee] + 30.0 * v[6 + knee]
+        more[hip] = 60.0 * (q[7 + hip] + 0.4) + 20.0 * v[6 + hip]
+        np.testing.assert_allclose(
+            sprung.update(q, v, torque + more), plain.update(q, v, torque), rtol=1e-6, atol=1e-6
+        )
+    plain.reset()
+    for _ in range(400):
+        found = plain.update(robot.q, np.zeros(robot.nv), torque)
+    np.testing.assert_allclose(found[:, 2], wrenches[:, 2], rtol=0.1)
+    assert plain.contact == [True, True]
 
 
 def test_a_filter_that_is_reset_has_turned_by_nothing() -> None:

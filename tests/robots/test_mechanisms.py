@@ -449,7 +449,7 @@ def test_motion_and_forces_of_a_closed_chain_are_those_of_mujocos_equations(what
         velocity_to_mujoco(robot.q, robot.v, dofs, data.qvel)
     else:
         data.qpos[model.jnt_qposadr[ids]], data.qvel[dofs] = robot.q, robot.v
-    model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
+    model.dof_frictionloss[:] = 0.0
     model.opt.gravity[2] = -GRAVITY
     model.dof_armature[base] = 0.0
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(
@@ -460,7 +460,7 @@ def test_motion_and_forces_of_a_closed_chain_are_those_of_mujocos_equations(what
         if not _:
             before, full = equality_rows(model, data), np.zeros((model.nv, model.nv))
             mujoco.mj_fullM(model, data, full)
-            force = -data.qfrc_bias
+            force = data.qfrc_passive - data.qfrc_bias
             force[dofs] += solution.torques
             mujoco.mj_integratePos(model, data.qpos, data.qvel, 1e-6)
     drift = (equality_rows(model, data) - before) @ data.qvel / 1e-6

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -540,8 +541,8 @@ def test_collision_shapes_are_the_geoms_that_touch(what: str) -> None:
         assert any("ellipsoid 'own'" in line for line in description.derived) == (what == "ellipsoid")
 
 
-def test_springs_beside_the_drives_are_forces_of_the_controllers_model() -> None:
-    """Those of MuJoCo, at rest where the file says; the plant has them as well."""
+def test_springs_and_damping_beside_the_drives_are_forces_of_the_controllers_model() -> None:
+    """They are those of MuJoCo, with springs at rest where the file says; the plant has them as well."""
     xml = biped().replace(
         'range="-60 60"/>\n        <inertial',
         'range="-60 60" stiffness="100" springref="-20"/>\n        <inertial',
@@ -553,20 +554,21 @@ def test_springs_beside_the_drives_are_forces_of_the_controllers_model() -> None
         "left_ankle_pitch": pytest.approx((100.0, np.radians(-20.0))),
         "right_ankle_pitch": pytest.approx((100.0, np.radians(-20.0))),
     }
-    plain, robot = RobotDescription.from_mjcf(biped()).robot(), description.robot()
-    q = np.array(robot.half_sitting)
+    plain, robot = replace(description, springs={}, damping={}).robot(), description.robot()
+    q, v = np.array(robot.half_sitting), np.linspace(-2.0, 3.0, robot.nv)
     q[7:] += 0.1
     model = Plant(description).model
     data = mujoco.MjData(model)
     joints = [model.joint(name).id for name in description.joint_names]
-    data.qpos[model.jnt_qposadr[joints]] = q[7:]
+    places = model.jnt_dofadr[joints]
+    data.qpos[model.jnt_qposadr[joints]], data.qvel[places] = q[7:], v[6:]
     mujoco.mj_fwdPosition(model, data)
     mujoco.mj_passive(model, data)
-    for each in (robot, robot.clone(), plain):
-        each.update(q, np.zeros(robot.nv))
-    np.testing.assert_allclose(
-        (plain.bias - robot.bias)[6:], data.qfrc_spring[model.jnt_dofadr[joints]], atol=1e-9
-    )
+    assert abs(data.qfrc_spring[places]).max() > 1.0 and abs(data.qfrc_damper[places]).min() > 1e-2
+    plain.update(q, v)
+    for each in (robot, robot.clone()):
+        each.update(q, v)
+        np.testing.assert_allclose((plain.bias - each.bias)[6:], data.qfrc_passive[places], atol=1e-9)
     loop = MujocoLoop(description, mujoco.MjModel.from_xml_string(xml), control_period=0.002)
     control = TorqueControl(balance_controller(description.robot(), 0.002))
     start = loop.truth().com

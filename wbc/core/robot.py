@@ -217,7 +217,8 @@ class Robot:
         q: Configuration of the last `update`, shape (nq,).
         v: Velocity of the last `update`, shape (nv,).
         mass_matrix: M(q), shape (nv, nv); overwritten by the next update.
-        bias: Coriolis, centrifugal, gravity and spring forces h(q, v), shape (nv,); overwritten by the next update.
+        bias: Coriolis, centrifugal, gravity, spring and damping forces h(q, v), shape (nv,); overwritten by the next
+            update.
         com: Centre of mass in the world, shape (3,), m; overwritten by the next update.
         com_velocity: Velocity of the centre of mass in the world, shape (3,), m/s; overwritten by the next update.
         com_jacobian: Jacobian of the centre of mass, shape (3, nv); overwritten by the next update.
@@ -234,6 +235,8 @@ class Robot:
         servos: Gains of the servos; None if they are unknown.
         springs: Stiffness (Nm/rad) and rest position (rad) of springs beside the drives, each of shape (na,); their
             torques are part of `bias`. None for a robot without springs.
+        damping: Viscous damping of the joints beside the drives, shape (na,), Nms/rad (or Ns/m); its torques are part
+            of `bias`. None for a robot without damping.
     """
 
     position_lower: Array = fixed(DESCRIBED)
@@ -256,6 +259,7 @@ class Robot:
         frames: Mapping[str, str] | None = None,
         servos: Servos | None = None,
         springs: tuple[Array, Array] | None = None,
+        damping: Array | None = None,
         torque_lower: Array | None = None,
         passive: Sequence[str] = (),
         closures: Sequence[Closure] = (),
@@ -272,6 +276,7 @@ class Robot:
             frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
             servos: Gains of the servos.
             springs: Stiffness and rest position of springs.
+            damping: Viscous damping of the joints.
             torque_lower: Smallest joint torques, shape (na,), Nm (or N); the negative torque limits of the model when
                 None.
             passive: Joints without a drive.
@@ -317,7 +322,7 @@ class Robot:
                 f"servos must be of the {self.na} joints of robot '{self.name}', in their order, got "
                 f"{shown(servos.joint_names)}"
             )
-        self.servos, self.springs = servos, springs
+        self.servos, self.springs, self.damping = servos, springs, damping
         self.frames: dict[str, str] = Registry("role of a frame", frames)
         for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
             self.frame_id(frame)
@@ -431,6 +436,8 @@ class Robot:
             pin.computeAllTerms(self.model, self.data, self.q, self.v)
         if self.springs is not None:
             self.bias[self.base_dof :] += self.spring_torques(self.q)
+        if self.damping is not None:
+            self.bias[self.base_dof :] += self.damping * self.v[self.base_dof :]
         pin.updateFramePlacements(self.model, self.data)
 
     def spring_torques(self, q: Array) -> Array:
@@ -512,6 +519,7 @@ class Robot:
             frames=self.frames,
             servos=self.servos,
             springs=self.springs,
+            damping=self.damping,
             torque_lower=self.torque_lower,
             passive=[self.joint_names[i] for i in self.passive],
             closures=self.closures,

@@ -130,6 +130,8 @@ class BodyMotion:
         rows, data = zip(self.q, self.v, acceleration, strict=True), robot.model.createData()
         torques = np.array([pin.rnea(robot.model, data, *row)[BASE_DOF:] for row in rows])
         torques += robot.spring_torques(self.q)
+        if robot.damping is not None:
+            torques += robot.damping * self.v[:, BASE_DOF:]
         torques[:, robot.leg_joints] = 0.0
         return robot.torque_share(torques)
 

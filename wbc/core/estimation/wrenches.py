@@ -1,8 +1,8 @@
 """Contact wrenches of feet without force sensors, from joint torques and the dynamics of the robot.
 
 The generalised momentum p = M v changes by dp/dt = Sᵀ τ + Cᵀ v − g + Jᵀ w, where g are the forces of gravity and of
-springs beside the drives. The residual of this momentum (`MomentumResidual`) with the known force Sᵀ τ + Cᵀ v − g is
-the generalised force Jᵀ w of the contacts.
+springs and viscous damping beside the drives. The residual of this momentum (`MomentumResidual`) with the known force
+Sᵀ τ + Cᵀ v − g is the generalised force Jᵀ w of the contacts.
 
 A leg's own joints see the wrench of its foot alone, in six equations or so; the floating base sees the sum of both.
 Weighted least squares put them together: the joints are off by friction, the base by masses that the model lacks.
@@ -126,6 +126,8 @@ class WrenchEstimator:
         known[BASE_DOF:] += torque
         if self._robot.springs is not None:
             known[BASE_DOF:] -= self._robot.spring_torques(q)
+        if self._robot.damping is not None:
+            known[BASE_DOF:] -= self._robot.damping * v[BASE_DOF:]
         if self._residual.started:
             dt = self._dt
             if passed is not None and abs(passed - dt) > ON_TIME * dt:

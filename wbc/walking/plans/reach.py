@@ -36,7 +36,7 @@ SPANS = 1.6
 STANDING = 0.979
 """Ratio of its length to which a standing leg may stretch: a straight leg can take no step."""
 
-CARRIED = 0.9
+CARRIED = 0.8
 """Share of the knee's torque limit that carries a robot on one leg; the rest is for its steps."""
 
 ROOM = 0.12
