@@ -17,7 +17,7 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Follower
 from wbc.robots import load
-from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
+from wbc.sim import Machine, Plant, SensorNoise, SignalNoise, Trial, make_scene
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
@@ -195,10 +195,14 @@ def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None
     for _ in range(12):
         hand.sense(None, 0.005)
     assert hand.state is HandState.LOST
+    hand.update(np.zeros(6), np.eye(3), None, middle, 0.005)
     here = walking.controller.robot.placement(hand.arm.frame)
     assert hand.task.target.isApprox(here) and hands.lost == ("left_hand",)
     for rate in (hand.task.feedforward_velocity, hand.task.feedforward_acceleration):
         np.testing.assert_array_equal(rate, np.zeros(6))
+    step = np.array([0.2, 0.1, 0.0])  # it goes along with the feet
+    hand.update(np.zeros(6), np.eye(3), None, MovingFrame([step] * 2, 0.0), 0.005)
+    np.testing.assert_allclose(hand.task.target.translation, here.translation + step, atol=1e-12)
 
 
 def test_a_hand_that_finds_no_surface_stops() -> None:
@@ -219,6 +223,15 @@ def test_a_robot_that_takes_free_steps_alone_says_that_they_count_no_forces_on_h
         load("g1").robot(), None, 0.005, WalkingControlSettings(mode="torque", step_kind="free")
     )
     with pytest.raises(InputError, match=re.escape("free steps alone count no forces")):
+        walking.hands.press("left_hand", 5.0, DOWN)
+
+
+def test_a_robot_in_torque_control_without_sensors_at_its_wrists_refuses_to_press() -> None:
+    """Its hands press in planned steps, and it stands by free ones until then."""
+    walking = WalkingControl(load("g1").robot(), None, 0.005, WalkingControlSettings(mode="torque"))
+    Trial(Plant(load("g1")), walking).advance(0.1)
+    assert walking.step_kind == "free"
+    with pytest.raises(InputError, match="must have a force sensor"):
         walking.hands.press("left_hand", 5.0, DOWN)
 
 

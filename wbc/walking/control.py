@@ -280,6 +280,7 @@ class WalkingControl:
         elif not calm:
             self._stood = 0.0
         if hands is not None:
+            hands.measurement = state.measurement
             hands.barred = "" if self._kind == "planned" or self.stands else STEPS
 
     def _make_ready(self, kind: Kind) -> None:

@@ -169,7 +169,8 @@ class Hand:
         self.direction = np.zeros(3)
         self.reading, self.tare = np.zeros(6), np.zeros(6)
         self._start = pin.SE3.Identity()  # of the approach; of a grip, its place
-        self._held = pin.SE3.Identity()  # the same in the frame that goes with the robot
+        # The same in the frame that goes with the robot; of a contact that was lost, from the next tick on.
+        self._held: pin.SE3 | None = None
         self._way: list[Move] = []  # to there, one after the other
         self._then = HandState.APPROACH  # state after that way
         self._enter(HandState.FREE)
@@ -313,6 +314,7 @@ class Hand:
             self._approach(dt)
         else:
             self.force.advance(dt)
+            self._keep(middle)
         task.measured_wrench = task.target_wrench  # the hand yields to nothing
 
     def bear(self, wrench: Array, rotation: Array, dt: float) -> None:
@@ -341,11 +343,18 @@ class Hand:
 
     def _carry(self, rotation: Array, middle: MovingFrame) -> None:
         """Keep the pose relative to the feet; yield to the excess of the force on all hands."""
-        task, place = self.task, middle.placement * self._held
-        self._move(place, np.concatenate((middle.velocity(place.translation), ZERO)), REST)
+        task = self.task
+        self._keep(middle)
         task.target_wrench = REST
         task.measured_wrench = np.concatenate((self.excess @ rotation, ZERO))
         self.bounded = bool(np.abs(self.excess[:2]).max() > self._touch)
+
+    def _keep(self, middle: MovingFrame) -> None:
+        """Keep the pose relative to the feet, so that a hand goes along when they step."""
+        if self._held is None:
+            self._held = middle.placement.actInv(self._start)
+        place = middle.placement * self._held
+        self._move(place, np.concatenate((middle.velocity(place.translation), ZERO)), REST)
 
     def _move(self, place: pin.SE3, velocity: Array, acceleration: Array) -> None:
         """Set a target with its velocity and acceleration in world axes, shape (6,)."""
@@ -407,9 +416,10 @@ class Hand:
         self.force.to(0.0, duration)
 
     def _lose(self) -> None:
-        """Stop: where the hand is on its way, or at the place where it pressed."""
+        """Stop: where the hand is on its way, or at the place where it pressed, as seen from the feet."""
         here = self.task.target if self.state is HandState.HOLD else self._robot.placement(self._frame)
-        self.task.follow(pin.SE3(here), REST, REST)
+        self._start, self._held = pin.SE3(here), None
+        self.task.follow(self._start, REST, REST)
         self.task.target_wrench = REST
         self.state, self.contact.active, self.extra = HandState.LOST, False, 0.0
         self._fade(LOSS_RAMP)

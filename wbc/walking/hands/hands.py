@@ -68,6 +68,7 @@ class Hands:
         outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
+        measurement: Last measurement, by which an order is refused to a hand without a sensor; None before the first tick.
         barred: Reason for which no hand may begin to press or grip now; empty if they may.
         slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: turn by the
             gyroscope less that of the estimate, which holds on to the feet.
@@ -95,7 +96,7 @@ class Hands:
         self.outside = np.zeros(6)  # measured, filtered, at the world origin
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._missing = np.zeros(2)
-        self._measurement: Measurement | None = None  # the last one
+        self.measurement: Measurement | None = None
         self._middle: MovingFrame | None = None
         self.active, self.barred = False, ""
         # Views, which move on with the estimate.
@@ -254,9 +255,9 @@ class Hands:
 
     def _check_sensor(self, hand: str) -> None:
         """Check that the force on a hand is measured, as far as is known: before the first tick nothing is."""
-        if self._measurement is None:
+        if self.measurement is None:
             return
-        wrenches = self._measurement.hand_wrenches
+        wrenches = self.measurement.hand_wrenches
         if wrenches is None or not np.isfinite(wrenches[self.all[hand].index]).all():
             raise InputError(
                 f"{hand} must have a force sensor at its wrist to press or grip: the last measurement has "
@@ -305,7 +306,7 @@ class Hands:
 
     def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
         """Advance all hands; return the filtered wrench on them at the world origin, None while there is none."""
-        self._measurement = measurement
+        self.measurement = measurement
         pressing = self.wanted
         if not (pressing or self.active):
             return None
