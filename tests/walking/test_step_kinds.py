@@ -35,7 +35,8 @@ def control(name: str, plan: FootstepPlan | None = None) -> WalkingControl:
 
 
 def standing(name: str = "g1") -> tuple[wbc.Plant, WalkingControl]:
-    plant = wbc.Plant(wbc.load_robot(name), noise="realistic", seed=3, control_period=DT)
+    wrists = wbc.sim.Machine(hand_sensors=True)
+    plant = wbc.Plant(wbc.load_robot(name), noise="realistic", seed=3, control_period=DT, machine=wrists)
     return plant, control(name)
 
 
