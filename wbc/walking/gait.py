@@ -8,12 +8,14 @@ when it lands, when it takes over, and how the pendulum moves until then.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import pinocchio as pin
 
+from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
@@ -21,9 +23,11 @@ from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, SwingShape
 from wbc.walking.plans.reach import Extent, Reach
-from wbc.walking.plans.sources import FootstepSource, Standing, dropped, next_steps
+from wbc.walking.plans.sources import FootstepSource, Standing, next_steps
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.swing import FootMotion, SwingFoot
+
+logger = logging.getLogger(__name__)
 
 
 class GaitMachine(ReferenceSource):
@@ -78,7 +82,10 @@ class GaitMachine(ReferenceSource):
             plan = next_steps(planner, now, self.extent)
             return replace(plan, gait=plan.gait.full.on_grid(self.dt)[0])
         except Exception as error:  # of a planner of the user's own, too
-            self.reason = dropped(error)
+            ours = isinstance(error, InputError)
+            self.reason = reason = str(error) if ours else f"{type(error).__name__}: {error}"
+            trace = None if ours else error
+            logger.warning("footsteps refused (%s); the robot comes to a stand", reason, exc_info=trace)
             return None
 
     @property

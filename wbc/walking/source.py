@@ -16,7 +16,7 @@ from typing import NamedTuple
 import pinocchio as pin
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.core.drive.control import State
 from wbc.core.robot import SIDES, Robot
@@ -25,7 +25,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading
-from wbc.walking.plans.sources import AT_REST, FootstepSource, Velocity, VelocityLimits, planner_of
+from wbc.walking.plans.sources import AT_REST, FootstepSource, PlanSource, Velocity, VelocityLimits
 from wbc.walking.steering import Steering
 from wbc.walking.swing import FootMotion
 
@@ -233,9 +233,11 @@ class ReferenceSource(ABC):
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan or a planner."""
-        steering, planner = self._steering(), planner_of(source)
+        steering = self._steering()
+        if not isinstance(source, (FootstepPlan, FootstepSource)):
+            raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
         steering.command(None)
-        self.take(planner)
+        self.take(PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def stop(self) -> None:
         """Come to a stand safely."""

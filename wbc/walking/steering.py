@@ -408,13 +408,12 @@ class SteeredSteps(FootstepSource):
             self._forget()
         if self._aim is not None and now.begun - now.swings > self._aim[0]:
             aim = self._aim[1]
-            landed = start.left if aim.side == "left" else start.right
+            landed = start.foot(aim.side)
             self._missed[aim.side] = math.hypot(landed.x - aim.x, landed.y - aim.y)
             self._tries += self._beside
         px, py, heading = start.middle
         if now.first is not None:  # feet that stride: the middle is beside the foot that stands
-            stance = start.right if now.first == "left" else start.left
-            px, py, heading = stance.middle(start.spacing)
+            px, py, heading = start.foot(other(now.first)).middle(start.spacing)
         away, turn = steering.away((px, py), heading)
         # Feet that close up may stay where they are by as much as `CLOSED`: a stand is no worse for that.
         more = CLOSED if self._stops and now.first is None else (0.0, 0.0)
@@ -475,5 +474,5 @@ def _steps(
     start: FootstepPlan, side: str, moves: Sequence[tuple[float, float, float]]
 ) -> tuple[Footstep, ...]:
     """Steps from the foot that stands, and the one that closes up."""
-    stance = start.right if side == "left" else start.left
+    stance = start.foot(other(side))
     return steps_along(stance.middle(start.spacing), stance.z, start.spacing, side, moves, _shares)

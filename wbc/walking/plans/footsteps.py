@@ -166,11 +166,13 @@ class FootstepPlan:
     def __len__(self) -> int:
         return len(self.steps)
 
+    def foot(self, side: str) -> Footstep:
+        """Return the place of a side's sole at the start."""
+        return self.left if side == "left" else self.right
+
     def stance(self, index: int) -> Footstep:
         """Return the stance foot of step `index`."""
-        if index > 0:
-            return self.steps[index - 1]
-        return self.right if self.steps[0].side == "left" else self.left
+        return self.steps[index - 1] if index > 0 else self.foot(other(self.steps[0].side))
 
     @property
     def climbs(self) -> bool:
@@ -303,15 +305,6 @@ def _frame(place: Place, z: float) -> pin.SE3:
     """Return the level frame at a place and a height, m."""
     x, y, yaw = place
     return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, z]))
-
-
-def closing_step(stance: Footstep, mate: Footstep, spacing: float) -> tuple[Footstep, ...]:
-    """Return the step that brings a foot beside the one that stands, `spacing` (m) from it; none if it is there."""
-    x, y, _ = stance.beside(spacing if mate.side == "left" else -spacing)
-    beside = replace(stance, side=mate.side, x=x, y=y)
-    forward, left, up, turn = mate.seen_from(beside)
-    stands = math.hypot(forward, left) < CLOSED[0] and abs(up) < CLOSED[0] and abs(turn) < CLOSED[1]
-    return () if stands else (beside,)
 
 
 def check_start(robot: Robot, plan: FootstepPlan) -> None:

@@ -6,7 +6,6 @@ without steps is a stand. Sources are exchanged at any time; the step that has b
 
 from __future__ import annotations
 
-import logging
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -17,10 +16,8 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import finite_array, finite_scalar
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.robot import SIDES
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, closing_step, other
+from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, other
 from wbc.walking.plans.reach import Extent, Reach, check_plan
-
-logger = logging.getLogger(__name__)
 
 Velocity = tuple[float, float, float]
 """Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle."""
@@ -144,14 +141,11 @@ class PlanSource(FootstepSource):
         if (
             now.first is not None and steps and steps[0].side != now.first
         ):  # the other foot had to step out of a push
-            closing = close_up(start, now.first).steps or (
-                start.left if now.first == "left" else start.right,
-            )
-            steps = (*closing, *steps)
+            steps = (*(close_up(start, now.first).steps or (start.foot(now.first),)), *steps)
             self.plan = replace(self.plan, steps=(*self.plan.steps[:done], *steps))
         if 0 < done <= len(self.plan):
             last = self.plan.steps[done - 1]
-            rise = (start.left if last.side == "left" else start.right).z - last.z
+            rise = start.foot(last.side).z - last.z
             steps = tuple(replace(step, z=step.z + rise) for step in steps)
         if now.reach is not None and self.plan.steps and not self.plan.climbs:
             found = self._reached(start, steps, now.reach) if steps else self._further(now, done, now.reach)
@@ -164,7 +158,7 @@ class PlanSource(FootstepSource):
         Steps that are fixed, or that are out of reach from where they are planned, stay.
         """
         first, found = len(self.plan) - len(steps), list(steps)
-        stance = start.right if steps[0].side == "left" else start.left
+        stance = start.foot(other(steps[0].side))
         for i, step in enumerate(steps):
             near = reach.nearest(stance, step)
             meant = self.plan.stance(first + i)
@@ -175,22 +169,15 @@ class PlanSource(FootstepSource):
 
     def _further(self, now: Standing, done: int, reach: Reach) -> Sequence[Footstep]:
         """Return one more step after the last one, if a foot stands too far beside its last place."""
-        stand = now.start.left, now.start.right
-        feet, goals = (dict(zip(SIDES, pair, strict=True)) for pair in (stand, self.plan.final))
-        off = {
-            side: math.dist((feet[side].x, feet[side].y), (goals[side].x, goals[side].y)) for side in SIDES
-        }
+        feet, goals, off = now.start, self.plan.end, {}
+        for side in SIDES:
+            foot, goal = feet.foot(side), goals.foot(side)
+            off[side] = math.dist((foot.x, foot.y), (goal.x, goal.y))
         if max(off.values()) < BESIDE * reach.max_length or done - len(self.plan) >= MORE:
             return ()
         side = now.first or max(off, key=off.__getitem__)
-        return (reach.nearest(feet[other(side)], replace(goals[side], z=feet[side].z)),)
-
-
-def planner_of(source: FootstepPlan | FootstepSource) -> FootstepSource:
-    """Return the planner of what a walk is to follow."""
-    if not isinstance(source, (FootstepPlan, FootstepSource)):
-        raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-    return PlanSource(source) if isinstance(source, FootstepPlan) else source
+        goal = replace(goals.foot(side), z=feet.foot(side).z)
+        return (reach.nearest(feet.foot(other(side)), goal),)
 
 
 def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = None) -> FootstepPlan:
@@ -214,20 +201,14 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
     return plan
 
 
-def dropped(error: Exception) -> str:
-    """Log, and return, the reason for which a planner is dropped: the robot comes to a stand."""
-    ours = isinstance(error, InputError)
-    reason = str(error) if ours else f"{type(error).__name__}: {error}"
-    logger.warning(
-        "footsteps refused (%s); the robot comes to a stand", reason, exc_info=None if ours else error
-    )
-    return reason
-
-
 def close_up(start: FootstepPlan, side: str) -> FootstepPlan:
     """Return the feet with one step that brings that foot beside the other; without steps if it stands there."""
-    stance, mate = (start.right, start.left) if side == "left" else (start.left, start.right)
-    return replace(start, steps=closing_step(stance, mate, start.spacing))
+    stance, spacing = start.foot(other(side)), start.spacing
+    x, y, _ = stance.beside(spacing if side == "left" else -spacing)
+    beside = replace(stance, side=side, x=x, y=y)
+    forward, left, up, turn = start.foot(side).seen_from(beside)
+    stands = math.hypot(forward, left) < CLOSED[0] and abs(up) < CLOSED[0] and abs(turn) < CLOSED[1]
+    return replace(start, steps=() if stands else (beside,))
 
 
 def checked_velocity(velocity: Sequence[float] | None) -> Velocity:
