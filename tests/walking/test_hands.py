@@ -17,7 +17,7 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Follower
 from wbc.robots import load
-from wbc.sim import Machine, Plant, SensorNoise, SignalNoise, Trial, make_scene
+from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings

@@ -68,7 +68,7 @@ class Hands:
         outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
-        measurement: Last measurement, by which an order is refused to a hand without a sensor; None before the first tick.
+        measurement: Last measurement, by which orders of hands without sensors are refused; None before the first tick.
         barred: Reason for which no hand may begin to press or grip now; empty if they may.
         slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: turn by the
             gyroscope less that of the estimate, which holds on to the feet.
