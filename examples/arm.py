@@ -1,6 +1,6 @@
 """Inverse kinematics of an arm: its hand goes round a circle, and around a ball that lies in the way and moves.
 
-Tasks, limits and contacts are those of a controller; velocities take the place of accelerations and forces.
+Tasks, limits and contacts are those of a controller. Inverse kinematics solves for joint velocities; it has no forces.
 """
 
 from collections.abc import Sequence

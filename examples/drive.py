@@ -1,8 +1,8 @@
-"""Drive a robot: arrow keys in the terminal (or in the page, with `--view`), space to stand, q to end.
+"""Drive a robot by the arrow keys in the terminal; space stands, q ends. With `--view` the browser shows the robot.
 
     python drive.py --view
 
-Without a terminal it walks an S. The velocity is a value that changes at any tick; footsteps are planned as it goes.
+Without a terminal the robot walks an S. The velocity may change at any tick; footsteps are planned step by step.
 """
 
 from __future__ import annotations

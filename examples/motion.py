@@ -1,4 +1,4 @@
-"""A motion of one's own: the robot turns and spreads its arms; made feasible, and tracked while it balances."""
+"""A motion of your own: a clip of turning and spreading the arms is made feasible, and the robot tracks it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Another physics engine: the same robot stands, takes a push and steps in DART, in place of MuJoCo.
 
-`DartLoop` has the few things that an engine must do; sensors, drives, pushes and truth are those of `EngineLoop`. Needs
-`pip install -e ".[dart]"` in the clone. A whole walk in it: `wbc walk --mode torque --loop other_engine.py:DartLoop`.
+`DartLoop` has the methods that depend on the engine; sensors, drives, pushes and the true state are those of
+`EngineLoop`. DART is an extra: `pip install -e ".[dart]"` in the clone. A whole walk in DART is
+`wbc walk --mode torque --loop examples/other_engine.py:DartLoop`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""References of your own: one method says where pendulum and feet are to be, the controller does the rest.
+"""References of your own: one method returns the pendulum and the motion of the feet, and the controller tracks them.
 
-The robot marches in place: a foot lifts once the ZMP is under the other sole.
+The robot marches in place: a foot lifts when the ZMP is under the other sole.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Program: stand, reach, look, squat, walk a metre, wave and stand, as states that follow each other by their outcomes.
 
-A state has a start, a condition of its end and a timeout. Targets move on minimum jerk trajectories; whatever the walk
-lets one set may be set at any tick. Try `--robot talos`, or another `--mode`.
+A state has a start, a condition of its end and a timeout. Targets move on minimum jerk trajectories. A state may set
+height, lean, turn and gaze of the walking robot. Try `--robot talos`, or another `--mode`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Step over stones of 60 mm on the robot's own small feet, and out of a push: a walk that balances by its steps.
+"""Free steps: the robot walks over stones of 60 mm on its own small feet, and is pushed.
 
-No footsteps are planned. Place and time of each step follow at every tick from the state of the robot, so that the foot
-lands wherever the ground and the push have left the robot; it knows neither.
+No footsteps are planned. Place and time of each step follow at every tick from the state of the robot, so that its
+steps keep the balance. The robot knows neither the ground nor the push.
 """
 
 from __future__ import annotations

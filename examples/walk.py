@@ -1,8 +1,8 @@
 """Walk: footsteps, a controller and the loop between them and the robot, with everything spelled out.
 
 A plan is two standing feet and a sequence of landings. The controller computes the rest: phases, motion of the centre
-of mass, and contact wrench of each sole. Watch it with `--view`: outlines are planned footsteps, filled areas real
-ones, and the page can push the robot.
+of mass, and contact wrench of each sole. With `--view` the browser shows the walk: outlines are planned footsteps,
+filled areas are soles as they landed.
 """
 
 from __future__ import annotations

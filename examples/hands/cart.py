@@ -1,6 +1,7 @@
 """Grip the handles of a cart, push it, turn it about its middle, and pull it back.
 
-Feet slip under a cart: its heading, known from hands and gyroscope, is corrected: cart.py --robot talos --view
+The feet slip when the robot turns the cart. The heading of the cart, which follows from the hands and the gyroscope,
+is corrected. Try `python examples/hands/cart.py --robot talos --view`.
 """
 
 from __future__ import annotations
