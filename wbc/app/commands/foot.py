@@ -48,7 +48,7 @@ class FootOptions:
     Attributes:
         foot: Foot that is tested.
         foot_param: Its parameters, each as name=value, such as phalanges=8 or contact.radius=0.005.
-        robot: Robot whose ankle the foot is fitted to, and only one in the list; 93 mm over 160 x 76 mm if not given.
+        robot: Robot whose ankle gets the foot, and the only one in the list; by default its sole is 160 x 76 mm.
         stiffness: Of the sole hinges of a soft foot, Nm/rad; the foot's own if not given.
         terrain: Family of grounds that `wbc terrain` lists.
         param: Parameters of the ground, each as name=value.

@@ -95,9 +95,9 @@ def motion(
 ) -> Report:
     """Check, filter or track a clip of joint positions, or of a person.
 
-    Check measures limits, speeds, feet on the ground and the ZMP in the supports. Filter
-    changes what must change for them, and reports it. Track lets the robot follow it while it balances, on both feet,
-    on one, and where it steps. The clip of a person is retargeted to the robot first.
+    `check` measures joint limits, speeds, torques, foot slide and the ZMP. `filter` makes the clip feasible, and
+    reports the changes. `track` simulates a robot that follows the clip while it balances; a clip that is not feasible
+    is filtered first. The clip of a person is retargeted to the robot first.
     """
     if do == "filter":
         return _filter(clip, options, output)

@@ -44,8 +44,8 @@ def plot(
     """Draw figures from one log, or compare several: balance, plan, stiffness, any signals.
 
     Logs come first. Then come ready-made figures, or signals: a name, the beginning of names such as
-    `com/estimated`, or a pattern such as `"joint/torque_command/*knee*"`. Without any, the ready-made figures that
-    the logs have signals for are drawn.
+    `com/estimated`, or a pattern such as `"joint/torque_command/*knee*"`. Without any of them, all
+    figures are drawn for which the logs have signals.
     """
     paths, drawings = _logs_and_drawings(words)
     logs = [Log.open(path) for path in paths]
