@@ -27,6 +27,7 @@ import mujoco
 from pydantic import Field
 
 from wbc.base.checked import checked
+from wbc.base.errors import InputError, shown
 from wbc.base.registry import Registry, call_checked
 from wbc.base.settings import NonNegative, settings
 from wbc.sim.terrain.families.base import param
@@ -114,7 +115,14 @@ class Scene(ABC):
 
 
 _S = TypeVar("_S", bound=Scene)
-_SCENES: Registry[type[Scene]] = Registry("scene")
+
+
+def _check(kind: object) -> None:
+    if not (isinstance(kind, type) and issubclass(kind, Scene)):
+        raise InputError(f"@scene_kind must be above a class derived from Scene, got {shown(kind)}")
+
+
+_SCENES: Registry[type[Scene]] = Registry("scene", check=_check)
 
 
 def scene_kind(name: str) -> Callable[[type[_S]], type[_S]]:

@@ -237,6 +237,7 @@ def merged(*parts: Parts) -> dict[str, Any]:
     return result
 
 
+@checked
 def study_entries(study: Study, entries: Mapping[str, Entry]) -> Iterator[tuple[StudyTrial, Entry | None]]:
     """Yield all trials of a study, each with its entry in a journal, or None if it has not been run."""
     for trial in study.trials():

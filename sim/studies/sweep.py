@@ -224,8 +224,9 @@ def _feed(
     return lost
 
 
+@checked
 @contextlib.contextmanager
-def local_executor(workers: int) -> Iterator[Executor]:
+def local_executor(workers: Count) -> Iterator[Executor]:
     """Make an executor of local processes, each with one thread for linear algebra; they import the running script."""
     from joblib.externals import loky  # noqa: PLC0415 - only sweeps need it
 
@@ -290,6 +291,7 @@ def _run(
     return run_trial(spec, timeout, exit_when_stuck=stuck_ends)
 
 
+@checked
 @contextlib.contextmanager
 def cluster_executor(address: str) -> Iterator[Executor]:
     """Connect to a Dask cluster, and return its executor.

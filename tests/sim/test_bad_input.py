@@ -28,18 +28,31 @@ from wbc.sim import (
     WalkPush,
     WalkSpec,
     dome,
+    family,
     make_scene,
+    param,
+    scene_kind,
     stand,
     walk,
 )
 from wbc.sim import make_terrain as ground
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.studies import Cell, Journal, Study, read_journal, study_frame, study_table
+from wbc.sim.studies import (
+    Cell,
+    Journal,
+    Study,
+    cluster_executor,
+    local_executor,
+    read_journal,
+    study_entries,
+    study_frame,
+    study_table,
+)
 from wbc.sim.studies.trials import trial_from_json
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.loop import Trial
 from wbc.sim.trial.loops import trial_loop
-from wbc.tasks import Behaviour, PostureTask, Program, StateMachine
+from wbc.tasks import Behaviour, PostureTask, Program, StateMachine, reached
 from wbc.tasks.balance import balance_controller
 from wbc.walking import Gait
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
@@ -172,6 +185,13 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: RobotDescription.from_urdf(3), "source of RobotDescription.from_urdf"),  # type: ignore[arg-type]
         (lambda: MotionClip.of("g1", np.zeros((2, 36)), 50.0), "robot of MotionClip.of"),  # type: ignore[arg-type]
         (lambda: MotionClip.of(plant().robot, np.zeros(41), 50.0), r"shape \(T, 41\)"),
+        (lambda: family("holes")(int), "derived from Family"),  # type: ignore[type-var]
+        (lambda: scene_kind("shelf")(int), "derived from Scene"),  # type: ignore[type-var]
+        (lambda: param(1.0, 3), "about of param"),  # type: ignore[arg-type]
+        (lambda: study_entries(3, {}), "study of study_entries"),  # type: ignore[arg-type]
+        (lambda: local_executor(0), "workers of local_executor"),
+        (lambda: cluster_executor(3), "address of cluster_executor"),  # type: ignore[arg-type]
+        (lambda: reached("left_hand"), "waits for must have reached"),
         (lambda: program(3), "a plant must have measure and step"),
         (lambda: program(plant(), seconds=-1.0), "seconds of Program.run"),
         (lambda: draw_signals([3], ["time"]), "logs of draw_signals.* must be of class Log"),  # type: ignore[list-item]

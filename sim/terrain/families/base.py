@@ -30,6 +30,7 @@ from typing import Annotated, Any, ClassVar, TypeVar, dataclass_transform
 import numpy as np
 from pydantic import Field
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.registry import Registry, call_checked
@@ -52,6 +53,7 @@ PositiveShare = Annotated[float, Field(gt=0.0, le=1.0)]
 """A number above zero, up to one."""
 
 
+@checked
 def param(default: Any, about: str, *, at_least: str | None = None) -> Any:
     """Declare a parameter of a family, or of a scene; its annotation states type, range and unit, as in all settings.
 
@@ -252,6 +254,8 @@ def family(name: str) -> Callable[[type[_F]], type[_F]]:
     """
 
     def register(cls: type[_F]) -> type[_F]:
+        if not (isinstance(cls, type) and issubclass(cls, Family)):
+            raise InputError(f"@family must be above a class derived from Family, got {shown(cls)}")
         known = _FAMILIES.get(name)
         if known is not None and (known.__module__, known.__qualname__) == (cls.__module__, cls.__qualname__):
             del _FAMILIES[name]

@@ -111,6 +111,7 @@ class Log:
         """Time of each tick, shape (ticks,), s."""
         return self["time"]
 
+    @checked
     def __getitem__(self, name: str) -> Array:
         """Return the values of a signal, or of a group of signals.
 
