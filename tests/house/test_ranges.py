@@ -49,7 +49,6 @@ RESULTS = {
 
 BY_WHAT_IS_KNOWN = {
     *(f"{task}.{where}" for task in ("PostureTask", "JointTorqueTask") for where in ("__init__", "target")),
-    *(f"{kind}.velocity" for kind in ("MotionSource", "ReferenceSource", "StandSource")),
 }
 """Doors that check by joints or limits that a made object alone has."""
 

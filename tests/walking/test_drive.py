@@ -59,7 +59,16 @@ class Stage:
         self.references: list[Reference] = []
 
     def steer(self, velocity: tuple[float, float, float] | None) -> None:
-        self.source.velocity = velocity
+        self.walk.steering.command(velocity)
+        self.walk.take(None)
+
+    def go_to(self, *goal: float) -> None:
+        self.walk.steering.go_to(*goal)
+        self.walk.take(None)
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        self.walk.steering.command(None)
+        self.walk.take(PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def run(self, seconds: float, turning: float = 0.0) -> None:
         for _ in range(round(seconds / DT)):
@@ -93,9 +102,9 @@ def test_soles_that_turn_on_the_ground_do_not_turn_the_way(kind: str) -> None:
     plan = walk_distance(start, 1.5)
     stage = Stage(plan=plan if kind == "first plan" else None)
     if kind == "plan":
-        stage.source.follow(plan)
+        stage.follow(plan)
     elif kind == "goal":
-        stage.source.go_to(1.5, 0.0, 0.0)
+        stage.go_to(1.5, 0.0, 0.0)
     place, turn, landed = pin.SE3.Identity(), 0.0, 0  # world of the plan in the one that turns
     for _ in range(4000):
         stage.run(DT, 0.03)
@@ -215,7 +224,7 @@ def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(l
 )
 def test_it_goes_to_a_place_and_stands_there(goal: tuple[float, float, float]) -> None:
     stage = Stage()
-    stage.source.go_to(*goal)
+    stage.go_to(*goal)
     stage.run_until_it_stands(45.0)
     place, yaw = stage.middle
     assert stage.source.finished and stage.walk.finished
@@ -254,7 +263,7 @@ def test_steps_to_a_goal_are_the_same_in_a_world_that_is_moved_and_turned(
 def test_a_plan_from_the_start_is_walked_as_one_that_is_given_later() -> None:
     plan = walk_distance(FootstepPlan.standing(ROBOTS["hrp4_class"]), 0.3)
     first, later = Stage(plan=plan), Stage()
-    later.source.follow(plan)
+    later.follow(plan)
     for stage in (first, later):
         stage.run(6.0)
         assert stage.source.finished and stage.walk.steps_done == len(plan)
@@ -271,9 +280,9 @@ def test_a_robot_that_is_stopped_on_a_stair_brings_its_feet_together_there(first
     plan = climb_stairs(start, rise=0.1, tread=0.3, count=4, first_edge=0.15)
     stage = Stage(plan=plan if first else None)
     if not first:
-        stage.source.follow(plan)
+        stage.follow(plan)
     stage.run(when)
-    stage.source.stop()
+    stage.steer(None)
     stage.run_until_it_stands(6.0)
     left, right = (motion.placement.translation for motion in stage.references[-1].feet)
     assert stage.source.finished and left[0] == pytest.approx(right[0])
@@ -291,7 +300,7 @@ def test_sources_are_exchanged_while_it_walks() -> None:
     ahead = max(left[0], right[0])
     feet = FootstepPlan.standing(ROBOTS["hrp4_class"])
     there = replace(feet, left=replace(feet.left, x=ahead), right=replace(feet.right, x=ahead))
-    stage.source.follow(PlanSource(walk_distance(there, 0.5)))
+    stage.follow(PlanSource(walk_distance(there, 0.5)))
     stage.run(14.0)
     assert stage.walk.finished and stage.source.reason == ""
     assert stage.middle[0][0] == pytest.approx(ahead + 0.5, abs=0.02)
@@ -301,7 +310,7 @@ def test_sources_are_exchanged_while_it_walks() -> None:
         return walk_distance(now.start, 0.2, first=now.first or "right") if more else now.start
 
     done, own = stage.walk.steps_done, Own(three)
-    stage.source.follow(own)
+    stage.follow(own)
     stage.run(10.0)
     assert own.asked > 3 and stage.walk.finished and stage.walk.steps_done - done >= 3
 
@@ -347,7 +356,7 @@ def test_a_planner_that_fails_brings_the_robot_to_a_stand(
     stage.steer((0.15, 0.0, 0.0))
     stage.run(5.0)
     done = stage.walk.steps_done
-    stage.source.follow(Own(plan))
+    stage.follow(Own(plan))
     stage.run(5.0)
     assert stage.walk.finished and reason in stage.source.reason and stage.walk.steps_done - done <= 3
 

@@ -50,9 +50,16 @@ from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.load import HeldLoad
 from wbc.walking.plans.footsteps import FootstepPlan, heading
-from wbc.walking.plans.sources import FootstepSource, Velocity, VelocityLimits, checked_velocity
+from wbc.walking.plans.sources import (
+    FootstepSource,
+    PlanSource,
+    Velocity,
+    VelocityLimits,
+    checked_velocity,
+)
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
+from wbc.walking.steering import Steering
 from wbc.walking.steps import Steps, com_height, drive_of, steps_of
 
 logger = logging.getLogger(__name__)
@@ -442,6 +449,12 @@ class WalkingControl:
 
     # ---- what is asked of the robot -----------------------------------------------------------------------------
 
+    def _steering(self) -> Steering:
+        """Return what steers the source; an `InputError` for a source that cannot be steered."""
+        if self.source.steering is None:
+            raise InputError(self.source.unsteered)
+        return self.source.steering
+
     @property
     def velocity(self) -> Velocity | None:
         """Commanded velocity of the robot: forward (m/s), to the left (m/s) and turn (rad/s).
@@ -450,14 +463,13 @@ class WalkingControl:
         steps. A velocity that the robot cannot reach is limited (`granted_velocity`). It is an `InputError` if the
         velocity is not three finite numbers up to 10, or if the body is set too low to lift a foot.
         """
-        return self.source.velocity
+        return None if self.source.steering is None else self.source.steering.target
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
         if any(checked_velocity(velocity)):
             self._make_ready("free")
-        self._waiting = None
-        self.source.velocity, self.stopped = velocity, False
+        self._order(velocity)
 
     @property
     def granted_velocity(self) -> Velocity:
@@ -467,7 +479,8 @@ class WalkingControl:
     @property
     def velocity_limits(self) -> VelocityLimits:
         """Largest velocities that the walk accepts without limiting them."""
-        return self.source.limits
+        steering = self.source.steering
+        return VelocityLimits(0.0, 0.0, 0.0, 0.0) if steering is None else steering.limits
 
     @property
     def steered(self) -> bool:
@@ -484,7 +497,8 @@ class WalkingControl:
             yaw: Heading there, rad; at most a full turn.
         """
         self._make_ready("free")
-        self.source.go_to(x, y, yaw)
+        self._steering().go_to(x, y, yaw)
+        self.source.take(None)
         self.stopped = False
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
@@ -496,17 +510,23 @@ class WalkingControl:
             source: Footsteps in the world, or a planner. If a plan cannot be walked from the present place, the robot
                 comes to a stand, and `source.reason` says why.
         """
+        if not isinstance(source, (FootstepPlan, FootstepSource)):
+            raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
         changes = self._kind == "free" and "planned" in self._kinds
         if changes and isinstance(source, FootstepPlan) and not self._idle:
-            self.source.stop()
-            self._waiting, self.stopped = source, False
+            self._order()
+            self._waiting = source
             return
         self._make_ready("planned")
-        self.source.follow(source)
-        self.stopped = False
+        self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def stop(self) -> None:
         """Come to a stand safely."""
-        self._waiting = None
-        self.source.stop()
-        self.source.reason, self.stopped = "", True
+        self._order()
+        self.stopped = True
+
+    def _order(self, velocity: Sequence[float] | None = None, planner: FootstepSource | None = None) -> None:
+        """Walk with a velocity, or by a planner; come to a stand without either."""
+        self._steering().command(velocity)
+        self.source.take(planner)
+        self._waiting, self.stopped = None, False

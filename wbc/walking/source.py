@@ -16,7 +16,7 @@ from typing import NamedTuple
 import pinocchio as pin
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, shown
+from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.drive.control import State
 from wbc.core.robot import SIDES, Robot
@@ -24,8 +24,8 @@ from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading
-from wbc.walking.plans.sources import AT_REST, FootstepSource, PlanSource, Velocity, VelocityLimits
+from wbc.walking.plans.footsteps import Footstep, heading
+from wbc.walking.plans.sources import AT_REST, FootstepSource, Velocity
 from wbc.walking.steering import Steering
 from wbc.walking.swing import FootMotion
 
@@ -194,54 +194,17 @@ class ReferenceSource(ABC):
         """True when all orders are done and the robot stands."""
         return False
 
-    # ---- what is asked for, of a source with a steering; an `InputError` without ---------------------------------
+    # ---- what is asked for ------------------------------------------------------------------------------------------
 
     @property
     def steered(self) -> bool:
         """True if the robot is steered or can be steered."""
         return self.steering is not None
 
-    def _steering(self) -> Steering:
-        if self.steering is None:
-            raise InputError(self.unsteered)
-        return self.steering
-
-    @property
-    def velocity(self) -> Velocity | None:
-        """Commanded velocity: forward (m/s), to the left (m/s) and turn (rad/s); None for a stand or a goal."""
-        return None if self.steering is None else self.steering.target
-
-    @velocity.setter
-    def velocity(self, velocity: Sequence[float] | None) -> None:
-        self._steering().command(velocity)
-        self.take(None)
-
     @property
     def granted(self) -> Velocity:
         """Velocity of the present steps: forward (m/s), to the left (m/s) and turn (rad/s)."""
         return AT_REST
-
-    @property
-    def limits(self) -> VelocityLimits:
-        """Largest velocities that the walk accepts without limiting them."""
-        return VelocityLimits(0.0, 0.0, 0.0, 0.0) if self.steering is None else self.steering.limits
-
-    def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place (m) and heading (rad), and stand there."""
-        self._steering().go_to(x, y, yaw)
-        self.take(None)
-
-    def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a planner."""
-        steering = self._steering()
-        if not isinstance(source, (FootstepPlan, FootstepSource)):
-            raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        steering.command(None)
-        self.take(PlanSource(source) if isinstance(source, FootstepPlan) else source)
-
-    def stop(self) -> None:
-        """Come to a stand safely."""
-        self.velocity = None
 
     def take(self, planner: FootstepSource | None) -> None:
         """Take the footsteps of a planner from now on; None takes those of the steering."""

@@ -14,13 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
+from wbc.base.errors import InputError
 from wbc.base.lag import lag_gain
 from wbc.base.vectors import Point, along
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other
 from wbc.walking.plans.gait import Gait, pace
 from wbc.walking.plans.planners import opens, steps_along
-from wbc.walking.plans.reach import Reach
+from wbc.walking.plans.reach import Extent, Reach
 from wbc.walking.plans.sources import (
     AT_REST,
     DriveSettings,
@@ -63,11 +64,12 @@ class Steering:
         goal: Place (m) and heading (rad) to walk to; None without one, and once the robot is there.
         limits: Largest velocities that the walk accepts without limiting them.
         near: Distance up to which a goal is walked to without being faced, m.
+        extent: Extent of the ground, m; None is endless.
     """
 
-    def __init__(self, limits: VelocityLimits, near: float) -> None:
+    def __init__(self, limits: VelocityLimits, near: float, extent: Extent | None = None) -> None:
         """Stand."""
-        self.limits, self.near = limits, near
+        self.limits, self.near, self.extent = limits, near, extent
         self.target: Velocity | None = None
         self.goal: Place | None = None
 
@@ -82,7 +84,14 @@ class Steering:
         self.target, self.goal = checked if any(checked) else None, None
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Take a goal: place (m) and heading (rad)."""
+        """Take a goal, place (m) and heading (rad); an `InputError` for one beside the ground."""
+        if self.extent is not None:
+            low_x, high_x, low_y, high_y = self.extent
+            if not (low_x <= x <= high_x and low_y <= y <= high_y):
+                raise InputError(
+                    f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
+                    f"got the goal ({x:g}, {y:g})"
+                )
         self.target, self.goal = None, (x, y, yaw)
 
     def limited(self, velocity: Velocity) -> Velocity:

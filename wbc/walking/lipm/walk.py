@@ -23,7 +23,6 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Share, in_units, settings
 from wbc.core.drive.control import State
@@ -154,7 +153,7 @@ class LipmWalk(GaitMachine):
         self.swing_height = full.swing_height
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)  # of plans to come
         self._drive = drive or DriveSettings()
-        self.steering = Steering(self._drive.limits, PLANNED_NEAR)
+        self.steering = Steering(self._drive.limits, PLANNED_NEAR, extent)
         ground = GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
         super().__init__(dt, ground, DEBOUNCE)
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
@@ -270,17 +269,6 @@ class LipmWalk(GaitMachine):
         if isinstance(self.planner, PlanSource) and not self.steering.pending:
             granted = AT_REST
         return SteeredSteps(self.reach, self._drive, self.steering, granted, pace)
-
-    def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""
-        if self.extent is not None:
-            low_x, high_x, low_y, high_y = self.extent
-            if not (low_x <= x <= high_x and low_y <= y <= high_y):
-                raise InputError(
-                    f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
-                    f"got the goal ({x:g}, {y:g})"
-                )
-        super().go_to(x, y, yaw)
 
     def plan_steps(self) -> None:
         """Plan the footsteps anew if it is time to."""
