@@ -87,6 +87,11 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: walking().hands.press("left_hand", 500.0, DOWN, firm=True), "left_hand"),
     (lambda: WalkingControl(ROBOT.clone(), walk_distance(START, 3.0), DT, extent=(-1, 2, -1, 1)), "ground"),
     (lambda: START.moved(np.eye(4)), "world of FootstepPlan.moved"),
+    (lambda: START.foot("lft"), "left"),
+    (lambda: START.stance("left"), "index of FootstepPlan.stance"),  # type: ignore[arg-type]
+    (lambda: START.feet(-1), "count of FootstepPlan.feet"),
+    (lambda: START.with_step(0, (0.1, 0.1)), "step of FootstepPlan.with_step"),  # type: ignore[arg-type]
+    (lambda: START.with_step(0, Footstep("left", 0.1, 0.1)), "no step 0"),
     (lambda: START.on(0.1), "height of FootstepPlan.on"),  # type: ignore[arg-type]
     (lambda: START.on(lambda x, y: "low"), "height"),  # type: ignore[arg-type,return-value]
     (lambda: Gait.for_speed((0.1, 0.0, 0.0), 0.5), "gait of Gait.for_speed"),  # type: ignore[arg-type]

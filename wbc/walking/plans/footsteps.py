@@ -9,9 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
@@ -29,6 +31,9 @@ PLACES = ("free", "fixed")
 CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
 
+
+Index = Annotated[int, Field(ge=0)]
+"""Index of a step, or a number of steps."""
 
 Place = tuple[float, float, float]
 """x, y (m) and yaw (rad) in the world."""
@@ -168,9 +173,10 @@ class FootstepPlan:
 
     def foot(self, side: str) -> Footstep:
         """Return the place of a side's sole at the start."""
-        return self.left if side == "left" else self.right
+        return self.left if choose("side", side, SIDES) == "left" else self.right
 
-    def stance(self, index: int) -> Footstep:
+    @checked
+    def stance(self, index: Index) -> Footstep:
         """Return the stance foot of step `index`."""
         return self.steps[index - 1] if index > 0 else self.foot(other(self.steps[0].side))
 
@@ -186,7 +192,8 @@ class FootstepPlan:
         spacing = self.gait.feet_spacing
         return abs(self.left.seen_from(self.right)[1]) if spacing is None else spacing
 
-    def feet(self, count: int) -> tuple[Footstep, Footstep]:
+    @checked
+    def feet(self, count: Index) -> tuple[Footstep, Footstep]:
         """Return the places of left and right sole after a number of landings."""
         feet = {"left": self.left, "right": self.right}
         for step in self.steps[max(count - 2, 0) : count]:
@@ -260,7 +267,8 @@ class FootstepPlan:
             self, left=change(self.left), right=change(self.right), steps=tuple(map(change, self.steps))
         )
 
-    def with_step(self, index: int, step: Footstep, *, carry: bool = True) -> FootstepPlan:
+    @checked
+    def with_step(self, index: Index, step: Footstep, *, carry: bool = True) -> FootstepPlan:
         """Return the plan with one landing changed.
 
         Args:
