@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
@@ -35,8 +36,8 @@ def test_the_smallest_stand_balances_a_humanoid_and_the_squat_in_one_line_squats
 
 
 def names_of_stand() -> dict[str, Any]:
-    """Return the names of the first program that the others go on with."""
-    return {"wbc": wbc, "description": wbc.load_robot("hrp4_class")}
+    """Return the names of earlier programs that the others go on with."""
+    return {"wbc": wbc, "pin": pin, "description": wbc.load_robot("hrp4_class")}
 
 
 def test_the_smallest_walk_walks(capsys: pytest.CaptureFixture[str]) -> None:
@@ -48,7 +49,7 @@ def test_the_hand_of_the_arm_moves_to_the_left() -> None:
     names = names_of_stand()
     exec(blocks("python")[2], names)
     start = wbc.load_robot("panda").robot().placement("panda_hand").translation
-    np.testing.assert_allclose(names["hand"].target, start + [0.0, 0.2, 0.0], atol=1e-9)
+    np.testing.assert_allclose(names["hand"].target.translation, start + [0.0, 0.2, 0.0], atol=1e-9)
     np.testing.assert_allclose(names["hand"].error, 0.0, atol=1e-2)
 
 
