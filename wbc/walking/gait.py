@@ -22,9 +22,10 @@ from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, SwingShape
-from wbc.walking.plans.reach import Extent, Reach
+from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import FootstepSource, Standing, next_steps
 from wbc.walking.source import Progress, Reference, ReferenceSource
+from wbc.walking.steering import Steering
 from wbc.walking.swing import FootMotion, SwingFoot
 
 logger = logging.getLogger(__name__)
@@ -43,14 +44,13 @@ class GaitMachine(ReferenceSource):
         steps_done: Steps that have ended with a foot on the ground.
         swing: Swing of this step, which has its landing; None before the first decision on it, and on both feet.
         reach: Reach of the legs, which bounds footsteps that are asked for; None where they are taken as they are.
-        extent: Extent of the ground, which bounds them as well, m; None is endless.
         met: Time since lift-off at which the swing foot met the ground while the other one still carries, s; else None.
         ground: What is known of the ground.
     """
 
     ground: GroundEstimate
     reach: Reach | None = None
-    extent: Extent | None = None
+    steering: Steering
     _gait: Gait  # of the footsteps that are asked for
 
     def __init__(self, dt: float, ground: GroundEstimate, lasting: float = 0.0) -> None:
@@ -79,7 +79,7 @@ class GaitMachine(ReferenceSource):
         start = FootstepPlan(left, right, (), self._gait)
         now = Standing(start, first, self.steps_done + swings, swings, self.time, self.reach)
         try:
-            plan = next_steps(planner, now, self.extent)
+            plan = next_steps(planner, now, self.steering.extent)
             return replace(plan, gait=plan.gait.full.on_grid(self.dt)[0])
         except Exception as error:  # of a planner of the user's own, too
             ours = isinstance(error, InputError)

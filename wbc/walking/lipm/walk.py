@@ -123,7 +123,6 @@ class LipmWalk(GaitMachine):
     """
 
     com_height: float
-    steering: Steering
     reach: Reach
 
     def __init__(
@@ -145,7 +144,7 @@ class LipmWalk(GaitMachine):
         """
         self.settings = s = settings or WalkSettings()
         self.com_height, self.omega = com_height, natural_frequency(com_height)
-        self.reach, self._robot, self.extent = reach or Reach.of(robot, com_height), robot, extent
+        self.reach, self._robot = reach or Reach.of(robot, com_height), robot
         full, notes = plan.gait.full.on_grid(dt)
         for note in notes:
             logger.warning("%s", note)
