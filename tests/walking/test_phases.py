@@ -149,9 +149,9 @@ def test_stopping_in_a_swing_puts_it_down_and_closes_up() -> None:
     until(w, ideal, Event.TOUCH_DOWN)
     until(w, ideal, Event.LIFT_OFF)
     landing = w.plan.steps[w.step]
-    w.stop()
+    w.take(None)  # as it is steered: to a stand
     run(w, ideal, DT)
-    w.stop()
+    w.take(None)
     run(w, ideal, DT)
     assert len(w.plan) == 2 and w.plan.steps[0] == landing
     kinds = [e for _, e in run(w, ideal, 5.0)]
@@ -163,17 +163,17 @@ def test_stopping_in_a_swing_puts_it_down_and_closes_up() -> None:
 def test_stopping_on_both_feet() -> None:
     w = walking(3.0)
     run(w, ideal, 0.3)
-    w.stop()
+    w.take(None)
     run(w, ideal, DT)
     assert len(w.plan) == 0
     assert Event.STOPPED in [e for _, e in run(w, ideal, 1.5)] and w.steps_done == 0
     w = walking(3.0)
     until(w, ideal, Event.TOUCH_DOWN)
-    w.stop()
+    w.take(None)
     run(w, ideal, DT)
     assert len(w.plan) == 1 and w.plan.final[0].x == pytest.approx(w.plan.final[1].x)
     assert [e for _, e in run(w, ideal, 5.0)][-1] is Event.STOPPED
-    w.stop()
+    w.take(None)
     assert w.finished
 
 
