@@ -112,3 +112,8 @@ def test_a_task_that_the_walk_sets_at_every_tick_has_no_target_of_the_users() ->
     for name in ("com", "pelvis", "left_foot swing"):
         with pytest.raises(InputError, match=name):
             controller.task(name).target = np.zeros(3)  # type: ignore[attr-defined]
+
+
+def test_an_attribute_that_a_walk_does_not_have_is_refused() -> None:
+    with pytest.raises(AttributeError, match="velocty"):
+        walking().velocty = (0.2, 0.0, 0.0)  # type: ignore[attr-defined]

@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from wbc.base.checked import checked, fixed
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in, shown
 from wbc.base.settings import Angle, NonNegative, Number, Period
 from wbc.core.drive.control import State
@@ -97,7 +97,12 @@ class WalkingControl:
         stopped: True after `stop`, until the next order to walk.
     """
 
-    dt: float = fixed("make another control, with a robot that stands")
+    __slots__ = (
+        "_before", "_calm", "_dt", "_kind", "_kinds", "_stood", "_waiting", "arms", "balance", "body", "control",
+        "controller", "ground", "reference", "settings", "source", "stiffness", "stopped", "tasks",
+    )  # fmt: skip
+
+    dt: float = result("_dt", "make another control, with a robot that stands")
 
     @checked
     def __init__(
@@ -136,7 +141,7 @@ class WalkingControl:
         self.settings = s = settings or WalkingControlSettings()
         self.controller = controller = Controller(robot, dt, settings=s.solver)
         observer = observer or Observer(robot, adopt=s.mode != "position")
-        self.control, self.dt = drive_of(controller, observer, s), dt
+        self.control, self._dt = drive_of(controller, observer, s), dt
         for limit in limits:
             controller.add(limit)
         self.arms = Arms(controller, dt, s.arms)
@@ -227,7 +232,7 @@ class WalkingControl:
         landing = progress.landing
         soles = scheduler.update(
             progress.swing_side,
-            min(progress.elapsed / max(progress.duration, self.dt), 1.0),
+            min(progress.elapsed / max(progress.duration, self._dt), 1.0),
             max(progress.duration - progress.elapsed, 0.0),
             control.observer.robot,
             now,
@@ -281,7 +286,7 @@ class WalkingControl:
             plan, self._waiting = self._waiting, None
             self.follow(plan)
         elif calm and self._kind == "planned" and not at_hand:
-            self._stood += self.dt
+            self._stood += self._dt
             if self._stood > self._calm:
                 self._change("free")
         elif not calm:
