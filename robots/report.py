@@ -161,6 +161,8 @@ def doubts(robot: Any) -> tuple[str, ...]:
         "no rotor inertia (armature); real drives have some": [
             n for n, a in robot.armature.items() if a == 0.0 and n not in robot.passive
         ],
+        f"torques make up for damping of up to {max(robot.damping.values(), default=0.0):g} Nms/rad, which a real "
+        "machine may not have": [f"{len(robot.damping)} joints"] if robot.damping else [],
         f"dry friction up to {max(robot.frictionloss.values(), default=0.0):g} Nm, which the controller neglects": [
             f"{len(robot.frictionloss)} joints"
         ]
