@@ -55,6 +55,8 @@ class DartLoop(EngineLoop):
         for joint, name in zip(joints, self.robot.joint_names, strict=True):
             joint.setDampingCoefficient(self.description.damping.get(name, 0.0))
             joint.setCoulombFriction(self.description.frictionloss.get(name, 0.0))
+        for number in range(self.skeleton.getNumJoints()):  # DART lets joints pass their stops otherwise
+            self.skeleton.getJoint(number).setLimitEnforcement(True)
         self._joints = np.array([joint.getIndexInSkeleton() for joint in joints])
         self._torques = np.zeros(self.skeleton.getNumDofs())
         self._base = self.skeleton.getRootBodyNode()
