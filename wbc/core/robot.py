@@ -434,10 +434,8 @@ class Robot:
             self._compute_coupled()
         else:
             pin.computeAllTerms(self.model, self.data, self.q, self.v)
-        if self.springs is not None:
-            self.bias[self.base_dof :] += self.spring_torques(self.q)
-        if self.damping is not None:
-            self.bias[self.base_dof :] += self.damping * self.v[self.base_dof :]
+        if self.springs is not None or self.damping is not None:
+            self.bias[self.base_dof :] += self.passive_torques(self.q, self.v)
         pin.updateFramePlacements(self.model, self.data)
 
     def spring_torques(self, q: Array) -> Array:
@@ -447,6 +445,13 @@ class Robot:
             return np.zeros_like(joints)
         stiffness, rest = self.springs
         return np.asarray(stiffness * (joints - rest))
+
+    def passive_torques(self, q: Array, v: Array) -> Array:
+        """Return torques, shape (…, na), Nm, that hold springs and move damped joints at states (…, nq) and (…, nv)."""
+        torques = self.spring_torques(q)
+        if self.damping is not None:
+            torques += self.damping * v[..., self.base_dof :]
+        return torques
 
     def torque_share(self, torque: Array) -> Array:
         """Return joint torques as shares of their limits in the same direction, shape (…, na), at least 0."""

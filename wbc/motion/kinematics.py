@@ -129,9 +129,7 @@ class BodyMotion:
         acceleration = gaussian_filter1d(acceleration, SMOOTHING * self.rate, axis=0)
         rows, data = zip(self.q, self.v, acceleration, strict=True), robot.model.createData()
         torques = np.array([pin.rnea(robot.model, data, *row)[BASE_DOF:] for row in rows])
-        torques += robot.spring_torques(self.q)
-        if robot.damping is not None:
-            torques += robot.damping * self.v[:, BASE_DOF:]
+        torques += robot.passive_torques(self.q, self.v)
         torques[:, robot.leg_joints] = 0.0
         return robot.torque_share(torques)
 

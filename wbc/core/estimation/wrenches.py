@@ -124,10 +124,8 @@ class WrenchEstimator:
         momentum = mass.dot(v)
         known = coriolis.T.dot(v) - gravity
         known[BASE_DOF:] += torque
-        if self._robot.springs is not None:
-            known[BASE_DOF:] -= self._robot.spring_torques(q)
-        if self._robot.damping is not None:
-            known[BASE_DOF:] -= self._robot.damping * v[BASE_DOF:]
+        if self._robot.springs is not None or self._robot.damping is not None:
+            known[BASE_DOF:] -= self._robot.passive_torques(q, v)
         if self._residual.started:
             dt = self._dt
             if passed is not None and abs(passed - dt) > ON_TIME * dt:
