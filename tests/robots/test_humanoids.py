@@ -17,8 +17,8 @@ from wbc.robots.readers.compile_mjcf import compiled
 PAGE = Path(__file__).parents[2] / "docs" / "measured.md"
 LAWS = {
     "by both laws": {"LIPM", "stepping"},
-    "LIPM alone": {"LIPM"},
-    "stepping alone": {"stepping"},
+    "planned steps alone": {"LIPM"},
+    "free steps alone": {"stepping"},
     "by neither": set(),
 }
 """Rows of the table: laws by which their robots walk."""
