@@ -10,12 +10,14 @@ from wbc import load_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.sim import Plant
-from wbc.sim.trial.falls import TrueFallDetector
+from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.body import lowest_com
+from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.reach import Leg
+from wbc.walking.stepping.gait import SteppingWalk
 
 DT = 0.005
 
@@ -163,8 +165,64 @@ def test_a_walk_as_low_as_may_be_comes_to_a_stand(name: str) -> None:
     plant, walking = standing(name)
     body = walking.body
     robot = walking.controller.robot
-    body.com_height = max(lowest_com(robot) + walking.source.swing_height, body.com_height - 0.08)
+    body.com_height = max(lowest_com(robot) + walking.source.lift_room, body.com_height - 0.08)
     walk_and_stop(plant, walking)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
+def test_free_steps_lift_their_feet_from_the_lowest_body(name: str) -> None:
+    """Legs need no room over the lowest CoM: the foot in the air tilts a little where its ankle meets its limit."""
+    plant, walking = standing(name, "stepping")
+    robot, source = walking.controller.robot, walking.source
+    assert isinstance(source, SteppingWalk)
+    lowest, lifted = lowest_com(robot), 0.0
+    with pytest.raises(
+        InputError, match=rf"com_height \(m\) of '{name}', as far as its legs bend, must lie in"
+    ):
+        walking.body.com_height = lowest - 1e-3
+    walking.body.com_height = lowest
+    falls, real = TrueFallDetector(plant.robot, BodyLimits(0.8 * lowest)), plant.description.robot()
+    while plant.time < 9.0:
+        if 3.0 < plant.time < 7.0:
+            walking.velocity = (0.3, 0.0, 0.1)
+        elif plant.time > 7.0:
+            walking.velocity = None
+        plant.step(walking.command(plant.measure()))
+        truth = plant.truth()
+        assert not falls.fallen(truth.q)
+        if plant.time < 7.0:
+            real.update(truth.q, truth.v)
+            left, right = (float(real.placement(sole.frame).translation[2]) for sole in real.soles)
+            lifted = max(lifted, abs(left - right))
+    assert walking.fallen is None and walking.finished and walking.steps_done >= 4
+    assert float(plant.truth().com[2]) < lowest + 0.02
+    assert 0.85 * source.settings.swing_height < lifted < 1.2 * source.settings.swing_height
+
+
+@pytest.mark.slow
+def test_a_plan_that_waits_for_a_stand_is_refused_for_a_low_body_and_no_tick_fails() -> None:
+    plant, walking = standing("g1", "stepping")
+    body, lowest = walking.body, lowest_com(walking.controller.robot)
+    own = body.com_height
+    walking.velocity = (0.1, 0.0, 0.0)
+    while walking.progress.phase is not GaitPhase.SINGLE:
+        plant.step(walking.command(plant.measure()))
+    plan = walk_distance(FootstepPlan.standing(walking.control.observer.robot), 0.3)
+    body.com_height = lowest + 0.01
+    with pytest.raises(
+        InputError, match=r"com_height \(m\) of 'g1', as far as its legs bend and lift a foot by 60 mm"
+    ):
+        walking.follow(plan)
+    assert walking.velocity == (0.1, 0.0, 0.0), "what is refused changes nothing"
+    body.com_height = own
+    walking.follow(plan)
+    body.com_height = lowest + 0.01  # while the plan waits
+    while not walking.done and plant.time < 8.0:
+        plant.step(walking.command(plant.measure()))
+        assert not walking.control.failing
+    assert walking.done and not walking.finished and walking.step_kind == "free"
+    assert "lift a foot by 60 mm" in walking.source.reason
 
 
 def test_the_lowest_height_is_one_that_the_legs_reach() -> None:

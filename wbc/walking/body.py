@@ -148,20 +148,24 @@ class Body:
         if height > self._nominal:
             Leg(robot).hips(height)
         else:
-            self._check_low(what, height, self._lift())
+            self._check_low(what, height, self._lift(), self._nominal)
         self._set(0, height - self._nominal)
 
-    def check_steps(self, lift: float) -> None:
-        """Refuse steps that a lowered body leaves the legs no travel for, with feet lifted by a height, m."""
-        if self._goal[0] < 0.0:
-            self._check_low(f"com_height (m) of '{self._robot.name}'", self.com_height, lift)
+    def check_steps(self, lift: float, com_height: float | None) -> None:
+        """Refuse steps that a lowered body leaves the legs no travel for, with feet lifted by a height, m.
 
-    def _check_low(self, what: str, height: float, lift: float) -> None:
+        The law of the steps has its CoM at a height, m; None is that of the present law.
+        """
+        nominal = self._nominal if com_height is None else com_height
+        if self._goal[0] and self.com_height < nominal:
+            self._check_low(f"com_height (m) of '{self._robot.name}'", self.com_height, lift, nominal)
+
+    def _check_low(self, what: str, height: float, lift: float, nominal: float) -> None:
         if self._lowest is None:
             self._lowest = lowest_com(self._robot)
         walks = f" and lift a foot by {1e3 * lift:.0f} mm in a walk" if lift > 0.0 else ""
-        low = min(self._lowest + lift, self._nominal)
-        finite_scalar(f"{what}, as far as its legs bend{walks},", height, low=low, high=self._nominal)
+        low = min(self._lowest + lift, nominal)
+        finite_scalar(f"{what}, as far as its legs bend{walks},", height, low=low, high=nominal)
 
     @property
     def lean(self) -> tuple[float, float]:

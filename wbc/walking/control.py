@@ -284,7 +284,10 @@ class WalkingControl:
             self._change("free")  # which steps out in this tick
         elif calm and self._waiting is not None:
             plan, self._waiting = self._waiting, None
-            self.follow(plan)
+            try:
+                self.follow(plan)
+            except InputError as error:  # the body was lowered meanwhile
+                self.source.reason = str(error)
         elif calm and self._kind == "planned" and not at_hand:
             self._stood += self._dt
             if self._stood > self._calm:
@@ -301,10 +304,16 @@ class WalkingControl:
         Raises:
             InputError: A body that is set too low to lift a foot.
         """
+        changes = kind in self._kinds and self._idle
+        self._check_body(kind if changes else self._kind)
         self._waiting = None
-        if kind in self._kinds and self._idle:
+        if changes:
             self._change(kind)
-        self.body.check_steps(self.source.swing_height)
+
+    def _check_body(self, kind: Kind) -> None:
+        """Raise an `InputError` if the body is set too low to lift a foot in steps of a kind."""
+        source = self._kinds[kind].source
+        self.body.check_steps(source.lift_room, source.com_height)
 
     def _change(self, kind: Kind) -> None:
         """Change the kind of the steps of a robot that stands; all orders before are forgotten."""
@@ -337,8 +346,8 @@ class WalkingControl:
         self.control.observer.retune(steps.estimate)
 
     def _lift(self) -> float:
-        """Return the height by which feet are lifted now, m; zero once all orders are done."""
-        return 0.0 if self.source.finished else self.source.swing_height
+        """Return the room that the legs need to lift a foot now, m; zero once all orders are done."""
+        return 0.0 if self.source.finished else self.source.lift_room
 
     # ---- what can be asked between ticks ------------------------------------------------------------------------
 
@@ -519,6 +528,7 @@ class WalkingControl:
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
         changes = self._kind == "free" and "planned" in self._kinds
         if changes and isinstance(source, FootstepPlan) and not self._idle:
+            self._check_body("planned")
             self._order()
             self._waiting = source
             return

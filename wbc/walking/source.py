@@ -134,7 +134,8 @@ class ReferenceSource(ABC):
     Attributes:
         unsteered: Message of the error when a source that cannot be steered is steered.
         com_height: Height of the CoM over the soles, m; None for the height of the robot at the start.
-        swing_height: Height of the swing, which bounds how far the body can be lowered, m.
+        lift_room: Height over its lowest one that a lowered CoM must keep, so that the legs can lift a foot, m: the
+            height of the swing in planned steps, and zero in free steps, which lift their feet from the lowest CoM.
         reason: Reason why the source has dropped the last order; empty if it has not.
         ground: Known ground for landings; None for a source that decides no landings.
         steering: Velocity or goal that is asked for; None for a source that cannot be steered.
@@ -143,7 +144,7 @@ class ReferenceSource(ABC):
 
     unsteered = "references that do not come from footsteps cannot be steered"
     com_height: float | None = None
-    swing_height = 0.0
+    lift_room = 0.0
     reason = ""
     ground: GroundEstimate | None = None
     steering: Steering | None = None

@@ -149,7 +149,7 @@ class LipmWalk(GaitMachine):
         for note in notes:
             logger.warning("%s", note)
         check_plan(replace(plan, gait=full), self.reach, extent)
-        self.swing_height = full.swing_height
+        self.lift_room = full.swing_height
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)  # of plans to come
         self._drive = drive or DriveSettings()
         self.steering = Steering(self._drive.limits, PLANNED_NEAR, extent)
