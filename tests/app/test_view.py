@@ -322,10 +322,8 @@ def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
         port = int(view.url.split(":")[2].split("/")[0])
         with pytest.raises(PortError, match=str(port)):
             MeshcatView(loop, port=port)
-        other = socket.gethostbyname_ex(socket.gethostname())[2]
-        for address in {*other} - {"127.0.0.1"}:
-            with socket.socket() as probe:
-                assert address.startswith("127.") or probe.connect_ex((address, port)) != 0
+        with socket.socket() as probe:  # a server for all addresses would answer at this one, too
+            assert probe.connect_ex(("127.0.0.2", port)) != 0
     with pytest.raises(ViewError, match="closed"):
         view.update()
     with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):

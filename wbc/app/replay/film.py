@@ -32,7 +32,7 @@ Pixels = NDArray[np.uint8]
 
 GL_HELP = (
     "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
-    "libgl1-mesa-dri) and set MUJOCO_GL=egl, or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
+    "libgl1) and set MUJOCO_GL=egl, or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
 )
 FFMPEG_HELP = 'a film needs the extra "film": pip install -e ".[film]" in the clone'
 
