@@ -47,6 +47,9 @@ class InertialSettings:
     flight_time_constant: Annotated[Positive, "s"] = 1.0
 
 
+UNKNOWN = 1.0
+"""Time of a stand, s, for which a gyro bias of zero counts in the first one: a few readings say nothing yet."""
+
 _HALF = scalar(0.5)
 
 
@@ -74,6 +77,7 @@ class InertialFilter:
         self.turned = 0.0
         self._yaw_left = 0.0  # error that the last correction has left, rad
         self._bias_at_rest = np.zeros(3)
+        self._rested = UNKNOWN  # time over which it is the mean, s
         self._left: complex | None = None  # innovation that the last correction has left
         self._last: tuple[Array, Array] | None = None
         self._dt, self._half_period = 0.0, scalar(0.0)
@@ -88,8 +92,17 @@ class InertialFilter:
         self.turned = self._yaw_left = 0.0
 
     def rest(self) -> None:
-        """Take the gyro bias of now for the true one: a robot that stands does not turn."""
-        self._bias_at_rest[:] = self.gyro_bias
+        """Learn the gyro bias in a tick of a stand, after `correct`: a robot that stands does not turn.
+
+        About the vertical it is what the feet seem to turn by, the mean over the stands of the last
+        `bias_time_constant`. `gyro_bias` is disturbed there for many seconds by feet that have turned in a walk.
+        """
+        if self.legs is None:
+            return
+        self._rested = min(self._rested + self._dt, self.settings.bias_time_constant)
+        up = self.rotation[2]
+        off = float(up.dot(self._bias_at_rest - self.gyro_bias)) + self.turned / self._rested
+        self._bias_at_rest = self.gyro_bias + off * up
 
     def align(self, specific_force: Array) -> None:
         """Turn the attitude by the smallest rotation after which the specific force of a robot at rest points up."""
