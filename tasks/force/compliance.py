@@ -70,7 +70,7 @@ class ComplianceTask(FrameTask):
 
     __slots__ = (
         "_acceleration", "_frozen", "_gain_of_period", "_measured_wrench", "_motion", "_offset_bound",
-        "_offset_position", "_offset_rotation", "_period", "_sole", "_target_rates", "_target_wrench",
+        "_offset_position", "_offset_rotation", "_period", "_sole", "_still", "_target_rates", "_target_wrench",
         "_time_constant", "_velocity", "_velocity_bound", "_wrench_error", "_wrench_rate",
     )  # fmt: skip
     unit = "m|rad"
@@ -169,7 +169,7 @@ class ComplianceTask(FrameTask):
         """Set offset, compliance velocity and low-pass to zero."""
         super().reset()
         self._wrench_error, self._wrench_rate = np.zeros(6), np.zeros(6)
-        self._velocity, self._acceleration = np.zeros(6), np.zeros(6)
+        self._velocity, self._acceleration, self._still = np.zeros(6), np.zeros(6), True
         self._offset_position, self._offset_rotation = np.zeros(3), np.eye(3)
 
     # ---- the law ------------------------------------------------------------------------------------------------
@@ -230,6 +230,7 @@ class ComplianceTask(FrameTask):
             self._start(dt)
         error, rate = self._wrench_error, self._wrench_rate
         np.subtract(self._measured_wrench, self._target_wrench, out=rate)
+        self._still = False
         if self._time_constant > 0.0:
             rate -= error
             error += self._gain_of_period * rate
@@ -282,6 +283,9 @@ class ComplianceTask(FrameTask):
         error[3:] = pin.log3(turn)
         jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, local).vector
+        if self._still:
+            self._rows.velocity[:], self._rows.acceleration[:] = self._target_rates
+            return
         # From the axes of the reference, in which the frame yields, to those of the frame as it stands now.
         motion, rows = self._motion, self._rows
         for yields, rate, row in (

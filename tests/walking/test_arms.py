@@ -17,7 +17,7 @@ from wbc.core.trajectories import minimum_jerk
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialTick
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
-from wbc.walking.hands.reaching import ArmSettings
+from wbc.walking.hands.arm import ArmSettings
 from wbc.walking.swing import FootMotion
 
 DT = 0.005
@@ -34,6 +34,13 @@ def update(walking: WalkingControl, ticks: int = 1) -> None:
     left, right = (FootMotion.at_rest(robot.placement(sole.frame)) for sole in robot.soles)
     for _ in range(ticks):
         walking.arms.update((left, right), 0.0)
+
+
+def rates(walking: WalkingControl, name: str) -> np.ndarray[Any, Any]:
+    """Return velocity and acceleration of the target of a hand in world axes, shape (2, 6)."""
+    task, turn = walking.controller.task(name), walking.arms[name].place.rotation
+    motion = np.array((task.feedforward_velocity, task.feedforward_acceleration))
+    return (motion.reshape(4, 3) @ turn.T).reshape(2, 6)
 
 
 @pytest.mark.parametrize("waist", [False, True])
@@ -77,11 +84,10 @@ def test_a_target_in_the_frame_of_an_object_moves_with_it() -> None:
     here = walking.controller.robot.placement(hand.frame).translation
     away = box.rotation @ hand.error[:3]
     np.testing.assert_allclose(here + away, box.act(np.array([0.0, -0.1, 0.0])), atol=1e-12)
-    task = walking.controller.task("right_hand")
     update(walking)
     arm = here - box.translation
     moving = np.array([0.1, 0.0, 0.0]) + np.cross([0.0, 0.0, 0.2], arm)
-    np.testing.assert_allclose(task.feedforward_velocity[:3], moving, atol=2.0 * DT)
+    np.testing.assert_allclose(rates(walking, "right_hand")[0, :3], moving, atol=2.0 * DT)
 
 
 def carried(walking: WalkingControl, name: str, move: Callable[[int], None], ticks: int) -> list[Any]:
@@ -91,10 +97,9 @@ def carried(walking: WalkingControl, name: str, move: Callable[[int], None], tic
     for tick in range(ticks):
         move(tick)
         update(walking)
-        task = walking.controller.task(name)
+        task, motion = walking.controller.task(name), rates(walking, name)
         base = task.target * own.inverse()
         robot.update(np.concatenate((pin.SE3ToXYZQUAT(base), robot.half_sitting[7:])), np.zeros(robot.nv))
-        motion = np.array((task.feedforward_velocity, task.feedforward_acceleration))
         states.append((task.target, motion, hand.moving, hand.reached))
     return states
 
@@ -163,8 +168,7 @@ def test_a_hand_at_rest_in_a_frame_that_moves_has_the_motion_of_that_frame(frame
     held = base.actInv(robot.placement(hand.frame))
     hand.reach(held, frame)
     update(walking)
-    task = walking.controller.task("left_hand")
-    place, rates = task.target, np.array((task.feedforward_velocity, task.feedforward_acceleration))
+    place, motions = walking.controller.task("left_hand").target, rates(walking, "left_hand")
 
     def moved(time: float) -> pin.SE3:
         if frame == "box":
@@ -186,8 +190,8 @@ def test_a_hand_at_rest_in_a_frame_that_moves_has_the_motion_of_that_frame(frame
     speed = (after.translation - before.translation) / (2.0 * h)
     spin = pin.log3(after.rotation @ before.rotation.T) / (2.0 * h)
     push = (after.translation + before.translation - 2.0 * place.translation) / h**2
-    np.testing.assert_allclose(rates[0], [*speed, *spin], atol=1e-5)
-    np.testing.assert_allclose(rates[1, :3], push, atol=1e-4)
+    np.testing.assert_allclose(motions[0], [*speed, *spin], atol=1e-5)
+    np.testing.assert_allclose(motions[1, :3], push, atol=1e-4)
 
 
 def test_arms_swing_with_the_opposite_foot() -> None:

@@ -17,15 +17,28 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Follower
 from wbc.robots import load
-from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
+from wbc.sim import (
+    Machine,
+    Plant,
+    SensorNoise,
+    SignalNoise,
+    Trial,
+    TrialHook,
+    WalkPlan,
+    WalkSpec,
+    WalkTrial,
+    make_scene,
+)
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
-from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
+from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase
+from wbc.walking.hands.arm import LEAD
+from wbc.walking.hands.frames import FEET, FOLLOW, Frames, carried
 from wbc.walking.hands.hand import Hand, HandState
 from wbc.walking.hands.hands import Hands
-from wbc.walking.hands.motion import FOLLOW, MovingFrame
 from wbc.walking.hands.turn import GyroTurn
+from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference
 from wbc.walking.swing import FootMotion
 
@@ -78,7 +91,7 @@ def pressing(noise: str | SensorNoise = "none") -> tuple[Trial, Hands]:
     trial.advance(0.1)
     for side, y in (("left", 0.2), ("right", -0.2)):
         hands.press(f"{side}_hand", 25.0, DOWN, at=(0.24, y, TABLE["height"]), firm=True)
-    trial.advance(1.9)
+    trial.advance(2.4)
     assert [hand.state for hand in hands.all.values()] == 2 * [HandState.HOLD] and hands.there
     return trial, hands
 
@@ -141,6 +154,30 @@ def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None
     assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.target, abs=3.0)
 
 
+class Grip(TrialHook):
+    """Lets both hands grip ahead of where they hang, where nothing is, and the robot walk then."""
+
+    def before(self, trial: Any) -> None:
+        walking, time = trial.walking, trial.plant.time
+        if time > 0.5 and not walking.hands.wanted:
+            for name, hand in walking.hands.all.items():
+                walking.hands.grip(name, hand.arm.place.translation + (0.1, 0.0, 0.05), AHEAD, 10.0)
+        if walking.hands.there and walking.source.finished and walking.progress.steps_done == 0:
+            walking.follow(walk_distance(FootstepPlan.standing(walking.controller.robot), 0.4))
+
+
+@pytest.mark.slow
+def test_stretched_arms_that_grip_nothing_make_no_robot_fall_in_torque_control() -> None:
+    """Their tasks move the arms alone, and the task of the centre of mass counts that motion."""
+    stand = WalkPlan(drive=((0.0, 0.0, 0.0, 0.0), (10.0, 0.0, 0.0, 0.0)))
+    spec = WalkSpec(machine=Machine(hand_sensors=True), robot="hrp4_class", mode="torque", plan=stand)
+    trial = WalkTrial(spec)
+    trial.scenario.append(Grip())
+    result = trial.run()
+    assert result.outcome == "completed" and result.failures == 0 and result.steps_done >= 3
+    assert trial.walking.hands.gripping
+
+
 def test_hands_without_orders_have_nothing_in_the_qp() -> None:
     """A hand has its contact and tasks from its first order on, and keeps them."""
     walking, hands = standing()
@@ -165,44 +202,81 @@ def test_hands_without_orders_have_nothing_in_the_qp() -> None:
 def test_a_hand_brushes_nothing_on_its_way_to_a_surface(at: Any, along: Any) -> None:
     """It is never nearer to the surface than at the end, once it moves along it, and it moves from rest to rest."""
     walking, hands = standing(reach_time=1.0)
-    hand = hands.all["left_hand"]
-    start, direction = walking.controller.robot.placement(hand.arm.frame).translation.copy(), np.array(along)
+    hand, tick = hands.all["left_hand"], carry(walking, "left_hand")
+    start, direction = hand.arm.place.translation.copy(), np.array(along)
     hands.press("left_hand", 5.0, along, at=at, firm=True)
-    end, middle, places, rates = hand.destination, MovingFrame([np.zeros(3)] * 2, 0.0), [start], []
+    end, places, rates = hand.destination, [start], []
     while hand.state is HandState.REACH:
-        hand.update(np.zeros(6), np.eye(3), None, middle, 0.005)
-        places.append(hand.task.target.translation)
-        rates.append(hand.task.target.rotation @ hand.task.feedforward_velocity[:3])
+        tick()
+        places.append(hand.arm.task.target.translation)
+        rates.append(hand.arm.task.target.rotation @ hand.arm.task.feedforward_velocity[:3])
+    places, rates = places[:-1], rates[:-1]  # the last tick begins the approach
     way = np.array(places) - end
     nearer = way @ direction
     moved = np.linalg.norm(way - way[0] - np.outer(nearer - nearer[0], direction), axis=1)
-    assert hand.state is HandState.APPROACH and 200 <= len(rates) <= 201
+    assert hand.state is HandState.APPROACH and 200 <= len(rates) <= 202
     assert np.abs(moved[nearer > 1e-9]).max(initial=0.0) < 1e-9
     assert nearer.max() <= max(nearer[0], 0.0) + 1e-9 and np.linalg.norm(way[-1]) < 1e-9
     middles = 0.5 * (np.array(rates)[1:] + np.array(rates)[:-1])
     np.testing.assert_allclose(middles, np.diff(places, axis=0)[1:] / 0.005, atol=0.01)
     assert np.linalg.norm(rates[0]) < 0.01 and np.linalg.norm(rates[-1]) < 1e-9
-    np.testing.assert_allclose(hand.task.target.rotation @ hand.arm.axis(), direction, atol=1e-9)
+    np.testing.assert_allclose(hand.arm.task.target.rotation @ hand.arm.axis(), direction, atol=1e-9)
+
+
+def carry(walking: WalkingControl, name: str) -> Callable[..., None]:
+    """Return a tick of a hand that is where its reference is: the base carries it there."""
+    robot, hand = walking.controller.robot, walking.hands.all[name]
+    own = robot.placement(robot.base_frame).actInv(hand.arm.place)
+
+    def tick() -> None:
+        hand.update(np.zeros(6), np.eye(3), None, 0.005)
+        left, right = (FootMotion.at_rest(robot.placement(sole.frame)) for sole in robot.soles)
+        walking.arms.update((left, right), 0.0)
+        base = hand.arm.task.target * own.inverse()
+        robot.update(np.concatenate((pin.SE3ToXYZQUAT(base), robot.half_sitting[7:])), np.zeros(robot.nv))
+
+    return tick
 
 
 def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None:
     walking, hands = standing(reach_time=1.0)
-    hand, middle = hands.all["left_hand"], MovingFrame([np.zeros(3)] * 2, 0.0)
+    hand, tick = hands.all["left_hand"], carry(walking, "left_hand")
     hands.press("left_hand", 5.0, DOWN, at=(0.3, 0.25, 0.7), firm=True)
     for _ in range(60):
-        hand.update(np.zeros(6), np.eye(3), None, middle, 0.005)
-    assert np.abs(hand.task.feedforward_acceleration).max() > 0.1
+        tick()
+    assert np.abs(hand.arm.task.feedforward_acceleration).max() > 0.1
     for _ in range(12):
         hand.sense(None, 0.005)
     assert hand.state is HandState.LOST
-    hand.update(np.zeros(6), np.eye(3), None, middle, 0.005)
-    here = walking.controller.robot.placement(hand.arm.frame)
-    assert hand.task.target.isApprox(here) and hands.lost == ("left_hand",)
-    for rate in (hand.task.feedforward_velocity, hand.task.feedforward_acceleration):
-        np.testing.assert_array_equal(rate, np.zeros(6))
+    robot, here = walking.controller.robot, pin.SE3(hand.arm.place)
+    yaw = heading(robot.placement(robot.base_frame).rotation)
+    walking.arms.update(feet_at(walking, np.zeros(3)), yaw)
+    assert hand.arm.task.target.isApprox(here) and hands.lost == ("left_hand",)
+    for rate in (hand.arm.task.feedforward_velocity, hand.arm.task.feedforward_acceleration):
+        np.testing.assert_allclose(rate, np.zeros(6), atol=1e-12)
     step = np.array([0.2, 0.1, 0.0])  # it goes along with the feet
-    hand.update(np.zeros(6), np.eye(3), None, MovingFrame([step] * 2, 0.0), 0.005)
-    np.testing.assert_allclose(hand.task.target.translation, here.translation + step, atol=1e-12)
+    for _ in range(1000):
+        walking.arms.update(feet_at(walking, step), yaw)
+    np.testing.assert_allclose(hand.arm.task.target.translation, here.translation + step, atol=1e-6)
+
+
+def feet_at(walking: WalkingControl, step: np.ndarray[Any, Any]) -> tuple[FootMotion, FootMotion]:
+    """Return the motions of both feet at rest, a step from where they are."""
+    robot = walking.controller.robot
+    places = [robot.placement(sole.frame) for sole in robot.soles]
+    left, right = (FootMotion.at_rest(pin.SE3(at.rotation, at.translation + step)) for at in places)
+    return left, right
+
+
+def test_the_reference_waits_for_a_hand_that_cannot_follow_on_its_way() -> None:
+    walking, hands = standing(reach_time=1.0)
+    hand, feet = hands.all["left_hand"], feet_at(walking, np.zeros(3))
+    hands.grip("left_hand", (0.45, 0.25, 0.9), AHEAD, 5.0)
+    for _ in range(400):
+        hand.update(np.zeros(6), np.eye(3), None, 0.005)
+        walking.arms.update(feet, 0.0)
+    assert hand.state is HandState.REACH and not hands.there
+    assert hand.arm.behind == pytest.approx(LEAD, abs=0.01)
 
 
 def test_a_hand_that_finds_no_surface_stops() -> None:
@@ -261,13 +335,13 @@ def held_hand(force: float, **settings: Any) -> tuple[Hands, Hand, Callable[[flo
 
 
 def hold(hands: Hands, name: str, along: Any, force: float) -> tuple[Hand, Callable[[float], None]]:
-    hand, middle = hands.all[name], MovingFrame([np.zeros(3)] * 2, 0.0)
+    hand = hands.all[name]
 
     def tick(most: float) -> None:
         felt = max(hand.target, 2.0 * hands.settings.touch)
         chosen = np.array((0.0, 0.0, min(most, hand.force.value + hand.extra)))
         wrench = np.concatenate((-felt * hand.direction, np.zeros(3)))
-        hand.update(wrench, np.eye(3), chosen, middle, 0.005)
+        hand.update(wrench, np.eye(3), chosen, 0.005)
 
     hands.press(name, force, along, firm=True)
     while hand.state is not HandState.HOLD or hand.target < force:
@@ -300,20 +374,33 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
     assert follower.value == pytest.approx(1.0 - (1.0 + s) * decay, abs=1e-3)
     assert follower.velocity == pytest.approx(s * decay / 0.3, abs=1e-3)
     assert follower.acceleration == pytest.approx((1.0 - s) * decay / 0.09, abs=1e-2)
-    feet = np.array([(0.0, 0.1, 0.0), (0.1, -0.1, 0.02)])
-    frame, held = MovingFrame(feet, 3.0), pin.SE3.Random()
-    np.testing.assert_allclose(frame.placement.translation, (0.05, 0.0, 0.01))
+    walking, held = standing()[0], pin.SE3.Random()
+    frames, step = Frames(walking.controller), np.array((0.4, 0.2, 0.1))
+    start, _, _ = frames.now(FEET)
+    soles = [walking.controller.robot.placement(sole.frame) for sole in walking.controller.robot.soles]
+    np.testing.assert_allclose(start.translation, 0.5 * (soles[0].translation + soles[1].translation))
+    frames.follow(False, (), 3.0, dt)
+    walking.controller.robot.update(turned(walking, 3.0), np.zeros(walking.controller.robot.nv))
+    start, feet = frames.now(FEET)[0], feet_at(walking, step)
     for _ in range(3000):
-        before = frame.placement.act(held.translation)
-        frame.update([feet[0] + (0.4, 0.2, 0.1), feet[1] + (0.4, 0.2, 0.1)], -3.0, dt)
-    after = frame.placement.act(held.translation)
-    np.testing.assert_allclose(frame.velocity(after), (after - before) / dt, atol=1e-3)
+        before = frames.now(FEET)
+        frames.follow(True, feet, -3.0, dt)
+    after = frames.now(FEET)
+    moved = carried(after, held, np.zeros(6), np.zeros(6))
+    way = moved[0].translation - (before[0] * held).translation
+    np.testing.assert_allclose(moved[1][:3], way / dt, atol=1e-3)
+    np.testing.assert_allclose(after[2], (after[1] - before[1]) / dt, atol=1e-6)
     part = 1.0 - (1.0 + 0.3 / FOLLOW) * np.exp(-0.3 / FOLLOW)
-    np.testing.assert_allclose(
-        frame.placement.translation, np.array((0.05, 0.0, 0.01)) + part * np.array((0.4, 0.2, 0.1)), atol=1e-3
-    )
-    turned = pin.log3(frame.placement.rotation @ pin.utils.rotate("z", 3.0).T)[2]
-    assert turned == pytest.approx(part * (2.0 * np.pi - 6.0), abs=1e-3), "the short way round"
+    np.testing.assert_allclose(after[0].translation, start.translation + part * step, atol=1e-3)
+    turn = pin.log3(after[0].rotation @ start.rotation.T)[2]
+    assert turn == pytest.approx(part * (2.0 * np.pi - 6.0), abs=1e-3), "the short way round"
+
+
+def turned(walking: WalkingControl, yaw: float) -> np.ndarray[Any, Any]:
+    """Return the configuration of a robot whose whole body is turned, rad."""
+    q = np.array(walking.controller.robot.q)
+    q[3:7] = (0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw))
+    return q
 
 
 def test_a_turn_is_integrated_without_the_bias_that_was_averaged_at_rest() -> None:

@@ -457,7 +457,7 @@ class WalkingControl:
         robot, names = self.controller.robot, names_in("joints to release", joints)
         gone = {robot.joint_index(joint) for joint in names}
         for arm in self.arms.hands:
-            if arm.joints and gone.issuperset(arm.joints) and arm.busy:
+            if arm.joints and gone.issuperset(arm.joints) and arm.active:
                 raise InputError(f"'{arm.name}' must be let go before its arm is released: it is at work")
         return self.control.release(names)
 

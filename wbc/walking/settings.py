@@ -12,8 +12,8 @@ from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import LeanSettings
+from wbc.walking.hands.arm import ArmSettings
 from wbc.walking.hands.hand import HandSettings
-from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.plans.sources import DriveSettings

@@ -1,34 +1,132 @@
-"""The arm that carries a hand: its joints, its compliance, and the force with which it can press."""
+"""Arm of one hand: its joints and their strength, and the task of the hand with the reference that leads it.
+
+    target  →  reference that moves with bounded speed and acceleration, or on minimum jerk trajectories
+            →  the same in the world, where the frame of the target moves  →  task of the hand
+
+Every hand is moved in this way: one that reaches, one on its way to a surface or a handle, one that presses, and one
+that holds on to something. The error of the task is bounded, and the reference waits for a hand that cannot follow. The
+task moves the arm alone, and takes the motion of all other joints into account.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from wbc.base.numbers import Array
-from wbc.core.robot import BASE_DOF, Robot, joints_to
+from wbc.base.errors import InputError, choose
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import NonNegative, Positive, settings
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.move import Move, PoseCoordinates
+from wbc.core.qp.task import NEAR, SLOW
+from wbc.core.robot import BASE_DOF, joints_to
+from wbc.core.trajectories import Ramp, approach
+from wbc.tasks.force.admittance import AdmittanceTask
+from wbc.tasks.motion.frame import pose
+from wbc.walking.hands.frames import WORLD, Frames, carried
+from wbc.walking.swing import REST
+
+ARRIVED = 1e-3
+"""Distance of the reference from a target, m and rad, from which it counts as there."""
+
+STIFFNESS, BLEND = 100.0, 0.3
+"""Stiffness of the task of a hand, 1/s²; time over which its weight rises and falls, s."""
+
+ERROR_BOUND = (0.05, 0.3)
+"""Greatest error of the hand that acts, m, and of its rotation, rad."""
+
+TURN_SPEED, TURN_ACCELERATION = 1.5, 6.0
+"""Greatest angular speed, rad/s, and acceleration, rad/s², of the reference."""
+
+LEAD = 0.1
+"""Error of the hand at which its reference waits, m (of the rotation, rad)."""
+
+SMOOTHING = 0.04
+"""Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
+fed forward, times the mass of the hand, answers a force by more than that force, and a hand on a table chatters."""
 
 
-class HandArm:
-    """Arm of one hand, in the present posture of a robot.
+@settings
+class ArmSettings:
+    """Settings of the arms in a walk.
 
     Attributes:
-        frame: Index of the frame of the hand.
-        joints: Joints from the chest to the hand, among all joints, shape (n,).
-        reach: Length of the stretched arm, from its first joint to the frame of the hand, m.
+        weight: Hand with a target, cost per (m/s²)² and (rad/s²)².
+        speed: Greatest speed of the reference of a hand, m/s.
+        acceleration: Its greatest acceleration, m/s².
+        waist: Hands with targets move the joints of the waist as well.
+        swing: Swing of arms without targets, m/m: displacement of a hand forward for each metre that the other side's
+            foot is ahead of its own. 0 holds them still.
+        fast_swing: The same in a fast walk with free steps, where the arms hold against the turn of the legs.
     """
 
-    def __init__(self, robot: Robot, hand: str) -> None:
-        """Find the joints of the arm of a hand's frame."""
-        self._robot = robot
-        self.frame = robot.frame_id(hand)
-        model = robot.model
-        arm = joints_to(model, self.frame, robot.frame_id(robot.torso_frame))
-        self.joints = np.array(robot.joints_between(hand, robot.torso_frame), dtype=np.intp)
-        links = [model.jointPlacements[joint].translation for joint in arm[1:]]
-        links.append(model.frames[self.frame].placement.translation)
-        self.reach = sum(float(np.linalg.norm(link)) for link in links)
-        self._shoulder = arm[0] if arm else 1
+    weight: Positive = 100.0
+    speed: Annotated[Positive, "m/s"] = 0.5
+    acceleration: Annotated[Positive, "m/s²"] = 2.0
+    waist: bool = False
+    swing: Annotated[NonNegative, "m/m"] = 0.0
+    fast_swing: Annotated[NonNegative, "m/m"] = 0.4
+
+
+class Arm:
+    """Arm of one hand, and the way of the hand to its target.
+
+    Attributes:
+        name: Role, such as "left_hand".
+        frame: Frame of the robot.
+        joints: Joints of the arm, as indices in arrays of shape (na,).
+        length: Length of the stretched arm, from its first joint to the frame of the hand, m.
+        task: Motion of the hand; it is added to the controller with the first target.
+        within: Name of the frame of the target.
+        pressing: True while `wbc.walking.hands.hand.Hand` moves the hand: it presses, grips, or is on its way.
+        place: Placement of the hand as it is commanded, in the world; a view.
+    """
+
+    def __init__(
+        self, controller: Controller, name: str, dt: float, settings: ArmSettings, frames: Frames
+    ) -> None:
+        """Leave the arm to the posture."""
+        self._controller, self._robot, self._dt, self._settings = controller, controller.robot, dt, settings
+        robot, self._frames = controller.robot, frames
+        self.name, self.frame = name, robot.frames[choose("hand", name, robot.frames)]
+        self.joints = robot.joints_between(
+            self.frame, robot.base_frame if settings.waist else robot.torso_frame
+        )
+        self._arm = np.array(self.joints, dtype=np.intp)
+        self._spared = np.setdiff1d(np.arange(robot.nv), self._arm + BASE_DOF)
+        self._id, self.place = robot.frame_id(self.frame), robot.placement(self.frame)
+        model, chain = robot.model, joints_to(robot.model, self._id, robot.frame_id(robot.torso_frame))
+        links = [model.jointPlacements[joint].translation for joint in chain[1:]]
+        links.append(model.frames[self._id].placement.translation)
+        self.length = sum(float(np.linalg.norm(link)) for link in links)
+        self._shoulder = chain[0] if chain else 1
+        self.task = AdmittanceTask(
+            self.frame,
+            name=name,
+            admittance=(0.0, 0.0),  # a hand that reaches yields to nothing
+            weight=0.0,
+            stiffness=STIFFNESS,
+            error_bound=np.repeat(ERROR_BOUND, 3),
+            time_constant=SMOOTHING,
+        )
+        self.task.spared = self._spared
+        self.task.held_by = f"walking.arms['{name}'].reach(…)"
+        self._added = self.pressing = False
+        self.within = WORLD
+        self._goal: pin.SE3 | None = None
+        self._turn, self._fastest = 0.0, settings.speed
+        self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
+        self._there = pin.SE3(self.place)  # reference in the world
+        self._moves: list[
+            Move
+        ] = []  # of the reference, one after the other, where times or speeds were given
+        self._blend = Ramp()  # of the weight: its goal is 1 with a target, 0 without
+
+    # ---- the arm itself -----------------------------------------------------------------------------------------
 
     @property
     def shoulder(self) -> Array:
@@ -38,14 +136,13 @@ class HandArm:
 
     def compliance(self) -> float | None:
         """Return the compliance of the hand on its servos in the softest direction, m/N; None without gains."""
-        robot, arm = self._robot, self.joints
+        robot, arm = self._robot, self._arm
         servos = robot.servos
         if servos is None:
             return None
-        jacobian = pin.computeFrameJacobian(
-            robot.model, robot.data, robot.q, self.frame, pin.LOCAL_WORLD_ALIGNED
-        )[:3, BASE_DOF:]
-        return float(np.linalg.norm((jacobian[:, arm] / servos.kp[arm]) @ jacobian[:, arm].T, 2))
+        at = robot.model, robot.data, robot.q, self._id, pin.LOCAL_WORLD_ALIGNED
+        jacobian = pin.computeFrameJacobian(*at)[:3, BASE_DOF:][:, arm]
+        return float(np.linalg.norm((jacobian / servos.kp[arm]) @ jacobian.T, 2))
 
     def axis(self) -> Array:
         """Return the direction from the frame of the hand to its mass, in that frame, shape (3,)."""
@@ -53,22 +150,254 @@ class HandArm:
         mass, moment = 0.0, np.zeros(3)
         data = model.createData()
         pin.framesForwardKinematics(model, data, self._robot.half_sitting)
-        for joint in model.subtrees[model.frames[self.frame].parentJoint]:
+        for joint in model.subtrees[model.frames[self._id].parentJoint]:
             inertia = model.inertias[joint]
             mass += inertia.mass
             moment += inertia.mass * data.oMi[joint].act(inertia.lever)
-        arm = data.oMf[self.frame].actInv(moment / mass)
+        arm = data.oMf[self._id].actInv(moment / mass)
         return np.asarray(arm / max(float(np.linalg.norm(arm)), 1e-6))
 
     def strength(self, direction: Array, share: float) -> tuple[float, str]:
         """Return the greatest force along a direction, N, by a ratio of the torque limits, and its joint."""
-        robot, arm = self._robot, self.joints
-        jacobian = pin.getFrameJacobian(robot.model, robot.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
+        robot, arm = self._robot, self._arm
+        jacobian = pin.getFrameJacobian(robot.model, robot.data, self._id, pin.LOCAL_WORLD_ALIGNED)
         lever = direction @ jacobian[:3, BASE_DOF:][:, arm]
         # A hand at rest: what carries the arm is left out of what may press, or helps.
-        carried = (robot.data.g[BASE_DOF:] + robot.spring_torques(robot.q))[arm]
+        held = (robot.data.g[BASE_DOF:] + robot.spring_torques(robot.q))[arm]
         limit = np.where(lever > 0.0, robot.torque_upper[arm], -robot.torque_lower[arm])
-        spare = np.maximum(share * limit - np.sign(lever) * carried, 0.0)  # torque
+        spare = np.maximum(share * limit - np.sign(lever) * held, 0.0)  # torque
         most = spare / np.maximum(np.abs(lever), 1e-6)
         least = int(np.argmin(most))
         return float(most[least]), robot.joint_names[arm[least]]
+
+    def check_own(self) -> None:
+        """Raise an `InputError` for an arm that somebody else moves."""
+        released = self._controller.released
+        if released is not None and self.joints and released.mask[self.joints].all():
+            raise InputError(
+                f"the arm of '{self.name}' is moved by somebody else; walking.release takes it back"
+            )
+
+    # ---- where the hand goes, and is ----------------------------------------------------------------------------
+
+    @property
+    def target(self) -> pin.SE3 | None:
+        """Target in its frame; None without one. Of a target that is a point, the rotation means nothing."""
+        return None if self._goal is None else self._goal.copy()
+
+    @property
+    def active(self) -> bool:
+        """True while the hand has a task: from its first target on until it has been let go."""
+        return self._goal is not None or self._blend.value > 0.0
+
+    @property
+    def error(self) -> Array:
+        """Target minus hand as it is commanded, position (m) and rotation (rad), shape (6,), in the target's frame.
+
+        The rotation is zero where the target is a point. Without a target all is NaN.
+        """
+        if self._goal is None:
+            return np.full(6, np.nan)
+        return self._left(self.seen(self.within))
+
+    @property
+    def behind(self) -> float:
+        """Distance of the hand from its reference, m."""
+        return float(np.linalg.norm(self._there.translation - self.place.translation))
+
+    @property
+    def moving(self) -> bool:
+        """True while the reference of the hand is on its way to the target."""
+        if self._goal is None or self._moves:
+            return self._goal is not None
+        left = self._left(self._reference)
+        return bool(np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED)
+
+    @property
+    def speed(self) -> float:
+        """Speed of the hand as it is commanded, m/s, in the frame of its target; 0 without one."""
+        if self._goal is None:
+            return 0.0
+        robot, (at, moving, _) = self._robot, self._frames.now(self.within)
+        velocity = pin.getFrameVelocity(robot.model, robot.data, self._id, pin.LOCAL_WORLD_ALIGNED).linear
+        arm = self.place.translation - at.translation
+        return float(np.linalg.norm(velocity - moving[:3] - np.cross(moving[3:], arm)))
+
+    @property
+    def reached(self) -> bool:
+        """True once the hand is at its target: within 10 mm, of a pose 0.05 rad, and below 0.05 m/s."""
+        if self._goal is None or self.moving or self.speed > SLOW["m"]:
+            return False
+        error = self.error
+        return bool(np.linalg.norm(error[:3]) < NEAR["m"] and np.linalg.norm(error[3:]) < NEAR["rad"])
+
+    def seen(self, frame: str, place: pin.SE3 | None = None) -> pin.SE3:
+        """Return a place in the world, or that of the hand as it is commanded, in a frame."""
+        return self._frames.now(frame)[0].actInv(self.place if place is None else place)
+
+    # ---- orders -------------------------------------------------------------------------------------------------
+
+    def reach(
+        self,
+        target: ArrayLike | pin.SE3,
+        frame: str = WORLD,
+        *,
+        duration: float | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Go to a target and stay there, from the next tick on.
+
+        The hand goes as fast as the settings let it; with a duration or a speed on a minimum jerk trajectory, which
+        waits, as the reference always does, for a hand that cannot follow.
+
+        Args:
+            target: Point, shape (3,), m, or pose of the hand.
+            frame: "world", "pelvis", "feet" (the middle of both planned feet, on the ground, smoothed), or the name of
+                an object that `Arms.place` knows.
+            duration: Time to the target, s.
+            speed: Greatest speed, m/s, or a pair (linear, angular), m/s and rad/s.
+            acceleration: Greatest acceleration, as `speed`; reaches that speed in 0.2 s when None and no duration is
+                given.
+
+        Raises:
+            InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips; a duration or
+                limit that is not above zero.
+        """
+        self.check_own()
+        choose("frame of a hand's target", frame, self._frames.names)
+        what, turn, limits = f"target of '{self.name}'", 1.0, []
+        if isinstance(target, pin.SE3):
+            goal = pose(what, target)
+        else:
+            goal, turn = pin.SE3(np.eye(3), finite_array(f"{what} (m)", target, (3,))), 0.0
+        if self.pressing:
+            raise InputError(
+                f"target of '{self.name}' must wait until the hand neither presses nor grips: "
+                f"hands.release('{self.name}') lets go, got {np.round(goal.translation, 3).tolist()}"
+            )
+        if duration is not None or speed is not None:
+            limits = [{"duration": duration, "speed": speed, "acceleration": acceleration}]
+        elif acceleration is not None:
+            raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
+        self.send([goal], frame, turn, limits)
+
+    def send(
+        self,
+        targets: Sequence[pin.SE3],
+        frame: str,
+        turn: float,
+        limits: Sequence[Mapping[str, Any]] = (),
+        speed: float | None = None,
+    ) -> None:
+        """Go to a target as fast as a speed lets the hand, or through some to the last one on trajectories.
+
+        The reference goes on as it moves. In a new frame, and for the first target, it begins where the hand is.
+
+        Args:
+            targets: Poses in the frame.
+            frame: Name of the frame.
+            turn: Ratio of the cost of the rotation to that of the place; the hand turns as it likes at 0.
+            limits: Limits of the minimum jerk trajectory to each of the targets; none go to the last one.
+            speed: Greatest speed without trajectories, m/s; that of the settings when None.
+        """
+        reference, velocity, turns = self._reference, self._velocity, turn > 0.0
+        fresh = frame != self.within or not self.active
+        if fresh:
+            reference, velocity = self.seen(frame), np.zeros(6)
+        elif turns and self._turn == 0.0:  # the hand has turned as it liked
+            reference = pin.SE3(self.seen(frame).rotation, reference.translation)
+            velocity = np.concatenate((velocity[:3], np.zeros(3)))
+        goals = [
+            pin.SE3(goal.rotation if turns else reference.rotation, goal.translation) for goal in targets
+        ]
+        starts, rates = (reference, *goals), (velocity, *([None] * len(goals)))
+        self._moves = [
+            Move(PoseCoordinates(start, pin.SE3), [goal], (rate, None), **limit)
+            for start, goal, rate, limit in zip(starts, goals, rates, limits, strict=False)
+        ]
+        if fresh:
+            self._there = pin.SE3(self.place)
+            self.yield_to(REST, REST)
+            self.task.reset()
+        self.within, self._goal, self._turn = frame, goals[-1], turn
+        self._reference, self._velocity = reference, velocity
+        self._fastest = self._settings.speed if speed is None else speed
+        if self._blend.goal == 0.0:
+            self._blend.to(1.0, BLEND)
+        self._weigh()
+        if not self._added:
+            self._added = True
+            self._controller.add(self.task)
+
+    def stop(self, frame: str) -> None:
+        """Stop and stay where the reference is; in a new frame where the hand is."""
+        self.send([self._reference if frame == self.within else self.seen(frame)], frame, self._turn)
+        self._velocity = np.zeros(6)
+
+    def release(self) -> None:
+        """Let the arm go back to its posture."""
+        if self._goal is not None:
+            self._goal, self._moves = None, []
+            self._blend.to(0.0, BLEND)
+
+    def yield_to(self, measured: Array, target: Array) -> None:
+        """Yield to the difference of two wrenches on the hand, in its frame, shape (6,), N and Nm."""
+        self.task.measured_wrench, self.task.target_wrench = measured, target
+
+    def _weigh(self) -> None:
+        """Give the task its weight, in part while it is blended in or out."""
+        weight = self._settings.weight * self._blend.value
+        self.task.weight = (*[weight] * 3, *[self._turn * weight] * 3)
+
+    # ---- the tick -----------------------------------------------------------------------------------------------
+
+    def update(self) -> None:
+        """Move the reference on and hand it to the task; the hand is active."""
+        s, dt, task = self._settings, self._dt, self.task
+        if self._blend.value != self._blend.goal:
+            self._blend.advance(dt)
+            self._weigh()
+        solution = self._controller.solution
+        if solution is not None:
+            task.spared_acceleration = solution.accelerations[self._spared]
+        before, reference = self._velocity.copy(), self._reference
+        turned = float(np.linalg.norm(pin.log3(self._there.rotation @ self.place.rotation.T)))
+        pace = [min(1.0, max(0.0, 2.0 - 2.0 * off / LEAD)) for off in (self.behind, turned)]
+        if self._moves:  # more slowly where the hand stays behind, in its rotation if that matters as much
+            slower, move = min(pace) if self._turn == 1.0 else pace[0], self._moves[0]
+            move.advance(slower * dt)
+            self._reference, velocity, push = move.now()
+            self._velocity = slower * velocity
+            if move.arrived:
+                self._moves.pop(0)
+            self._follow(slower * slower * push)
+            return
+        left = self._left(reference)
+        for rows, granted, acceleration in (
+            (slice(0, 3), self._fastest * pace[0], s.acceleration),
+            (slice(3, 6), TURN_SPEED * pace[1], TURN_ACCELERATION),
+        ):
+            self._velocity[rows] = approach(left[rows], before[rows], granted, acceleration, dt)
+        reference.translation = reference.translation + dt * self._velocity[:3]
+        reference.rotation = pin.exp3(dt * self._velocity[3:]) @ reference.rotation
+        self._follow((self._velocity - before) / dt)
+
+    def _left(self, here: pin.SE3) -> Array:
+        """Return displacement and rotation from a pose in the target's frame to the target, shape (6,), m and rad.
+
+        They are zero without a target.
+        """
+        goal = self._goal
+        if goal is None:
+            return np.zeros(6)
+        turn = np.zeros(3) if self._turn == 0.0 else pin.log3(goal.rotation @ here.rotation.T)
+        return np.concatenate([goal.translation - here.translation, turn])
+
+    def _follow(self, acceleration: Array) -> None:
+        """Give the task the reference, which moves on in its frame with an acceleration, shape (6,)."""
+        there, velocity, rate = self._reference.copy(), self._velocity, acceleration
+        if self.within != WORLD:
+            there, velocity, rate = carried(self._frames.now(self.within), there, velocity, rate)
+        self._there, turn = there, self.place.rotation  # the rates of the task are along the axes of the hand
+        self.task.follow(there, (velocity.reshape(2, 3) @ turn).ravel(), (rate.reshape(2, 3) @ turn).ravel())

@@ -9,7 +9,8 @@ friction cone and the torque limits of the arm, near the one that is asked for. 
 presses, and the low-passed measured wrench of one that grips: with the whole of it as feed-forward the servos would
 cancel each change of it, and the hand would not yield.
 
-A hand that grips keeps its pose relative to the walking robot, and yields where the force on it exceeds its limit. A
+The hand moves as its arm leads it (`wbc.walking.hands.arm`): in the world until it is there, and relative to the feet
+once it grips, or has lost its contact. A hand that grips yields where the force on it exceeds its limit. A
 hand that presses yields at a speed proportional to its force error, so that the force follows the one that the QP chose
 while robot and surface move. The admittance is 1 / (4 T K), with the stiffness K of the arm's servos at the hand, along
 the force, and the delay T of sensor and servo.
@@ -28,16 +29,14 @@ import pinocchio as pin
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
-from wbc.core.frames import pose_of
 from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
-from wbc.core.qp.move import Move, PoseCoordinates, least_turn
+from wbc.core.qp.move import least_turn
 from wbc.core.trajectories import Ramp
-from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.wrench import WrenchTask
-from wbc.walking.hands.arm import HandArm
-from wbc.walking.hands.motion import MovingFrame
+from wbc.walking.hands.arm import Arm
+from wbc.walking.hands.frames import FEET, PELVIS, WORLD
 from wbc.walking.swing import REST
 
 logger = logging.getLogger(__name__)
@@ -46,20 +45,16 @@ GAP, CLEARANCE, SEARCH, BEHIND = 0.01, 0.05, 0.5, 0.03
 """Distance of the tip of a hand from a handle that it grips, and from a surface at the start of its approach; greatest
 length of an approach; error of a searching hand above which its arm counts as stretched, and the contact as lost, m."""
 
-WEIGHT, TURN_WEIGHT, HOLD_WEIGHT = 50.0, 5.0, 0.3
-"""Cost of the position of a hand, per (m/s²)²; of its orientation while it approaches and while it presses, per
-(rad/s²)²: an arm that folds turns the hand."""
+TURN = 0.003
+"""Ratio of the cost of the orientation of a hand to that of its place: an arm that folds turns the hand, and one that
+cannot point where the hand is to press still goes there."""
 
 LOSS, LOSS_TIME, LOSS_RAMP, SILENCE = 0.3, 0.02, 0.15, 0.05
 """Ratio of measured to planned force below which, and time after which, a contact is lost; time over which a lost force
 is faded out of the balance; time without a reading after which a pressing hand has lost its contact, s."""
 
-STIFFNESS, COMPLIANCE = 100.0, 3e-4
-"""Stiffness of position and orientation of a hand, 1/s²; compliance at the hand of servos without gains, m/N."""
-
-SMOOTHING = 0.04
-"""Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
-fed forward, times the mass of the hand, answers a force by more than that force, and a hand on a table chatters."""
+COMPLIANCE = 3e-4
+"""Compliance at the hand of servos without gains, m/N."""
 
 FILTER_TIME, SLOW_TIME = 0.05, 1.0
 """Time constants of two low-passes on measured forces, s: mc_rtc's. The quick one is what feet do not have to give; the
@@ -122,7 +117,7 @@ class Hand:
 
     Attributes:
         index: Its place in `Measurement.hand_wrenches`.
-        task: The hand's motion; without weight while the hand is free.
+        arm: Its arm, which leads it.
         contact: What it presses on; active while it holds.
         grasp: What it grips; active while it does.
         direction: Direction in which the hand presses, in the world, shape (3,).
@@ -137,23 +132,13 @@ class Hand:
         bounded: True while the QP gives less force than is asked for: the arm has no more torque.
     """
 
-    def __init__(self, controller: Controller, name: str, index: int, settings: HandSettings) -> None:
+    def __init__(self, controller: Controller, arm: Arm, index: int, settings: HandSettings) -> None:
         """Begin free: the controller gets task and contacts of the hand with its first order."""
-        self.name, self.index, self._settings = name, index, settings
-        self._controller, self._robot = controller, controller.robot
-        self._touch = settings.touch * self._robot.force_scale
-        frame = self._robot.frames[name]
-        self.arm = HandArm(self._robot, frame)
-        compliance = self.arm.compliance() or COMPLIANCE
-        self.task = AdmittanceTask(
-            frame,
-            name=f"{name} force",
-            admittance=(compliance / (4.0 * settings.lag), 0.0),
-            weight=0.0,
-            stiffness=STIFFNESS,
-            velocity_bound=(2.0 * settings.approach, 0.1),
-            time_constant=SMOOTHING,
-        )
+        self.name, self.arm, self.index, self._settings = arm.name, arm, index, settings
+        self._controller, robot, name, frame = controller, controller.robot, arm.name, arm.frame
+        self._touch = settings.touch * robot.force_scale
+        arm.task.admittance = ((arm.compliance() or COMPLIANCE) / (4.0 * settings.lag), 0.0)
+        arm.task.velocity_bound = (2.0 * settings.approach, 0.1)
         options: ContactOptions = {  # the motion is the task's
             "active": False,
             "ramp": 0.0,
@@ -165,28 +150,23 @@ class Hand:
         self.contact.name, self.grasp.name = f"{name} press", f"{name} grip"
         self._force = WrenchTask(self.contact, weight=WRENCH_WEIGHT)
         self._wrench = WrenchTask(self.grasp, weight=WRENCH_WEIGHT)
-        self._axis, self._frame = self.arm.axis(), frame
+        self._axis = arm.axis()
         self.direction = np.zeros(3)
         self.reading, self.tare = np.zeros(6), np.zeros(6)
-        self._start = pin.SE3.Identity()  # of the approach; of a grip, its place
-        # The same in the frame that goes with the robot; of a contact that was lost, from the next tick on.
-        self._held: pin.SE3 | None = None
-        self._way: list[Move] = []  # to there, one after the other
-        self._then = HandState.APPROACH  # state after that way
+        self._then = HandState.APPROACH  # state after the way to where it presses or grips
         self._enter(HandState.FREE)
 
     def _enter(self, state: HandState) -> None:
-        """Begin without a force, at the start of a way."""
-        self.state, self.force = state, Ramp()
+        """Begin without a force."""
+        self.state, self.force, self.arm.pressing = state, Ramp(), state is not HandState.FREE
         self.pressed = self.extra = 0.0
         self.felt, self.excess, self.bounded = np.zeros(3), np.zeros(3), False
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
         self._most = math.inf  # force that the arm has, N
         self.contact.active = self.grasp.active = False
-        self._travelled = self._elapsed = 0.0
+        self._elapsed = 0.0  # on its way, s
         # Time since the last reading, and for which a touch, or a lack of force, has lasted, s.
         self._silent = self._touching = self._short = 0.0
-        self.task.reset()
 
     @property
     def planned(self) -> float:
@@ -211,9 +191,8 @@ class Hand:
     @property
     def destination(self) -> Array:
         """Where its frame goes, or is once it is there, in the world, shape (3,), m."""
-        if self.state is HandState.REACH:
-            return np.asarray(self._start.translation)
-        return np.asarray(self._robot.placement(self._frame).translation)
+        target = self.arm.target if self.state is HandState.REACH else None
+        return np.array((self.arm.place if target is None else target).translation)
 
     def press(self, direction: Array, force: float, at: Array | None = None) -> None:
         """Approach a surface and press on it, or press on it with another force, N; see `Hands.press`."""
@@ -222,48 +201,46 @@ class Hand:
             self.contact.normal = -direction
             self.force.to(force, self._settings.ramp)
             return
-        self._add(self.task, self.contact, self._force)
-        self._begin(direction, force)
-        if at is not None:
+        self._begin(direction, force, self.contact, self._force)
+        if at is None:
+            self._search(pin.SE3(self.arm.place))
+        else:
             self._go(at - (CLEARANCE + self._settings.length) * direction, HandState.APPROACH)
 
     def grip(self, direction: Array, limit: float, at: Array) -> None:
         """Go to a handle, and keep it before the robot from then on; see `Hands.grip`."""
-        self._add(self.task, self.grasp, self._wrench)
-        self._begin(direction, limit)
+        self._begin(direction, limit, self.grasp, self._wrench)
         self._go(at - (GAP + self._settings.length) * direction, HandState.GRIP)
 
-    def _add(self, *items: Item) -> None:
-        """Add to the controller what it does not have yet of a hand."""
+    def _begin(self, direction: Array, force: float, *items: Item) -> None:
+        """Begin with an order: the controller gets what it does not have yet of a hand."""
         present = (*self._controller.tasks, *self._controller.contacts)
         for item in items:
             if not any(item is other for other in present):
                 self._controller.add(item)
-
-    def _begin(self, direction: Array, force: float) -> None:
-        """Begin an approach from where the hand is."""
-        self._enter(HandState.APPROACH)
+        self._enter(HandState.REACH)
         self.direction, self.force.goal = direction, force
-        self._start = self.task.target = pin.SE3(self._robot.placement(self._frame))
-        self.task.weight = (*[WEIGHT] * 3, *[TURN_WEIGHT] * 3)
 
     def _go(self, point: Array, then: HandState) -> None:
         """Go to a point first: away from the surface, along it, and towards it last, so that nothing is brushed."""
-        self.state, self._then, self.tare = HandState.REACH, then, np.zeros(6)
-        start, way = self._start, point - self._start.translation
+        self._then, self.tare, start = then, np.zeros(6), self.arm.place
+        way = point - start.translation
         turn = least_turn(self._axis, start.rotation.T @ self.direction)
         towards = float(way @ self.direction) * self.direction
         first = towards if towards @ self.direction < 0.0 else way - towards
         lengths = float(np.linalg.norm(first)), float(np.linalg.norm(way - first))
         share = lengths[0] / max(sum(lengths), ROUNDING)
-        corner = pin.SE3(start.rotation @ pin.exp3(share * turn), start.translation + first)
-        self._start = end = pin.SE3(start.rotation @ pin.exp3(turn), point)
-        stops = [(share, corner), (1.0 - share, end)] if min(lengths) > LEAST_WAY else [(1.0, end)]
-        self._way = []
-        for part, place in stops:
-            duration = part * self._settings.reach_time
-            self._way.append(Move(PoseCoordinates(start, pin.SE3), [place], (None, None), duration=duration))
-            start = place
+        stops = [(1.0, pin.SE3(start.rotation @ pin.exp3(turn), point))]
+        if min(lengths) > LEAST_WAY:
+            corner = pin.SE3(start.rotation @ pin.exp3(share * turn), start.translation + first)
+            stops = [(share, corner), (1.0 - share, stops[0][1])]
+        limits = [{"duration": part * self._settings.reach_time} for part, _ in stops]
+        self.arm.send([place for _, place in stops], WORLD, TURN, limits)
+
+    def _search(self, start: pin.SE3) -> None:
+        """Approach the surface from a place in the world."""
+        self.state, end = HandState.APPROACH, start.translation + SEARCH * self.direction
+        self.arm.send([pin.SE3(start.rotation, end)], WORLD, TURN, speed=self._settings.approach)
 
     def release(self) -> None:
         """Take the force back and let go."""
@@ -290,77 +267,50 @@ class Hand:
         if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
             self._lose()
 
-    def update(
-        self, wrench: Array, rotation: Array, chosen: Array | None, middle: MovingFrame, dt: float
-    ) -> None:
+    def update(self, wrench: Array, rotation: Array, chosen: Array | None, dt: float) -> None:
         """Advance by one tick with the measured wrench on the hand, less its tare, and its orientation.
 
         The wrench is [force; moment] in its frame, shape (6,), N and Nm. The QP has chosen a force in the last tick, in
-        the frame of the contact, shape (3,), N, the one that it was asked for when None; `middle` goes with the robot.
+        the frame of the contact, shape (3,), N, the one that it was asked for when None.
         """
-        task, state = self.task, self.state
+        state = self.state
         if state is HandState.FREE:
             return
         self.pressed = -float(np.dot(rotation @ wrench[:3], self.direction))
         if state is HandState.HOLD:
             self._press(wrench, rotation, chosen, dt)
-            return
-        if state is HandState.GRIP:
-            self._carry(rotation, middle)
-            return
-        if state is HandState.REACH:
-            self._reach(wrench, middle, dt)
+        elif state is HandState.GRIP:
+            self._carry(wrench, rotation, dt)
+        elif state is HandState.REACH:
+            self._reach(wrench, dt)
         elif state is HandState.APPROACH:
             self._approach(dt)
         else:
             self.force.advance(dt)
-            self._keep(middle)
-        task.measured_wrench = task.target_wrench  # the hand yields to nothing
 
-    def bear(self, wrench: Array, rotation: Array, dt: float) -> None:
-        """Ask the QP for the slow part of the wrench on a hand that grips; see `update`."""
+    def _carry(self, wrench: Array, rotation: Array, dt: float) -> None:
+        """Yield to the excess of the force on all hands, and ask the QP for the slow part of the wrench on this one."""
+        self.arm.yield_to(np.concatenate((self.excess @ rotation, ZERO)), REST)
+        self.bounded = bool(np.abs(self.excess[:2]).max() > self._touch)
         force, moment = rotation @ wrench[:3], rotation @ wrench[3:]
         self.felt += lag_gain(dt, FILTER_TIME) * (force - self.felt)
         self._borne += lag_gain(dt, SLOW_TIME) * (np.concatenate((force, moment)) - self._borne)
-        turn = self._robot.placement(self._frame).rotation
-        self._wrench.follow(np.concatenate((self._borne[:3] @ turn, self._borne[3:] @ turn)))
+        self._wrench.follow((self._borne.reshape(2, 3) @ self.arm.place.rotation).ravel())
 
-    def _reach(self, wrench: Array, middle: MovingFrame, dt: float) -> None:
+    def _reach(self, wrench: Array, dt: float) -> None:
         """Learn the tare on the way, and begin what comes after it."""
-        first = self._elapsed == 0.0  # an offset may be more than a touch
+        arm, first = self.arm, self._elapsed == 0.0  # an offset may be more than a touch
         if first or float(np.linalg.norm(wrench[:3])) < self._touch:
             self.tare += dt / (self._elapsed + dt) * wrench
         self._elapsed += dt
-        move = self._way[0]
-        move.advance(dt)
-        self._move(*move.now())
-        if move.arrived:
-            self._way.pop(0)
-        if not self._way:
-            self.state = self._then
-            self.grasp.active = self.state is HandState.GRIP
-            self._held = middle.placement.actInv(self._start)
-
-    def _carry(self, rotation: Array, middle: MovingFrame) -> None:
-        """Keep the pose relative to the feet; yield to the excess of the force on all hands."""
-        task = self.task
-        self._keep(middle)
-        task.target_wrench = REST
-        task.measured_wrench = np.concatenate((self.excess @ rotation, ZERO))
-        self.bounded = bool(np.abs(self.excess[:2]).max() > self._touch)
-
-    def _keep(self, middle: MovingFrame) -> None:
-        """Keep the pose relative to the feet, so that a hand goes along when they step."""
-        if self._held is None:
-            self._held = middle.placement.actInv(self._start)
-        place = middle.placement * self._held
-        self._move(place, np.concatenate((middle.velocity(place.translation), ZERO)), REST)
-
-    def _move(self, place: pin.SE3, velocity: Array, acceleration: Array) -> None:
-        """Set a target with its velocity and acceleration in world axes, shape (6,)."""
-        turn = place.rotation
-        own = [np.concatenate((rate[:3] @ turn, rate[3:] @ turn)) for rate in (velocity, acceleration)]
-        self.task.follow(place, *own)
+        target = arm.target
+        if arm.moving or target is None:
+            return
+        if self._then is HandState.APPROACH:
+            self._search(target)
+        else:
+            self.state, self.grasp.active = HandState.GRIP, True
+            arm.send([arm.seen(FEET, target)], FEET, TURN)
 
     def _press(self, wrench: Array, rotation: Array, chosen: Array | None, dt: float) -> None:
         """Ask the QP for the force that is planned, and yield to what is measured beside the one it chose."""
@@ -377,30 +327,23 @@ class Hand:
             return
         self.extra = min(max(self.extra, min(0.0, self._touch - self.planned)), self._most - self.planned)
         self._force.follow(np.array((0.0, 0.0, self.force.value + self.extra)))
-        self.task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
-        self.task.measured_wrench = np.concatenate((wrench[:3], ZERO))
+        target = np.concatenate((rotation.T @ self.contact.rotation @ given, ZERO))
+        self.arm.yield_to(np.concatenate((wrench[:3], ZERO)), target)
 
     def _approach(self, dt: float) -> None:
-        settings, task = self._settings, self.task
+        """Begin to press at a touch; stop after a search without one, and where the hand cannot go on."""
+        arm = self.arm
         self._touching = self._touching + dt if self.pressed > self._touch else 0.0
         if self._touching >= 2.0 * dt - ROUNDING:
             self.state, self._short = HandState.HOLD, 0.0
             self.contact.normal, self.contact.active = -self.direction, True
-            task.weight = (*[WEIGHT] * 3, *[HOLD_WEIGHT] * 3)
-            task.feedforward_velocity = REST
+            arm.stop(WORLD)
             goal = self.force.goal
             self.force = Ramp(min(self._touch, goal))
             self._force.follow(np.array((0.0, 0.0, self.force.value)))
-            self.force.to(goal, settings.ramp)
-            return
-        behind = task.target.translation - self._robot.placement(task.frame).translation
-        if self._travelled >= SEARCH or float(np.linalg.norm(behind)) > BEHIND:
+            self.force.to(goal, self._settings.ramp)
+        elif not arm.moving or arm.behind > BEHIND:
             self._lose()
-            return
-        self._travelled += settings.approach * dt
-        point = self._start.translation + self._travelled * self.direction
-        velocity = np.concatenate((settings.approach * self.direction, ZERO))
-        self._move(pose_of(self._start.rotation, point), velocity, REST)
 
     def _watch(self, dt: float) -> None:
         """Detect the loss of the contact from a force that stays too small."""
@@ -416,14 +359,13 @@ class Hand:
         self.force.to(0.0, duration)
 
     def _lose(self) -> None:
-        """Stop: where the hand is on its way, or at the place where it pressed, as seen from the feet."""
-        here = self.task.target if self.state is HandState.HOLD else self._robot.placement(self._frame)
-        self._start, self._held = pin.SE3(here), None
-        self.task.follow(self._start, REST, REST)
-        self.task.target_wrench = REST
+        """Stop where the hand is, as seen from the feet."""
+        self.arm.stop(FEET)
         self.state, self.contact.active, self.extra = HandState.LOST, False, 0.0
         self._fade(LOSS_RAMP)
 
     def _free(self) -> None:
+        """Let the arm go back to its posture, from where it is."""
         self._enter(HandState.FREE)
-        self.task.weight = 0.0
+        self.arm.stop(PELVIS)
+        self.arm.release()

@@ -36,7 +36,6 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, Hand, HandSettings, HandState
-from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.hands.turn import GyroTurn
 from wbc.walking.plans.footsteps import heading
@@ -84,22 +83,20 @@ class Hands:
         arms: Arms,
     ) -> None:
         """Leave the hands free; `edges` are the toes and the side of a sole from its middle, m."""
-        self._robot, self._estimate, self._arms = controller.robot, estimate, arms
+        self._robot, self._estimate = controller.robot, estimate
         self.settings = settings
         self._edges, self._height = edges, height
         self._controller = controller
-        hands = {
-            role: Hand(controller, role, index, settings) for index, role in enumerate(self._robot.frames)
-        }
-        self.all: Mapping[str, Hand] = MappingProxyType(hands)
-        arms.share(hands)
+        self.all: Mapping[str, Hand] = MappingProxyType(
+            {arm.name: Hand(controller, arm, index, settings) for index, arm in enumerate(arms.hands)}
+        )
         self.outside = np.zeros(6)  # measured, filtered, at the world origin
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._missing = np.zeros(2)
         self.measurement: Measurement | None = None
-        self._middle: MovingFrame | None = None
         self.active, self.barred = False, ""
         # Views, which move on with the estimate.
+        self._places = {arm.name: estimate.placement(arm.frame) for arm in arms.hands}
         self._pelvis = estimate.placement(estimate.base_frame).rotation
         self._vertical = estimate.placement(estimate.imu_frame).rotation[2]
         self._turn, self._start_yaw, self.slip = GyroTurn(), 0.0, 0.0
@@ -147,7 +144,7 @@ class Hands:
 
         Zero looks along x, with the left hand to the left.
         """
-        left, right = (self._place(hand).translation for hand in ("left_hand", "right_hand"))
+        left, right = (self._places[hand].translation for hand in ("left_hand", "right_hand"))
         return math.atan2(right[0] - left[0], left[1] - right[1]) + self.slip
 
     def point(self, hand: str, ahead: float, below: float, outward: float = 0.09) -> Array:
@@ -163,7 +160,7 @@ class Hands:
         trunk = robot.placement(robot.base_frame)
         yaw = heading(trunk.rotation)
         c, s, left = math.cos(yaw), math.sin(yaw), math.copysign(outward, trunk.actInv(arm.shoulder)[1])
-        reach = arm.reach + self.settings.length
+        reach = arm.length + self.settings.length
         place: Array = arm.shoulder + reach * np.array([c * ahead - s * left, s * ahead + c * left, -below])
         return place
 
@@ -234,9 +231,10 @@ class Hands:
         choose("hand", hand, self.all)
         if self.barred:
             raise InputError(f"{hand} may not press or grip now: {self.barred}")
-        self._arms[hand].check_own()
+        arm = self.all[hand].arm
+        arm.check_own()
         self._check_sensor(hand)
-        if self._arms[hand].target is not None:
+        if arm.target is not None and not arm.pressing:
             raise InputError(
                 f"{hand} must have no target when it presses or grips: arms['{hand}'].release() takes the one it has"
             )
@@ -246,7 +244,7 @@ class Hands:
     def _reachable(self, hand: str, at: ArrayLike) -> Array:
         """Return a point for a hand, shape (3,), m, after a check."""
         point, arm = finite_array(f"point for {hand} (m)", at, (3,)), self.all[hand].arm
-        far, reach = float(np.linalg.norm(point - arm.shoulder)), arm.reach + self.settings.length
+        far, reach = float(np.linalg.norm(point - arm.shoulder)), arm.length + self.settings.length
         if far > reach:
             raise InputError(
                 f"point for {hand} must be within {reach:.2f} m of its shoulder, it is {far:.2f} m away"
@@ -268,10 +266,6 @@ class Hands:
         """Take a force back and let go."""
         choose("hand", hand, self.all)
         self.all[hand].release()
-
-    def _place(self, hand: str) -> pin.SE3:
-        """Return the placement of a hand as estimated."""
-        return self._estimate.data.oMf[self.all[hand].arm.frame]
 
     def _check_loss(self, hand: str, along: Array, force: float, at: Array | None) -> None:
         """Check that the robot survives if what it presses on, at a point or where it is now, gives way."""
@@ -311,13 +305,10 @@ class Hands:
         if not (pressing or self.active):
             return None
         rests = reference.phase is GaitPhase.STANDING
-        feet = [motion.placement.translation for motion in reference.feet]
-        if self._middle is None:
-            self._middle = MovingFrame(feet, reference.heading)
+        if not self.active:
             self._start_yaw = self._yaw + self.slip - self._turn.angle
         self._watch_slip(measurement, rests, dt)
-        self._middle.update(feet, reference.heading, dt)
-        felt, pulled, planned = self._advance(self._middle, measurement.hand_wrenches, dt)
+        felt, pulled, planned = self._advance(measurement.hand_wrenches, dt)
         self._yield(rests)
         self.outside += lag_gain(dt, FILTER_TIME) * (felt + pulled - self.outside)
         self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
@@ -327,7 +318,7 @@ class Hands:
         self.active = pressing or moves or float(np.abs(self.outside[:3]).max()) > 0.1
         if not self.active:
             self.outside[:] = self._slow[:] = 0.0
-            self._middle, self._shift = None, Follower(SHIFT_TIME, np.zeros(2))
+            self._shift = Follower(SHIFT_TIME, np.zeros(2))
         return self.outside
 
     def _watch_slip(self, measurement: Measurement, rests: bool, dt: float) -> None:
@@ -336,7 +327,7 @@ class Hands:
         if not rests:
             self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
 
-    def _advance(self, middle: MovingFrame, readings: Array | None, dt: float) -> tuple[Array, Array, Array]:
+    def _advance(self, readings: Array | None, dt: float) -> tuple[Array, Array, Array]:
         """Advance each hand; return the wrench on hands that press, that on hands that grip, and the planned one.
 
         All are at the world origin, shape (6,), N and Nm.
@@ -346,11 +337,10 @@ class Hands:
             if not hand.active:
                 continue
             hand.sense(None if readings is None else readings[hand.index], dt)
-            place, wrench = self._place(hand.name), hand.reading - hand.tare
-            hand.update(wrench, place.rotation, self._chosen(hand), middle, dt)
+            place, wrench = self._places[hand.name], hand.reading - hand.tare
+            hand.update(wrench, place.rotation, self._chosen(hand), dt)
             if hand.state is HandState.GRIP:
                 pulled += place.act(pin.Force(wrench)).vector
-                hand.bear(wrench, place.rotation, dt)
             elif hand.state in (HandState.HOLD, HandState.LOST):
                 felt += place.act(pin.Force(wrench)).vector
                 push = -hand.planned * hand.direction
@@ -375,7 +365,7 @@ class Hands:
         size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.force.goal for hand in gripping)
         excess = np.tile((max(0.0, size - limit) / max(size, ROUNDING)) * mean, (len(gripping), 1))
         if len(gripping) == 2:
-            first, second = (self._place(hand.name).translation for hand in gripping)
+            first, second = (self._places[hand.name].translation for hand in gripping)
             line = (second - first) / max(float(np.linalg.norm(second - first)), 1e-6)
             excess += np.outer((forces - mean) @ line, line)
         if rests:
@@ -401,7 +391,7 @@ class Hands:
         if not pressing or self.settings.help == 0.0:
             self._missing[:] = 0.0
             return
-        arms = [self._place(hand.name).translation - zmp for hand in pressing]
+        arms = [self._places[hand.name].translation - zmp for hand in pressing]
         levers = np.array(
             [np.cross(arm, -hand.direction)[:2] for arm, hand in zip(arms, pressing, strict=True)]
         ).T

@@ -1,0 +1,114 @@
+"""Frames in which hands have their targets: the world, the pelvis, the middle of the feet, and objects that move."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array
+from wbc.core.frames import pose_of
+from wbc.core.qp.controller import Controller
+from wbc.core.trajectories import Follower
+from wbc.tasks.motion.frame import pose
+from wbc.walking.plans.footsteps import heading
+from wbc.walking.swing import REST, FootMotion
+
+WORLD, PELVIS, FEET = "world", "pelvis", "feet"
+"""Frames that are always there. That of the feet is in the middle of both planned feet, on the ground, smoothed: it
+does not sway as the pelvis does."""
+
+FOLLOW = 0.25
+"""Time constant of each of two low-passes with which the frame of the feet follows them, s."""
+
+Motion = tuple[pin.SE3, Array, Array]
+"""Pose, velocity and acceleration in world axes, shape (6,), m/s, rad/s, m/s², rad/s²."""
+
+
+class Frames:
+    """Frames of one robot and of the objects about it."""
+
+    def __init__(self, controller: Controller) -> None:
+        """Begin without objects."""
+        self._controller, self._robot = controller, controller.robot
+        self._base = self._robot.frame_id(self._robot.base_frame)
+        self._pelvis = self._robot.placement(self._base)
+        self._objects: dict[str, Motion] = {}
+        self._feet: tuple[Follower[Array], Follower[float]] | None = (
+            None  # point and heading, while they are used
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all frames."""
+        return (WORLD, PELVIS, FEET, *self._objects)
+
+    def place(self, name: str, where: pin.SE3, velocity: ArrayLike | None = None) -> None:
+        """State where an object is; see `Arms.place`."""
+        if name in (WORLD, PELVIS, FEET):
+            raise InputError(f"the name of an object must not be '{name}'")
+        moving = REST if velocity is None else finite_array(f"velocity of '{name}'", velocity, (6,))
+        self._objects[name] = pose(f"pose of '{name}'", where), moving, REST
+
+    def follow(self, used: bool, feet: Sequence[FootMotion], yaw: float, dt: float) -> None:
+        """Let the frame of the feet follow their planned motions and the heading, rad, as long as it is used."""
+        if not used:
+            self._feet = None
+        elif self._feet is not None:
+            point, turn = self._feet
+            left, right = (motion.placement.translation for motion in feet)
+            point.follow(0.5 * (left + right) - point.value, dt)
+            turn.follow(math.remainder(yaw - turn.value, math.tau), dt)
+
+    def now(self, name: str) -> Motion:
+        """Return the motion of a frame in the world; its arrays must not be written to.
+
+        The acceleration of the pelvis is that of the last tick, which tasks expect of the joints they spare as well.
+        """
+        robot, solution = self._robot, self._controller.solution
+        if name == WORLD:
+            return pin.SE3.Identity(), REST, REST
+        if name == PELVIS:
+            at = robot.model, robot.data, self._base, pin.LOCAL_WORLD_ALIGNED
+            acceleration = pin.getFrameClassicalAcceleration(*at).vector
+            if solution is not None:
+                acceleration = acceleration + pin.getFrameJacobian(*at) @ solution.accelerations
+            return self._pelvis, pin.getFrameVelocity(*at).vector, acceleration
+        if name != FEET:
+            return self._objects[name]
+        if self._feet is None:
+            left, right = (robot.placement(sole.frame).translation for sole in robot.soles)
+            self._feet = (
+                Follower(FOLLOW, 0.5 * (left + right)),
+                Follower(FOLLOW, heading(self._pelvis.rotation)),
+            )
+        point, turn = self._feet
+        return (
+            pose_of(pin.rpy.rpyToMatrix(0.0, 0.0, turn.value), point.value),
+            np.array((*point.velocity, 0.0, 0.0, turn.velocity)),
+            np.array((*point.acceleration, 0.0, 0.0, turn.acceleration)),
+        )
+
+
+def carried(frame: Motion, place: pin.SE3, velocity: Array, acceleration: Array) -> Motion:
+    """Return the motion in the world of what moves in a frame that moves.
+
+    With the velocity v, ω and the acceleration a, α of the frame at the arm r from its origin, a point that moves in it
+    with v′ and a′ has
+
+        velocity v + ω × r + v′,   acceleration a + α × r + ω × (ω × r + 2 v′) + a′.
+    """
+    at, moving, pushed = frame
+    there, turn, spin = at * place, at.rotation, pin.skew(moving[3:])
+    arm = there.translation - at.translation
+    linear, angular = turn.dot(velocity[:3]), turn.dot(velocity[3:])
+    speed, rate, swept = moving.copy(), pushed.copy(), spin.dot(arm)
+    speed[:3] += swept + linear
+    speed[3:] += angular
+    rate[:3] += pin.skew(pushed[3:]).dot(arm) + spin.dot(swept + 2.0 * linear) + turn.dot(acceleration[:3])
+    rate[3:] += spin.dot(angular) + turn.dot(acceleration[3:])
+    return there, speed, rate
