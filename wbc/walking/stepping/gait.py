@@ -67,6 +67,7 @@ class BodyState(NamedTuple):
     turns: tuple[Rotation, Rotation]  # rotations of the soles, row by row
     wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
     heading: float  # heading of the pelvis, rad
+    speeds: tuple[float, float] = (0.0, 0.0)  # of both soles by the estimate, m/s; only on both feet
 
 
 class SteppingWalk(GaitMachine):
@@ -221,7 +222,17 @@ class SteppingWalk(GaitMachine):
             (self._turns[0].tolist(), self._turns[1].tolist()),
             state.measurement.wrenches.tolist(),
             heading(self._pelvis),
+            (0.0, 0.0) if self.phase is GaitPhase.SINGLE else self._speeds(robot),
         )
+
+    @staticmethod
+    def _speeds(robot: Robot) -> tuple[float, float]:
+        """Return the speeds of both soles, m/s: with delays the change of a place in one tick is mostly noise."""
+        left, right = (
+            pin.getFrameVelocity(robot.model, robot.data, robot.frame_id(sole.frame)).linear
+            for sole in robot.soles
+        )
+        return math.hypot(*left.tolist()), math.hypot(*right.tolist())
 
     @property
     def contact(self) -> Vector:
@@ -339,13 +350,9 @@ class SteppingWalk(GaitMachine):
 
     def _kicked(self) -> int | None:
         """Return the foot that a push has thrown off the ground while the other one holds, else None."""
-        c, loads = self.constants, [row[2] for row in self._state.wrenches]
+        c, loads, speeds = self.constants, [row[2] for row in self._state.wrenches], self._state.speeds
         for side in (0, 1):
-            if (
-                loads[side] < c.lost
-                and loads[1 - side] > c.held
-                and math.hypot(*self._velocity(side)) > c.kicked
-            ):
+            if loads[side] < c.lost and loads[1 - side] > c.held and speeds[side] > c.kicked:
                 return side
         return None
 
