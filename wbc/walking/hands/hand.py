@@ -303,8 +303,7 @@ class Hand:
         if first or float(np.linalg.norm(wrench[:3])) < self._touch:
             self.tare += dt / (self._elapsed + dt) * wrench
         self._elapsed += dt
-        target = arm.target
-        if arm.moving or target is None:
+        if arm.moving or (target := arm.target) is None:
             return
         if self._then is HandState.APPROACH:
             self._search(target)
