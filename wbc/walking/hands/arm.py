@@ -64,7 +64,7 @@ class ArmSettings:
         fast_swing: The same in a fast walk with free steps, where the arms hold against the turn of the legs.
     """
 
-    weight: Positive = 100.0
+    weight: Positive = 50.0
     speed: Annotated[Positive, "m/s"] = 0.5
     acceleration: Annotated[Positive, "m/s²"] = 2.0
     waist: bool = False
