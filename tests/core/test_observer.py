@@ -344,6 +344,18 @@ def test_feet_that_turn_slowly_turn_the_world_and_the_gyroscope_tells_by_how_muc
     assert total == pytest.approx(rate * 1000 * dt, rel=0.05)
 
 
+def test_feet_that_turn_for_a_moment_in_a_stand_hardly_move_the_bias() -> None:
+    """They turn by 0.08 rad in 1 s, as a sole that settles on a stone, and count a fifth of a mean at most."""
+    observer, dt, total = Observer(biped()), 0.005, 0.0
+    rates = [0.08 if 1600 <= k < 1800 else 0.0 for k in range(3800)]
+    for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, 0.0)):
+        if k < 1800:
+            observer.inertial.rest()
+        else:
+            total += turned
+    assert total == pytest.approx(0.0, abs=0.2 * 0.08 * 2000 * dt / 8.0)
+
+
 @pytest.mark.parametrize("bias", [0.0, 0.004])
 def test_a_stand_after_feet_have_turned_leaves_the_bias_of_the_gyroscope(bias: float) -> None:
     """In a stand of 1 s the bias of the filter is still wrong by more than 0.01 rad/s."""

@@ -50,6 +50,10 @@ class InertialSettings:
 UNKNOWN = 1.0
 """Time of a stand, s, for which a gyro bias of zero counts in the first one: a few readings say nothing yet."""
 
+MOST_OFF, NOISE_TIME = 0.01, 0.2
+"""Greatest error of the gyro bias that a tick of a stand tells, rad/s: soles that settle on stones turn at 0.05 rad/s;
+low-pass of the turn of the feet, s, whose change in one tick is the noise of encoders."""
+
 _HALF = scalar(0.5)
 
 
@@ -77,6 +81,7 @@ class InertialFilter:
         self.turned = 0.0
         self._yaw_left = 0.0  # error that the last correction has left, rad
         self._bias_at_rest = np.zeros(3)
+        self._turning = 0.0  # rate by which feet seem to turn in a stand, low-passed, rad/s
         self._rested = UNKNOWN  # time over which it is the mean, s
         self._left: complex | None = None  # innovation that the last correction has left
         self._last: tuple[Array, Array] | None = None
@@ -95,13 +100,18 @@ class InertialFilter:
         """Learn the gyro bias in a tick of a stand, after `correct`: a robot that stands does not turn.
 
         About the vertical it is what the feet seem to turn by, the mean over the stands of the last
-        `bias_time_constant`. `gyro_bias` is disturbed there for many seconds by feet that have turned in a walk.
+        `bias_time_constant`. `gyro_bias` is disturbed there for many seconds by feet that have turned in a walk. Feet
+        that seem to turn faster than a bias explains do turn, and count as little as a bias would.
         """
         if self.legs is None:
             return
         self._rested = min(self._rested + self._dt, self.settings.bias_time_constant)
         up = self.rotation[2]
-        off = float(up.dot(self._bias_at_rest - self.gyro_bias)) + self.turned / self._rested
+        if self._dt > 0.0:
+            self._turning += lag_gain(self._dt, NOISE_TIME) * (self.turned / self._dt - self._turning)
+        most = MOST_OFF * self._dt / self._rested
+        off = min(max(self._turning * self._dt / self._rested, -most), most)
+        off += float(up.dot(self._bias_at_rest - self.gyro_bias))
         self._bias_at_rest = self.gyro_bias + off * up
 
     def align(self, specific_force: Array) -> None:
