@@ -210,6 +210,7 @@ class SteppingWalk(GaitMachine):
         robot = state.robot
         if robot is not self._seen_robot:  # in the first tick
             self._seen_robot, (left, right) = robot, robot.soles
+            self._soles = robot.frame_id(left.frame), robot.frame_id(right.frame)
             self._frames = robot.placement(left.frame), robot.placement(right.frame)
             self._places = self._frames[0].translation, self._frames[1].translation  # views, as the next ones
             self._turns = self._frames[0].rotation, self._frames[1].rotation
@@ -225,13 +226,9 @@ class SteppingWalk(GaitMachine):
             (0.0, 0.0) if self.phase is GaitPhase.SINGLE else self._speeds(robot),
         )
 
-    @staticmethod
-    def _speeds(robot: Robot) -> tuple[float, float]:
+    def _speeds(self, robot: Robot) -> tuple[float, float]:
         """Return the speeds of both soles, m/s: with delays the change of a place in one tick is mostly noise."""
-        left, right = (
-            pin.getFrameVelocity(robot.model, robot.data, robot.frame_id(sole.frame)).linear
-            for sole in robot.soles
-        )
+        left, right = (pin.getFrameVelocity(robot.model, robot.data, sole).linear for sole in self._soles)
         return math.hypot(*left.tolist()), math.hypot(*right.tolist())
 
     @property
