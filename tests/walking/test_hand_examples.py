@@ -68,7 +68,7 @@ def test_a_cart_is_pushed_turned_and_pulled(example: Example) -> None:
 
 @pytest.mark.slow
 def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied(example: Example) -> None:
-    turn = ("--forward", "0", "--back", "0", "--turn", "60")
+    turn = ("--robot", "g1", "--forward", "0", "--back", "0", "--turn", "60")
     once = run(example("cart"), *turn, "--corrections", "0")
     again = run(example("cart"), *turn)
     assert abs(once["heading_error_deg"]) > 1.0, "the feet slip"
