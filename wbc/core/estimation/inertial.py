@@ -82,7 +82,7 @@ class InertialFilter:
         self._yaw_left = 0.0  # error that the last correction has left, rad
         self._bias_at_rest = np.zeros(3)
         self._turning = 0.0  # rate by which feet seem to turn in a stand, low-passed, rad/s
-        self._rested = UNKNOWN  # time over which it is the mean, s
+        self._rested = UNKNOWN  # time over which `_bias_at_rest` is the mean, s
         self._left: complex | None = None  # innovation that the last correction has left
         self._last: tuple[Array, Array] | None = None
         self._dt, self._half_period = 0.0, scalar(0.0)

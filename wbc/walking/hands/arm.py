@@ -55,7 +55,8 @@ class ArmSettings:
     """Settings of the arms in a walk.
 
     Attributes:
-        weight: Hand with a target, cost per (m/s²)² and (rad/s²)².
+        weight: Hand at work, cost per (m/s²)² and (rad/s²)². It is half of the cost of the centre of mass: with as much
+            an arm without torque would move the trunk.
         speed: Greatest speed of the reference of a hand, m/s.
         acceleration: Its greatest acceleration, m/s².
         waist: Hands with targets move the joints of the waist as well.
