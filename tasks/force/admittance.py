@@ -58,13 +58,6 @@ class AdmittanceTask(ComplianceTask):
     def admittance(self, value: ArrayLike) -> None:
         self._admittance = six(self.name, "admittance (m/(N s), rad/(Nm s))", value)
 
-    def advance(self, dt: float) -> None:
-        """Yield for a period dt, s; without a wrench error since the last reset there is nothing to do."""
-        if dt != self._period:
-            self._start(dt)
-        if not self._still or (self._measured_wrench != self._target_wrench).any():
-            super().advance(dt)
-
     def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
         """Return admittance ∘ error and its derivative; see `ComplianceTask.comply`."""
         return self._admittance * error, self._admittance * rate

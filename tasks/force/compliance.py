@@ -179,6 +179,7 @@ class ComplianceTask(FrameTask):
         """Return velocity and acceleration with which the frame yields, [linear; angular] along its axes, new arrays.
 
         The caller then bounds the velocity, and sets it to zero along axes that are not among the `axes` of the task.
+        It does not ask before the first wrench error after a reset: a frame stays at rest until then.
 
         Args:
             error: Filtered wrench error, shape (6,), N and Nm.
@@ -228,9 +229,10 @@ class ComplianceTask(FrameTask):
         """Yield to `measured_wrench` for a period dt, s; `observe` calls it if the loop has measurements."""
         if dt != self._period:
             self._start(dt)
-        error, rate = self._wrench_error, self._wrench_rate
+        if self._still and not (self._measured_wrench != self._target_wrench).any():
+            return
+        error, rate, self._still = self._wrench_error, self._wrench_rate, False
         np.subtract(self._measured_wrench, self._target_wrench, out=rate)
-        self._still = False
         if self._time_constant > 0.0:
             rate -= error
             error += self._gain_of_period * rate
