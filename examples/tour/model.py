@@ -1,6 +1,7 @@
 """The robot of the tour: a Unitree G1 with 29 joints, 35.1 kg, and the rotors, damping and feet of the benchmark.
 
-g1.xml is Unitree's model without meshes; `python examples/tour/model.py FILE` makes it from their g1_29dof.xml, of
+g1.xml is Unitree's model with the convex hulls of its meshes, of eight vertices each, as the benchmark has them.
+`python examples/tour/model.py FILE` makes it from their g1_29dof.xml with its meshes beside it, of
 unitreerobotics/unitree_mujoco at c598f10 (BSD-3-Clause, the notice is in the file).
 """
 
@@ -11,10 +12,11 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 FILE = Path(__file__).with_name("g1.xml")
 
-NOTICE = """ Unitree G1 with 29 joints: g1_29dof.xml of unitreerobotics/unitree_mujoco at c598f10, without its meshes.
+NOTICE = """ Unitree G1 with 29 joints: g1_29dof.xml of unitreerobotics/unitree_mujoco at c598f10, its meshes as hulls.
 
 BSD 3-Clause License
 
@@ -78,6 +80,9 @@ GAINS = ("*=40,1", "*hip*=60,1", "*knee*=100,2", "waist_yaw_joint=60,1")
 FRICTION, STEP = 0.01, 0.002
 """Damping, Nms/rad, and dry friction, Nm, of every joint; physics step, s."""
 
+VERTICES = 8
+"""Most vertices of a collision hull."""
+
 
 def load() -> mujoco.MjModel:
     """Return the model, on a floor."""
@@ -87,29 +92,59 @@ def load() -> mujoco.MjModel:
             joint.armature, joint.frictionloss = ARMATURE[joint.name], FRICTION
             joint.damping = [FRICTION, 0.0, 0.0] if hasattr(joint.damping, "__len__") else FRICTION
     spec.option.timestep, spec.option.integrator = STEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05])
     return spec.compile()
 
 
-def without_meshes(text: str) -> str:
-    """Return Unitree's model without meshes, classes of joints and readings of single joints."""
-    source = ET.fromstring(text)
+def with_hulls(file: Path) -> str:
+    """Return Unitree's model with a hull for each mesh that collides, without classes of joints and single readings.
+
+    Their rubber hands do not collide; those of the benchmark do.
+    """
+    spec = mujoco.MjSpec.from_file(str(file))
+    for mesh in spec.meshes:
+        mesh.maxhullvert = VERTICES
+    for geom in spec.geoms:
+        geom.contype = geom.conaffinity = 1  # meshes that do not collide get no hull
+    compiled = spec.compile()
+    source = ET.parse(file).getroot()
     root = ET.Element("mujoco", {"model": "g1"})
     root.append(ET.Element("compiler", {"angle": "radian"}))
+    hulls = ET.SubElement(root, "asset")
     for part in ("worldbody", "actuator", "sensor"):
         found = source.find(part)
         assert found is not None
         root.append(found)
     for parent in list(root.iter()):
         for child in list(parent):
-            kinds = ("gyro", "accelerometer") if parent.tag == "sensor" else None
-            meshes = child.tag == "geom" and "mesh" in child.attrib
-            if meshes or (kinds is not None and child.tag not in kinds):
-                parent.remove(child)
             child.attrib.pop("class", None)
+            if parent.tag == "sensor" and child.tag not in ("gyro", "accelerometer"):
+                parent.remove(child)
+            elif child.tag == "geom" and "mesh" in child.attrib:
+                name = child.attrib["mesh"]
+                if "rubber_hand" in name:
+                    child.attrib.pop("contype", None)
+                    child.attrib.pop("conaffinity", None)
+                if child.get("contype") == "0":
+                    parent.remove(child)
+                elif hulls.find(f"mesh[@name='{name}']") is None:
+                    ET.SubElement(hulls, "mesh", {"name": name, "vertex": _hull(compiled, name)})
     ET.indent(root)
     return f"<!--{NOTICE}-->\n{ET.tostring(root, encoding='unicode')}\n"
 
 
+def _hull(compiled: mujoco.MjModel, name: str) -> str:
+    """Return the vertices of a mesh's convex hull, in the axes of its file, m."""
+    mesh = compiled.mesh(name).id
+    first = compiled.mesh_graphadr[mesh]
+    count = compiled.mesh_graph[first]
+    chosen = compiled.mesh_graph[first + 2 + count : first + 2 + 2 * count]
+    turn = np.zeros(9)
+    mujoco.mju_quat2Mat(turn, compiled.mesh_quat[mesh])
+    vertices = compiled.mesh_vert[compiled.mesh_vertadr[mesh] + chosen] @ turn.reshape(3, 3).T
+    return " ".join(f"{value:.5f}" for value in (vertices + compiled.mesh_pos[mesh]).ravel())
+
+
 if __name__ == "__main__":
-    FILE.write_text(without_meshes(Path(sys.argv[1]).read_text(encoding="utf-8")), encoding="utf-8")
+    FILE.write_text(with_hulls(Path(sys.argv[1])), encoding="utf-8")

@@ -6,6 +6,7 @@ Facts of the task: rhoyn/teleop-walking-benchmark (MIT), README at 0b2ea7ac, mai
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -141,6 +142,49 @@ class MovingArms:
         """Return the torques of the servos, shape (14,), Nm, of joint positions, rad, and velocities, rad/s."""
         wanted = self._stiffness * (self.target - position) - self._damping * velocity
         return np.clip(wanted, -self._limit, self._limit)
+
+
+GROUPS = {
+    "legs": ("hip", "knee"),
+    "ankles": ("ankle",),
+    "waist": ("waist",),
+    "arms": ("shoulder", "elbow", "wrist"),
+}
+"""Groups of joints whose energy and vibration are summed → parts of the joints' names."""
+
+
+class Effort:
+    """Energy and vibration of a run, sampled once a period of the harness.
+
+    A sample of T = 0.02 s adds |τ q̇| T of each joint to the energy, J, and |a − a of the last sample| to the vibration,
+    rad/s², where a is the difference of the joint's velocities in the last two samples over T.
+    """
+
+    def __init__(self, joint_names: Sequence[str]) -> None:
+        """Sort the joints into their groups."""
+        self._groups = {
+            group: [k for k, name in enumerate(joint_names) if any(part in name for part in parts)]
+            for group, parts in GROUPS.items()
+        }
+        self.energy = np.zeros(len(joint_names))
+        self.vibration = np.zeros(len(joint_names))
+        self._velocity: np.ndarray | None = None
+        self._acceleration: np.ndarray | None = None
+
+    def add(self, torque: np.ndarray, velocity: np.ndarray) -> None:
+        """Add a sample: torques, shape (na,), Nm, and velocities, shape (na,), rad/s, of the joints."""
+        self.energy += np.abs(torque * velocity) * COMMANDS
+        last = None if self._velocity is None else (velocity - self._velocity) / COMMANDS
+        if last is not None and self._acceleration is not None:
+            self.vibration += np.abs(last - self._acceleration)
+        self._velocity, self._acceleration = velocity.copy(), last
+
+    def by_group(self) -> dict[str, dict[str, float]]:
+        """Return energy, J, and vibration, rad/s², of each group of joints."""
+        return {
+            name: {group: round(float(values[columns].sum()), 3) for group, columns in self._groups.items()}
+            for name, values in (("energy", self.energy), ("vibration", self.vibration))
+        }
 
 
 def standing(robot: wbc.Robot) -> np.ndarray:

@@ -22,7 +22,7 @@ from typing import Any, ClassVar
 import model
 import numpy as np
 from table import table
-from task import COMMANDS, DURATION, FLOOR, SECONDS, MovingArms, Teleoperator, punches, standing
+from task import COMMANDS, DURATION, FLOOR, SECONDS, Effort, MovingArms, Teleoperator, punches, standing
 
 import wbc
 from wbc.app import Recorder
@@ -86,6 +86,7 @@ class Tour:
         loop: The simulation.
         walking: The control.
         operator: The harness's commands, and the errors at the waypoints.
+        effort: Energy and vibration up to now.
         fell: Time of the fall, s; None before one.
         told: Time, s, and reason of the fall that the control has named; None before.
         record: Called with loop, walk, measurement and command of each tick, such as a `Recorder`; None for nothing.
@@ -112,6 +113,7 @@ class Tour:
             observer = wbc.Observer(robot, stated, adopt=True)
         self.walking = WalkingControl(robot, None, PERIOD, settings, observer=observer)
         self.operator = Teleoperator(run, LIMITS)
+        self.effort = Effort(robot.joint_names)
         self.punches = punches(run) if setup.punched else []
         self.given = 0  # punches
         self.ticks = 0
@@ -129,6 +131,7 @@ class Tour:
         """Walk one control period."""
         time, loop, walking, arms = self.ticks * PERIOD, self.loop, self.walking, self.arms
         if self.ticks % round(COMMANDS / PERIOD) == 0:
+            self.effort.add(loop.joint_torque, loop.joint_velocity)
             x, y, height, i, j, k, w = loop.base_pose
             if height < FLOOR or loop.diverged is not None:
                 self.fell = time
@@ -172,6 +175,7 @@ class Tour:
             "completed": self.fell is None,
             "position_error": places,
             "heading_error": headings,
+            **self.effort.by_group(),
             "steps": self.walking.steps_done,
             "failed_ticks": self.walking.control.failures,
             "told": self.told,

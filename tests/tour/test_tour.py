@@ -9,12 +9,25 @@ from pathlib import Path
 from typing import Any
 
 import model
+import mujoco
 import numpy as np
 import pytest
 import tour
 from generator import Generator, seed_sequence
 from table import PUBLISHED, table
-from task import DELAY, DURATION, POINTS, SEGMENT, MovingArms, Teleoperator, punches, standing, waypoints
+from task import (
+    COMMANDS,
+    DELAY,
+    DURATION,
+    POINTS,
+    SEGMENT,
+    Effort,
+    MovingArms,
+    Teleoperator,
+    punches,
+    standing,
+    waypoints,
+)
 
 import wbc
 from wbc.sim.studies import trial_from_json
@@ -103,7 +116,10 @@ def test_the_robot_is_the_benchmarks() -> None:
     assert simulated.dof_armature[simulated.joint("left_knee_joint").dofadr[0]] == pytest.approx(
         0.0251, abs=1e-4
     )
-    spheres = simulated.geom_type == 2
+    hulls = simulated.geom_type == mujoco.mjtGeom.mjGEOM_MESH  # of 27 links, the hands among them
+    assert hulls.sum() == 27 and (simulated.mesh_vertnum == 8).all()
+    assert (simulated.geom_contype == 1).all() and (simulated.geom_conaffinity == 1).all()
+    spheres = simulated.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
     assert np.count_nonzero(spheres) == 8 and np.allclose(simulated.geom_size[spheres, 0], 0.005)
     arms = MovingArms(10_001, robot)
     start = arms.target
@@ -111,6 +127,45 @@ def test_the_robot_is_the_benchmarks() -> None:
         arms.move(0.02 * tick)
     assert 0.05 < np.abs(arms.target - start).max() < 1.5
     assert np.isfinite(standing(robot)).all()
+
+
+def test_legs_that_cross_collide() -> None:
+    """Shins that are moved into each other are pushed apart: the depth of the contact goes down."""
+    simulated = model.load()
+    data = mujoco.MjData(simulated)
+    data.qpos[2] = 2.0  # in the air
+    for name, angle in (("left_hip_roll_joint", -0.30), ("right_hip_roll_joint", 0.30)):
+        data.joint(name).qpos[0] = angle
+    mujoco.mj_forward(simulated, data)
+    legs = ("hip", "knee", "ankle")
+    touching = [
+        {simulated.body(simulated.geom_bodyid[geom]).name for geom in contact.geom}
+        for contact in data.contact
+    ]
+    assert any(
+        all(any(part in body for part in legs) for body in pair) and len({body[0] for body in pair}) == 2
+        for pair in touching
+    )
+    deepest = min(contact.dist for contact in data.contact)
+    for _ in range(100):
+        mujoco.mj_step(simulated, data)
+    assert min((contact.dist for contact in data.contact), default=0.0) > 0.5 * deepest
+
+
+def test_energy_and_vibration_are_those_of_a_turning_joint() -> None:
+    """A sine of speed with a constant torque: ∫|τq̇| dt and Σ|Δa|, closed forms of sampled values."""
+    effort, times = Effort(["left_knee_joint", "waist_yaw_joint"]), COMMANDS * np.arange(1001)
+    speed, torque = 2.0 * np.sin(math.pi * times), np.array([5.0, -3.0])
+    for value in speed:
+        effort.add(torque, np.array([value, 0.0]))
+    found = effort.by_group()
+    assert found["energy"]["legs"] == pytest.approx(
+        5.0 * 2.0 * 20.0 * 2.0 / math.pi, rel=1e-3
+    )  # 20 s of |sin|
+    # The second difference of a sine is −4 sin²(πT/2) of it.
+    second = 2.0 * 4.0 * math.sin(math.pi * COMMANDS / 2.0) ** 2 / COMMANDS
+    assert found["vibration"]["legs"] == pytest.approx(second * 999 * 2.0 / math.pi, rel=2e-3)
+    assert found["energy"]["waist"] == found["vibration"]["waist"] == found["energy"]["arms"] == 0.0
 
 
 def test_a_table_has_intervals_and_the_published_rows(
