@@ -70,7 +70,7 @@ class Stabilizer:
         self._mass, self._yields = mass, yields
         self.distribution = distribution
         self._given = gains or StabilizerGains()
-        self._gains = self._given.for_mass(self._mass)
+        self._gains = self._given.for_mass(mass)  # of this robot
         self._feedback = DcmFeedback(self._gains)
         self.feet = FootAdmittance(self._gains)
         self._wrench = LowPass(self._gains.wrench_time, (2, 6))
@@ -84,14 +84,15 @@ class Stabilizer:
     @mass.setter
     def mass(self, mass: float) -> None:
         self._mass = mass
-        gains = self._given.for_mass(self._mass)
-        if gains.cop_admittance != self._gains.cop_admittance:
-            self.gains = self._given
+        self.gains = self._given
 
     @property
     def gains(self) -> StabilizerGains:
-        """Gains; assign others at any time. Filters keep their memory unless their time constants change."""
-        return self._gains
+        """Gains as they were given, before `StabilizerGains.for_mass`; assign others at any time.
+
+        Filters keep their memory unless their time constants change.
+        """
+        return self._given
 
     @gains.setter
     @checked

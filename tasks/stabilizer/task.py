@@ -163,9 +163,12 @@ class StabilizerTask(CoMTask):
             self._contacts, soles, self.parts = self._contacts[::-1], soles[::-1], self.parts[::-1]
         sizes = ((soles[0].length, soles[0].width), (soles[1].length, soles[1].width))
         settings = replace(self._settings, min_force=self._settings.min_force * robot.force_scale)
-        gains = self._gains if self._stabilizer is None else self._stabilizer.gains  # as they were set since
         wrenches = WrenchDistribution(sizes, settings)
-        self._stabilizer = Stabilizer(robot.mass, wrenches, gains, yields=not self._torque)
+        if self._stabilizer is None:
+            self._stabilizer = Stabilizer(robot.mass, wrenches, self._gains, yields=not self._torque)
+        else:  # the same one, with the gains that were set since
+            self._stabilizer.mass, self._stabilizer.distribution = robot.mass, wrenches
+            self._stabilizer.reset()
         self._sole_ids = [robot.frame_id(sole.frame) for sole in soles]
         self._seen: Robot | None = None  # the estimated robot whose soles are these
         self._soles: list[pin.SE3] = []

@@ -395,6 +395,20 @@ def test_feet_turn_by_the_error_of_the_filtered_wrenches_to_the_desired_ones(wre
             np.testing.assert_allclose((correction.roll_rate, correction.pitch_rate), expected, atol=1e-9)
 
 
+@pytest.mark.parametrize("mass", [10.0, 39.0, 90.0])
+def test_gains_are_those_that_are_assigned_however_often_and_act_by_the_mass(mass: float) -> None:
+    s = Stabilizer(20.0, WrenchDistribution(SIZES), StabilizerGains())
+    for k in range(3):
+        s.gains = replace(s.gains, dcm_p=5.0)
+        s.mass = 15.0 + k
+    s.mass = mass
+    given = StabilizerGains(dcm_p=5.0)
+    assert s.gains == given and s.feet.gains == given.for_mass(mass)
+    least = given.min_force * min(1.0, mass / 30.0)  # N
+    for load, flies in ((0.99 * least, True), (1.01 * least, False)):
+        assert tick(s, wrenches=np.array([[0.0, 0.0, load, 0.0, 0.0, 0.0], np.zeros(6)])).in_air is flies
+
+
 def test_foot_heights_settle_and_leak() -> None:
     gains = StabilizerGains(force_difference=1e-4, support_height_leak=3.0)
     f = FootAdmittance(gains.for_mass(39.0))

@@ -124,8 +124,9 @@ class LiveControls:
         walking, foot = self._walking, self._plant.foot if isinstance(self._plant, Plant) else None
         found: list[Setting] = []
         if walking is not None and walking.stabilizer is not None:
+            gains = walking.stabilizer.gains.for_mass(walking.stabilizer.mass)
             for name, unit in STABILIZER_GAINS.items():
-                value = float(np.max(getattr(walking.stabilizer.gains, name)))
+                value = float(np.max(getattr(gains, name)))
                 take = partial(self._set_gain, name)
                 found.append(Setting(f"stabilizer/{name}", unit, value, self._docs[name], take))
         if walking is not None and isinstance(foot, VariableStiffnessFoot):
