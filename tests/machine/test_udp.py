@@ -149,6 +149,52 @@ def test_a_command_that_damping_has_overtaken_is_dropped(wire: Wire) -> None:
     program.socket.close()
 
 
+def test_damping_that_was_asked_for_is_told_whatever_comes_after_it(wire: Wire) -> None:
+    """In one call: of commands those before the last request are dropped."""
+    program = Program(wire)
+
+    def told(*packets: Command | None) -> tuple[bool, float | None]:
+        for content in packets:
+            kind = DAMP if content is None else COMMAND
+            program.send(program.end.pack(kind, 0 if content is None else program.robot, content))
+        damped, newest = wire.robot.receive()
+        return damped, None if newest is None else float(newest.joint_torque[0])
+
+    one, two, bad = (Command(np.full(NA, value)) for value in (1.0, 2.0, np.nan))
+    assert told(one) == (False, 1.0)
+    assert told(None, one) == (True, 1.0)
+    assert told(None, one, two) == (True, 2.0)
+    assert told(one, None) == (True, None)
+    assert told(one, None, two) == (True, 2.0)
+    assert told(bad, two) == (True, 2.0)
+    assert told(two, bad) == (True, None)
+    assert told(two) == (False, 2.0)
+    program.socket.close()
+
+
+@pytest.mark.parametrize("host", ["localhost", "127.0.0.2", "::1", "0:0:0:0:0:0:0:1"])
+def test_both_ends_meet_without_a_secret_at_every_name_of_this_computer(
+    host: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    try:
+        robot = UdpRobot(DESCRIPTION, 0, host)
+    except InputError:
+        pytest.skip(f"this computer has no {host}")
+    driver = UdpDriver(DESCRIPTION, host, robot.port)
+    driver.read(0.0)
+    robot.receive()
+    robot.send(random_measurement(np.random.default_rng(0)))
+    assert driver.read(1.0) is not None
+    driver.write(Command(np.ones(NA)))
+    damped, command = robot.receive()
+    assert command is not None and not damped and robot.sender is not None
+    driver._socket.send(b"no packet")  # type: ignore[union-attr]
+    assert robot.receive() == (False, None) and robot.refused == 1
+    assert f"port {robot.sender[1]}" in caplog.text
+    driver.close()
+    robot.close()
+
+
 def test_a_command_that_was_held_back_is_dropped(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also when its sender has been silent since, and owns the robot no more; later ones are obeyed."""
     program = Program(wire)
@@ -342,6 +388,9 @@ def test_signed_packets_cannot_be_forged_or_replayed() -> None:
         {"port": 0},
         {"host": "192.168.1.10"},
         {"host": "0.0.0.0"},
+        {"host": "::"},
+        {"host": "fe80::1"},
+        {"host": "localhost.example"},
         {"secret": "short"},
     ],
 )

@@ -94,6 +94,32 @@ def test_states_whose_checksum_is_wrong_or_missing_are_passed_over(caplog: pytes
         assert f"domain {how.get('domain', 1)} are refused" in caplog.text
 
 
+def ticking(first: int, count: int) -> list[np.ndarray]:
+    """Return states 2 ms apart, whose tick has 32 bits."""
+    states = [state() for _ in range(count)]
+    for k, each in enumerate(states):
+        each["tick"] = (first + 2 * k) % 2**32
+        sealed(each)
+    return states
+
+
+@pytest.mark.parametrize("first", [0, 2, 2**31 - 6, 2**32 - 6, 2**32 - 5])
+def test_the_time_of_states_goes_on_where_their_tick_begins_anew(first: int) -> None:
+    driver = machine(*ticking(first, 8))
+    times = [driver.read(0.0).time for _ in range(8)]
+    np.testing.assert_allclose(np.diff(times), 0.002, atol=1e-6)
+    assert times[0] == pytest.approx(1e-3 * first)
+
+
+def test_states_that_come_late_and_machines_that_start_anew_are_seen_as_that() -> None:
+    states = ticking(2**32 - 4, 4)
+    driver = machine(*(states[i] for i in (0, 3, 1, 2)), *ticking(7, 1))
+    times = [driver.read(0.0).time for _ in range(5)]
+    np.testing.assert_allclose(np.diff(times), [0.006, -0.004, 0.002, 0.007], atol=1e-6)
+    driver = machine(*ticking(900_000, 1), *ticking(7, 1))
+    assert driver.read(0.0).time > driver.read(0.0).time
+
+
 @pytest.mark.parametrize("found", [0.0, np.nan, 1e30])
 def test_no_wild_command_reaches_the_motors(found: float) -> None:
     """Neither what is not finite nor a torque beyond the limit with what the servos add, whatever the state says."""

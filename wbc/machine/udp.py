@@ -33,6 +33,7 @@ from __future__ import annotations
 
 import contextlib
 import hmac
+import ipaddress
 import logging
 import math
 import secrets
@@ -79,8 +80,8 @@ MOST = 256
 KEYS = 64
 """Number of senders whose last packet is remembered."""
 
-HERE = ("127.0.0.1", "localhost", "::1")
-"""Hosts between which packets need no signature."""
+Peer = tuple[Any, ...]
+"""Address of a socket: host and port, with IPv6 two numbers more."""
 
 SHORTEST = 16
 """Least number of characters of a secret."""
@@ -119,7 +120,7 @@ class End:
 
     def __init__(self, joints: int, host: str, secret: str | None) -> None:
         """Draw a key; packets are signed with a secret, which other computers need."""
-        if secret is None and host not in HERE:
+        if secret is None and not _is_here(host):
             raise InputError(
                 f"packets to and from other computers are signed: {host} needs secret='…' at both ends"
             )
@@ -276,16 +277,16 @@ class UdpDriver(Driver):
 
     def _open(self) -> socket.socket:
         if self._socket is None:
-            wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            wire.setblocking(False)
             try:
-                wire.connect(self.address)  # packets of other addresses do not arrive
+                family, address = _resolved(*self.address)
+                self._socket = wire = socket.socket(family, socket.SOCK_DGRAM)
+                wire.setblocking(False)
+                wire.connect(address)  # packets of other addresses do not arrive
             except (OSError, UnicodeError) as error:
-                wire.close()
+                self.close()
                 raise MachineError(
                     f"the robot's host '{self.address[0]}' cannot be found ({error})"
                 ) from error
-            self._socket = wire
         return self._socket
 
     def _send(self, kind: int, to: int, content: Command | None = None) -> None:
@@ -346,23 +347,25 @@ class UdpRobot:
         description = as_description(description)
         self._names = tuple(description.joint_names)
         self._end = End(len(self._names), host, secret)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        try:
-            self._socket.bind((host, port))
-        except (OSError, OverflowError) as error:
-            self._socket.close()
-            raise InputError(f"cannot listen at {host}, port {port} ({error})") from error
+        with contextlib.ExitStack() as opened:
+            try:
+                family, address = _resolved(host, port)
+                self._socket = opened.enter_context(socket.socket(family, socket.SOCK_DGRAM))
+                self._socket.bind(address)
+            except (OSError, UnicodeError) as error:
+                raise InputError(f"cannot listen at {host}, port {port} ({error})") from error
+            opened.pop_all()
         self._socket.setblocking(False)
         self.port = int(self._socket.getsockname()[1])
-        self.sender: tuple[str, int] | None = None
+        self.sender: Peer | None = None
         self._owner, self._heard = 0, -np.inf
-        self._guests: dict[int, tuple[tuple[str, int], float]] = {}  # key → address, and time of the hello, s
+        self._guests: dict[int, tuple[Peer, float]] = {}  # key → address, and time of the hello, s
         self.refused = 0
 
     def receive(self) -> tuple[bool, Command | None]:
         """Return whether damping was asked for since the last call, and the newest command since then.
 
-        A command that no drive may get counts as a request for damping.
+        A command that no drive may get counts as a request for damping. Commands before the last request are dropped.
         """
         damped, newest = False, None
         for data, peer in _taken(self._socket):
@@ -394,23 +397,23 @@ class UdpRobot:
                     self._guests.clear()
                 self._owner, self._heard = head.key, now
                 newest = self._command(head, data, peer)
-                damped = newest is None
+                damped = damped or newest is None  # commands after a request do not take it back
         return damped, newest
 
-    def _command(self, head: Header, data: bytes, peer: tuple[str, int]) -> Command | None:
+    def _command(self, head: Header, data: bytes, peer: Peer) -> Command | None:
         command = self._end.content(head, data)
         try:
             if not isinstance(command, Command):
                 raise InputError(f"command: a packet of {len(data)} bytes has not the length that it says")
             command.check(self._names)
         except InputError as error:
-            logger.warning("packet of %s, port %d: %s: the joints are damped", *peer, error)
+            logger.warning("packet of %s, port %d: %s: the joints are damped", *peer[:2], error)
             return None
         return command
 
-    def _refuse(self, peer: tuple[str, int]) -> None:
+    def _refuse(self, peer: Peer) -> None:
         if self.refused == 0:
-            logger.warning("a packet of %s, port %d, is refused; further ones are counted", *peer)
+            logger.warning("a packet of %s, port %d, is refused; further ones are counted", *peer[:2])
         self.refused += 1
 
     def send(self, measurement: Measurement) -> None:
@@ -430,7 +433,22 @@ class UdpRobot:
         self._socket.close()
 
 
-def _taken(wire: socket.socket) -> Iterator[tuple[bytes, tuple[str, int]]]:
+def _is_here(host: str) -> bool:
+    """Return True for a host that is this computer by every name: its packets need no signature."""
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:  # a name
+        return False
+
+
+def _resolved(host: str, port: int) -> tuple[socket.AddressFamily, Peer]:
+    """Return family and address of a host, by IPv4 where it has both: then both ends of a wire take the same."""
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+    family, _, _, _, address = min(found, key=lambda info: info[0] != socket.AF_INET)
+    return family, address
+
+
+def _taken(wire: socket.socket) -> Iterator[tuple[bytes, Peer]]:
     """Yield the packets that have arrived, with their senders."""
     for _ in range(MOST):
         try:

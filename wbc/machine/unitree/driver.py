@@ -50,6 +50,9 @@ HOT = 90.0
 LARGEST_ANGLE = 2.0 * np.pi
 """Largest position of a motor that can be, rad."""
 
+TICKS = 2**32
+"""Number of ticks after which their count begins anew."""
+
 SWITCHED_ON = 0.5
 """Time after the first command from which a motor that is off is a fault, s."""
 
@@ -103,6 +106,8 @@ class UnitreeDriver(Driver):
         self._gate: CommandGate | None = None
         self._topics: Topics | None = None
         self._machine: int | None = None
+        self._tick: int | None = None  # of the last state, counted on where it begins anew, ms
+        self._first = np.inf  # arrival of the first state without a tick, s
         self._position = self._velocity = self._zero = np.zeros(len(self._names))
         self._on = np.zeros(len(self._names), dtype=bool)
         self._begun = np.inf  # time of the first command, s
@@ -134,7 +139,7 @@ class UnitreeDriver(Driver):
         if self._held_at is None:
             self._hold(state["motor_state"][self._held_index]["q"].astype(float))
         self._position, self._velocity = motors["q"].astype(float), motors["dq"].astype(float)
-        stamp = float(state["tick"]) * 1e-3 if state["tick"] else time.monotonic()
+        stamp = self._time(int(state["tick"]))
         return Measurement(
             stamp,
             self._position,
@@ -144,6 +149,22 @@ class UnitreeDriver(Driver):
             None,
             joint_torque=motors["tau_est"].astype(float),
         )
+
+    def _time(self, tick: int) -> float:
+        """Return the time of a state, s: its tick counts ms in 32 bits, and begins anew after 49.7 days.
+
+        A tick that has always been zero is counted by nobody, or not yet: the time since the first arrival, which is
+        zero too, takes its place.
+        """
+        if self._tick is None:
+            if not tick:
+                now = time.monotonic()
+                self._first = min(self._first, now)
+                return now - self._first
+            self._tick = tick
+        half = TICKS // 2
+        self._tick += (tick - self._tick + half) % TICKS - half  # the shorter way round
+        return 1e-3 * self._tick
 
     def _hold(self, position: Array) -> None:
         """Hold the motors without a joint in the description where they are, rad; one that is nowhere is damped."""
