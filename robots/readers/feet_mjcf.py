@@ -255,7 +255,7 @@ def _flat_side(points: Array, up: Array) -> Array | None:
     if len(points) < 3:
         return None
     centred = points - points.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(centred)
+    _, sizes, axes = np.linalg.svd(centred, full_matrices=False)
     if sizes[1] < 1e-3 * max(sizes[0], ROUNDING):
         return None  # a line
     if len(points) == 3 or sizes[2] < 1e-3 * sizes[0]:
@@ -265,15 +265,15 @@ def _flat_side(points: Array, up: Array) -> Array | None:
         hull = ConvexHull(points)
     except QhullError:
         return None
+    facing = -np.unique(np.round(hull.equations, 4), axis=0)[:, :3]
+    facing /= np.linalg.norm(facing, axis=1, keepdims=True)
+    facing = facing[facing @ up >= STEEPEST]
+    sides = np.cross(facing, np.where(np.abs(facing[:, 1:2]) < 0.7, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]))
     best, largest = None, 0.0
-    for equation in np.unique(np.round(hull.equations, 4), axis=0):
-        normal = -equation[:3] / np.linalg.norm(equation[:3])
-        if normal @ up < STEEPEST:
-            continue
+    for normal, side, across in zip(facing, sides, np.cross(facing, sides), strict=True):
         height = points @ normal
         near = points[height < height.min() + SLICE]
-        side = np.cross(normal, [0.0, 1.0, 0.0] if abs(normal[1]) < 0.7 else [1.0, 0.0, 0.0])
-        flat = near @ np.stack([side, np.cross(normal, side)], axis=1)
+        flat = near @ np.stack([side, across], axis=1)
         spread = np.ptp(flat, axis=0)
         if (spread < 1e-3).any() or len(near) < 3:
             continue

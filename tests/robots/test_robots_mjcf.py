@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tracemalloc
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -103,6 +104,28 @@ def test_soles_come_from_the_geoms_that_touch_the_ground(kind: str) -> None:
     for sole in description.soles:
         np.testing.assert_allclose((sole.length, sole.width), SIZES.get(kind, (0.21, 0.1)), atol=1e-3)
         np.testing.assert_allclose(description.ankle(sole.name), [-0.035, 0.0, 0.07], atol=1e-3)
+
+
+def test_a_sole_of_a_fine_mesh_takes_memory_in_proportion_to_its_vertices() -> None:
+    """A matrix of vertices by vertices would take 128 MB here, and gigabytes for the meshes of real robots."""
+    x, y = np.meshgrid(np.linspace(-0.105, 0.105, 80), np.linspace(-0.05, 0.05, 50))
+    bottom = np.stack([x.ravel(), y.ravel(), np.full(x.size, -0.07)], axis=1)
+    top = [[x, y, 0.02] for x in (-0.08, 0.08) for y in (-0.04, 0.04)]
+    vertices = " ".join(f"{value:.6f}" for value in np.concatenate([bottom, top]).ravel())
+    foot = '<geom class="foot" type="mesh" mesh="boot" pos="0.035 0 0"/>'
+    model = mujoco.MjModel.from_xml_string(
+        biped(foot, extra=f'<asset><mesh name="boot" vertex="{vertices}"/></asset>')
+    )
+    tracemalloc.start()
+    try:
+        description = RobotDescription.from_mjcf(model)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_allclose(
+        (description.soles[0].length, description.soles[0].width), (0.21, 0.1), atol=1e-3
+    )
+    assert most < 8 * len(bottom) ** 2 / 4
 
 
 def test_feet_are_named_by_body_site_or_geom() -> None:

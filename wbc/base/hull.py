@@ -48,6 +48,6 @@ def hull_and_area(points: Array) -> tuple[Array, float]:
     try:
         hull = ConvexHull(points)
     except QhullError:
-        along = points @ np.linalg.svd(points - points.mean(axis=0))[2][0]
+        along = points @ np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
         return points[[int(along.argmin()), int(along.argmax())]], 0.0
     return points[hull.vertices], float(hull.volume)  # in the plane, "volume" is the area
