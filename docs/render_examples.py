@@ -52,8 +52,6 @@ COLUMNS = 5
 class Catcher(TrialHook):
     """Takes a picture of a plant when its time has come."""
 
-    draws = True
-
     def __init__(self, instant: float) -> None:
         self.instant, self.picture = instant, None
         self.plant: Plant | None = None

@@ -110,7 +110,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
                 )
                 for time in np.arange(2.0, self._seconds, 2.0)
             )
-        self.trial = WalkTrial(self._spec(int(self.np_random.integers(2**31)), pushes))
+        self.trial = WalkTrial(self._spec(int(self.np_random.integers(2**31)), pushes), visuals=False)
         self._height = self.trial.walking.body.com_height
         with one_thread():  # sums of several threads depend on their number
             self.trial.start()

@@ -102,7 +102,7 @@ class StandTrial(Trial):
     """One stand about to begin: plant and controller, connected; `control` is the controller with its observer."""
 
     @checked
-    def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = (), *, visuals: bool = False) -> None:
+    def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = (), *, visuals: bool = True) -> None:
         """Build robot, plant (see it for `visuals`) and controller; `scenario` are hooks that act, such as pushes."""
         self.spec = spec
         robot, plant, observer = spec.build(visuals=visuals)
@@ -179,7 +179,7 @@ def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
         spec: The stand; the default one when None.
         **values: Fields of `StandSpec` that differ from it.
     """
-    result: StandResult = StandTrial(replace(spec or StandSpec(), **values)).run()
+    result: StandResult = StandTrial(replace(spec or StandSpec(), **values), visuals=False).run()
     return result
 
 

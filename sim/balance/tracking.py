@@ -107,7 +107,7 @@ class TrackTrial(Trial):
     walking: WalkingControl
 
     @checked
-    def __init__(self, clip: MotionClip, spec: TrackSpec | None = None, *, visuals: bool = False) -> None:
+    def __init__(self, clip: MotionClip, spec: TrackSpec | None = None, *, visuals: bool = True) -> None:
         """Build robot, plant (see it for `visuals`) and controller; the robot stands as the feasible clip begins."""
         self.spec = spec = spec or TrackSpec()
         robot, plant, observer = spec.build(visuals=visuals)

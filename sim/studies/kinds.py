@@ -14,7 +14,7 @@ from wbc.sim.studies.trials import Outcome, TimeoutCheck, TimeoutHook, TrialKind
 from wbc.sim.trial.loop import Trial
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import walk
+from wbc.sim.walks.trial import WalkTrial
 
 CLOCK = ("real_time_factor", "tick_us")
 """Parts of a result that are wall-clock timings."""
@@ -22,7 +22,7 @@ CLOCK = ("real_time_factor", "tick_us")
 
 def walk_outcome(spec: WalkSpec, check: TimeoutCheck) -> Outcome:
     """Run a walk as a trial."""
-    result = walk(spec, hooks=[TimeoutHook(check)])
+    result = WalkTrial(spec, visuals=False).run([TimeoutHook(check)])
     assert result.clock is not None
     return Outcome(
         "diverged" if result.outcome == "diverged" else "done", result.record(), to_json(result.clock)
@@ -31,12 +31,12 @@ def walk_outcome(spec: WalkSpec, check: TimeoutCheck) -> Outcome:
 
 def stand_outcome(spec: StandSpec, check: TimeoutCheck) -> Outcome:
     """Run a stand as a trial."""
-    return _outcome(StandTrial(spec), check)
+    return _outcome(StandTrial(spec, visuals=False), check)
 
 
 def track_outcome(spec: MotionSpec, check: TimeoutCheck) -> Outcome:
     """Track the clip in a file as a trial."""
-    return _outcome(TrackTrial(spec.clip(), spec), check)
+    return _outcome(TrackTrial(spec.clip(), spec, visuals=False), check)
 
 
 def _outcome(trial: Trial, check: TimeoutCheck) -> Outcome:

@@ -72,12 +72,7 @@ class TrialHook:
     A hook of your own overrides the methods that it needs.
 
     The result is the same with any hooks that only observe.
-
-    Attributes:
-        draws: True for a hook that draws the robot; `walk` then keeps the visual shapes.
     """
-
-    draws = False
 
     def start(self, trial: Any) -> None:
         """Act once, before the first tick."""

@@ -122,7 +122,7 @@ class TrialSpec:
 
     @checked
     def build(
-        self, observer: ObserverSettings | None = None, *, visuals: bool = False
+        self, observer: ObserverSettings | None = None, *, visuals: bool = True
     ) -> tuple[Robot, TrialLoop, Observer]:
         """Return the controller's robot, the loop, and an observer with some settings that knows the delays."""
         foot = foot_by_name(self.foot)

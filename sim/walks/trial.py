@@ -87,7 +87,7 @@ def walk(
     if isinstance(policy, str):
         values["policy"], policy = policy, None
     spec = WalkSpec(**values) if spec is None else replace(spec, **values)
-    result: WalkResult = WalkTrial(spec, policy=policy, visuals=any(hook.draws for hook in hooks)).run(hooks)
+    result: WalkResult = WalkTrial(spec, policy=policy).run(hooks)
     return result
 
 
@@ -101,13 +101,13 @@ class WalkTrial(Trial):
     """
 
     @checked
-    def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None, visuals: bool = False) -> None:
+    def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None, visuals: bool = True) -> None:
         """Build plant and controller.
 
         Args:
             spec: The walk.
             policy: Stiffness policy of variable soles in place of the spec's.
-            visuals: Keep the visual shapes of the robot; they do not change the walk.
+            visuals: Keep the shapes by which views and films draw the robot; they do not change the walk.
         """
         self._begin = time.perf_counter()
         self.spec = spec

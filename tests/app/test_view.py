@@ -32,9 +32,13 @@ from wbc.app.view.walk_marks import drift_of
 from wbc.base.errors import InputError
 from wbc.base.hull import convex_hull
 from wbc.core.robot import GRAVITY
+from wbc.motion import MotionClip
 from wbc.sim import MujocoLoop
+from wbc.sim.balance.standing import StandSpec, StandTrial
+from wbc.sim.balance.tracking import TrackSpec, TrackTrial
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.terrain.spec import terrain
+from wbc.sim.trial.loop import Trial
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
@@ -97,6 +101,20 @@ def test_each_geom_is_drawn_where_mujoco_has_it(ground: str) -> None:
     assert count > 50 and np.linalg.norm(clouds[body] - data.xpos[body], axis=1) == pytest.approx(
         0.05, rel=1e-5
     )
+
+
+@pytest.mark.parametrize("kind", ["walk", "stand", "track"])
+def test_a_trial_of_ones_own_can_be_watched(kind: str) -> None:
+    """A hook that shows a trial draws what its plant has: the links of the robot, as those of a plant."""
+    q = np.tile(HRP4.robot().half_sitting, (5, 1))
+    clip = MotionClip(HRP4.joint_names, 30.0, q[:, :7], q[:, 7:])
+    trial: Trial = {
+        "walk": lambda: WalkTrial(short_walk()),
+        "stand": lambda: StandTrial(StandSpec()),
+        "track": lambda: TrackTrial(clip, TrackSpec(robot=HRP4.name)),
+    }[kind]()
+    links = {each.body for each in body_meshes(wbc.Plant(HRP4).model)}
+    assert {each.body for each in body_meshes(trial.plant.model)} == links and len(links) > 30
 
 
 def test_shapes_have_the_size_of_their_geoms() -> None:
@@ -394,7 +412,7 @@ def test_the_command_shows_a_walk(
 @pytest.mark.slow
 @needs_chromium
 def test_a_browser_shows_the_robot_where_it_is(tmp_path: Path) -> None:
-    trial = WalkTrial(short_walk(terrain="stones", amplitude=0.02), visuals=True)
+    trial = WalkTrial(short_walk(terrain="stones", amplitude=0.02))
     with MeshcatView(trial.plant, trial.walking, port=0) as view, Browser(tmp_path / "profile") as browser:
         browser.open(view.url)
         assert view.wait_for_page(60.0)

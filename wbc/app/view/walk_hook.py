@@ -27,8 +27,6 @@ class WatchWalk(TrialHook):
         view: The view; None before the trial starts.
     """
 
-    draws = True
-
     @checked
     def __init__(
         self,
