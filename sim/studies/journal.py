@@ -38,7 +38,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, check_parts, shown_path
 from wbc.base.files import decoding
 from wbc.base.settings import to_json
-from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.provenance import code_of, provenance
 from wbc.sim.studies.trials import AnyTrialSpec, Status, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
@@ -111,7 +111,7 @@ def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None)
 
     A file that the policy of a spec reads is in the key by its content, whatever its name.
     """
-    code = _own_version() if version is None else canonical(version)
+    code = _own_version() if version is None else canonical(code_of(version))
     content = f'{{"spec":{canonical(_by_content(spec))},"version":{code}}}'
     return hashlib.sha256(content.encode()).hexdigest()[:32]
 
@@ -139,7 +139,7 @@ def _written_again(spec: str) -> dict[str, Any] | None:
 
 @functools.cache
 def _own_version() -> str:
-    return canonical(provenance())
+    return canonical(code_of(provenance()))
 
 
 def _by_content(spec: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -1,10 +1,13 @@
-"""Version of the code that made a result: package, commit of the sources, libraries that compute."""
+"""Version of the code that made a result: package, hash of its files, commit, and libraries with their requirements."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import os
+import re
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -12,66 +15,102 @@ from typing import Any
 
 import wbc._version as version
 
-SOURCES = ("wbc/core", "wbc/ground", "wbc/walking", "feet", "robots", "sim", "tasks")
-"""Parts of the clone that can change the result of a trial; the command line and the pictures cannot."""
+LABEL = "git"
+"""Part of a version that is for readers alone: the hash of the files says which code it was."""
 
-LIBRARIES = ("daqp", "mujoco", "numpy", "pin", "proxsuite", "scipy")
-"""Libraries that compute."""
+PLUGINS = "wbc."
+"""Beginning of the groups of entry points by which other packages offer robots, feet, grounds, policies and trials."""
+
+APART = frozenset(
+    (
+        "cyclopts",
+        "docstring-parser",
+        "lazy-loader",
+        "matplotlib",
+        "meshcat",
+        "pyarrow",
+        "pyzmq",
+        "rich",
+        "tornado",
+    )
+)
+"""Requirements of the command line, the logs, the pages and the pictures. Every other one can change a result, and
+counts."""
 
 
 @cache
 def provenance() -> Mapping[str, Any]:
-    """Return package version, commit of the sources and versions of the libraries, as plain values."""
+    """Return package version, commit, hash of the files and versions of the libraries, as plain values."""
+    root = Path(str(version.__file__)).resolve().parents[1]
+    points = metadata.entry_points()
+    offered = [
+        point for group in points.groups if group.startswith(PLUGINS) for point in points.select(group=group)
+    ]
+    plugins = {point.dist.name for point in offered if point.dist is not None}
     return {
         "wbc": version.__version__,
-        "git": sources(Path(str(version.__file__)).resolve().parents[1]),
-        "libraries": {name: _version(name) for name in LIBRARIES},
+        LABEL: _commit(root),
+        "files": sources(root),
+        "libraries": libraries([*_own_names(), *plugins]),
     }
 
 
-def sources(root: Path) -> str | None:
-    """Return `git describe` of the last commit that changed the sources, and a hash of changes since then.
-
-    None where the package is installed, and no clone: its version says what it is.
-    """
-    if not _git(root, "ls-files", "wbc/_version.py"):
-        return None
-    commit = _git(root, "log", "-1", "--format=%H", "--", *SOURCES) or "HEAD"
-    described = _git(root, "describe", "--always", "--tags", "--abbrev=12", commit)
-    changes = f"{_git(root, 'diff', 'HEAD', '--', *SOURCES)}{_untracked(root)}"
-    return f"{described}-dirty-{hashlib.sha256(changes.encode()).hexdigest()[:12]}" if changes else described
-
-
-def _untracked(root: Path) -> str:
-    """Return names and contents of source files that are not in the repository yet."""
-    names = (_git(root, "ls-files", "--others", "--exclude-standard", "--", *SOURCES) or "").splitlines()
-    return "".join(name + (root / name).read_text(encoding="utf-8", errors="replace") for name in names)
+def sources(root: Path) -> str:
+    """Return a hash of all files of the package in a folder, those behind symbolic links included, 16 hex digits."""
+    total = hashlib.sha256()
+    for folder, folders, files in os.walk(root / "wbc", followlinks=True):
+        folders[:] = sorted(name for name in folders if not name.startswith((".", "__pycache__")))
+        for name in sorted(name for name in files if not name.startswith(".")):
+            path = Path(folder, name)
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            total.update(f"{path.relative_to(root).as_posix()} {content}\n".encode())
+    return total.hexdigest()[:16]
 
 
-def _git(root: Path, *words: str) -> str | None:
-    """Return the output of git in a folder; None if it fails, or is not installed."""
+def libraries(names: Iterable[str]) -> dict[str, str]:
+    """Return the versions of installed packages and of all that they require, but for what is `APART`, by name."""
+    found: dict[str, str] = {}
+    pending = [*names]
+    while pending:
+        name = re.sub(r"[-_.]+", "-", re.split(r"[^\w.-]", pending.pop().strip(), maxsplit=1)[0]).lower()
+        if name in found or name in APART:
+            continue
+        with contextlib.suppress(metadata.PackageNotFoundError):  # of another platform
+            package = metadata.distribution(name)
+            found[name] = package.version
+            pending += [required for required in package.requires or () if "extra ==" not in required]
+    return dict(sorted(found.items()))
+
+
+def _own_names() -> list[str]:
+    """Return the name of this package; those of all that are installed if it runs from a folder and is not."""
+    installed = [package.name for package in metadata.distributions()]
+    return ["wbc"] if "wbc" in installed else installed
+
+
+def _commit(root: Path) -> str | None:
+    """Return `git describe` of the clone in a folder, with "-dirty" after a change; None where there is none."""
     try:
-        done = subprocess.run(
-            ["git", "-C", str(root), *words], capture_output=True, text=True, check=True, timeout=30.0
-        )
+        command = ["git", "-C", str(root), "describe", "--always", "--tags", "--abbrev=12", "--dirty"]
+        tracked = ["git", "-C", str(root), "ls-files", "--error-unmatch", "wbc/_version.py"]
+        for words in (tracked, command):
+            done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=30.0)
     except (OSError, subprocess.SubprocessError, UnicodeDecodeError):
         return None
     return done.stdout.strip()
 
 
+def code_of(version: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parts of a version, of `provenance`, that can change a result."""
+    return {name: value for name, value in version.items() if name != LABEL}
+
+
 def differences(version: Mapping[str, Any]) -> list[str]:
     """Return how a version of the code, of `provenance`, differs from the present: "mujoco 3.2.0 instead of 3.3.1"."""
-    there, here = ({**v, **v.get("libraries", {})} for v in (version, provenance()))
+    there, here = ({**code_of(v), **v.get("libraries", {})} for v in (version, provenance()))
     names = [name for name in {**here, **there} if name != "libraries"]
     return [
         f"{name} {there.get(name, 'unknown')} instead of {here.get(name, 'none')}"
         for name in names
         if there.get(name) != here.get(name)
     ]
-
-
-def _version(name: str) -> str:
-    try:
-        return metadata.version(name)
-    except metadata.PackageNotFoundError:  # a build from source that left no metadata
-        return "unknown"

@@ -132,7 +132,7 @@ def test_header_says_where_the_numbers_come_from() -> None:
     header = log.header
     assert header["seed"] == 3 and header["control_period"] == 0.005 and header["title"] == "a short walk"
     assert from_json(type(GAIT), header["spec"]["gait"]) == GAIT
-    assert {"wbc", "git", "libraries"} == set(header["versions"]) and "mujoco" in header["versions"][
+    assert {"wbc", "git", "files", "libraries"} == set(header["versions"]) and "mujoco" in header["versions"][
         "libraries"
     ]
     assert header["robot"]["name"] == "hrp4_class"

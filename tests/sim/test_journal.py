@@ -8,15 +8,18 @@ import json
 import logging
 import lzma
 import os
-import subprocess
+import re
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
+import wbc
 from wbc.base.errors import InputError
 from wbc.sim import WalkSpec
 from wbc.sim.studies.journal import (
@@ -28,7 +31,7 @@ from wbc.sim.studies.journal import (
     read_journal,
     trial_key,
 )
-from wbc.sim.studies.provenance import SOURCES, provenance, sources
+from wbc.sim.studies.provenance import APART, LABEL, differences, provenance, sources
 from wbc.sim.studies.study import Cell, Study
 from wbc.sim.studies.study_table import study_frame, study_table
 
@@ -132,35 +135,53 @@ def test_keys_name_spec_and_code() -> None:
     renamed = {"kind": "walk", "policy_params": {"path": "b.json", "sha256": "1234"}}
     edited = {"kind": "walk", "policy_params": {"path": "a.json", "sha256": "5678"}}
     assert trial_key(read, VERSION) == trial_key(renamed, VERSION) != trial_key(edited, VERSION)
-    assert {"daqp", "mujoco", "pin", "proxsuite"} <= set(provenance()["libraries"])
 
 
-def test_the_version_of_a_clone_is_the_commit_of_its_sources_and_what_was_changed_since(
-    tmp_path: Path,
-) -> None:
-    def git(*words: str) -> None:
-        who = ["-c", "user.name=n", "-c", "user.email=e"]
-        subprocess.run(["git", "-C", str(tmp_path), *who, *words], check=True, capture_output=True)
+def test_every_file_of_the_package_is_in_the_version_and_nothing_else_is(tmp_path: Path) -> None:
+    package = Path(wbc.__file__).parent
+    rooms = [path.name for path in package.iterdir() if path.is_dir() and path.name != "__pycache__"]
+    for room in rooms:
+        (tmp_path / "wbc" / room / "deep").mkdir(parents=True)
+        (tmp_path / "wbc" / room / "deep" / "a.py").write_text("x = 1\n")
+    (tmp_path / "beside").mkdir()
+    (tmp_path / "beside" / "model.urdf").write_text("<robot/>")
+    (tmp_path / "wbc" / "linked").symlink_to(tmp_path / "beside")
+    (tmp_path / "docs.md").write_text("pages change no walk")
+    found = [sources(tmp_path)]
+    (tmp_path / "docs.md").write_text("and no page does")
+    (tmp_path / "wbc" / rooms[0] / "__pycache__").mkdir()
+    (tmp_path / "wbc" / rooms[0] / "__pycache__" / "a.pyc").write_text("compiled")
+    assert sources(tmp_path) == found[0]
+    for room in rooms:
+        (tmp_path / "wbc" / room / "deep" / "a.py").write_text("x = 2\n")
+        found.append(sources(tmp_path))
+    (tmp_path / "beside" / "model.urdf").write_text("<robot />")
+    found.append(sources(tmp_path))
+    (tmp_path / "wbc" / "new.json").touch()
+    found.append(sources(tmp_path))
+    (tmp_path / "wbc" / "new.json").rename(tmp_path / "wbc" / "renamed.json")
+    found.append(sources(tmp_path))
+    assert len(set(found)) == len(rooms) + 4
+    assert {"base", "motion", "core", "sim"} <= set(rooms)
 
-    assert sources(tmp_path) is None, "no clone"
-    for folder in (*SOURCES, "docs"):
-        (tmp_path / folder).mkdir(parents=True)
-        (tmp_path / folder / "a.py").write_text("x = 1\n")
-    (tmp_path / "wbc" / "_version.py").write_text("1")
-    git("init", "-q")
-    git("add", ".")
-    git("commit", "-qm", "first")
-    first = sources(tmp_path)
-    (tmp_path / "docs" / "a.py").write_text("x = 2\n")
-    git("commit", "-qam", "docs")
-    assert first is not None and sources(tmp_path) == first, "pages change no walk"
-    (tmp_path / "sim" / "a.py").write_text("x = 2\n")
-    edited = sources(tmp_path)
-    (tmp_path / "sim" / "b.py").write_text("new")
-    found = {first, edited, sources(tmp_path)}
-    git("add", ".")
-    git("commit", "-qm", "sim")
-    assert len({*found, sources(tmp_path)}) == 4
+
+def test_every_library_that_is_not_for_pictures_and_pages_is_in_the_version() -> None:
+    """Those that requirements require are, too: Coal comes with Pinocchio."""
+    found = provenance()["libraries"]
+    required = {
+        re.split(r"[^\w.-]", each)[0] for each in metadata.requires("wbc") or () if "extra ==" not in each
+    }
+    assert required >= APART and required - APART <= set(found)
+    assert {"coal", "eigenpy", "qpsolvers", "example-robot-data"} <= set(found)
+    assert found["numpy"] == np.__version__ and not set(found) & {"pytest", "ruff", *APART}
+
+
+def test_the_commit_is_a_label_and_no_part_of_the_code() -> None:
+    spec = {"kind": "walk", "seed": 1}
+    amended = {**provenance(), LABEL: "another"}
+    assert trial_key(spec, amended) == trial_key(spec) and not differences(amended)
+    other = {**provenance(), "libraries": {**provenance()["libraries"], "coal": "0.1"}}
+    assert trial_key(spec, other) != trial_key(spec) and len(differences(other)) == 1
 
 
 def test_a_compressed_journal_is_read_and_never_written(tmp_path: Path) -> None:

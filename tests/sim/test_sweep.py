@@ -90,7 +90,7 @@ def test_whatever_goes_wrong_is_written_down(tmp_path: Path) -> None:
 def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
     trial = MadeUpTrial(1, marks=str(marks))
-    version = {**provenance(), "git": "another"}
+    version = {**provenance(), "files": "another"}
     with ThreadPoolExecutor(1) as pool, Journal(path) as journal:
         journal.add(Entry(trial.to_json(), "done", {"square": 1}, None, None, version))
         assert sweep([trial], journal, executor=pool).run == 1

@@ -2,7 +2,7 @@
 
 format          number of the format, see `FORMAT`
 program         "wbc" and its version
-versions        of the code, as `wbc.sim.studies.provenance` has it: package, commit, libraries that compute
+versions        of the code, as `wbc.sim.studies.provenance` has it: package, commit, hash of its files, libraries
 folder          folder in which the program ran: relative names of files in the spec are of it
 created         date and time (UTC)
 title, seed     of the run
