@@ -127,6 +127,26 @@ def test_hands_that_are_to_press_choose_the_steps_that_count_their_forces() -> N
         walking.hands.press("left_hand", 4.0, (1.0, 0.0, 0.0), at=place)
 
 
+def test_a_hand_that_has_lost_its_contact_leaves_the_robot_its_free_steps() -> None:
+    plant, walking = standing()
+    walking.calm = 0.1
+    run(plant, walking, 0.05)
+    hands, order = walking.hands, ("left_hand", 10.0, (1.0, 0.0, 0.0))
+    hands.press(*order)
+    run(plant, walking, 0.1)
+    assert walking.step_kind == "planned" and hands.active and not walking.stands
+    for _ in range(40):  # the sensor falls silent
+        silent = np.full((2, 6), np.nan)
+        plant.step(walking.command(replace(plant.measure(), hand_wrenches=silent)))
+    assert hands.lost == ("left_hand",)
+    run(plant, walking, 0.5)
+    assert walking.step_kind == "free" and walking.stands and not (hands.active or hands.wanted)
+    assert hands.lost == ("left_hand",), "it waits for an order"
+    hands.press(*order)
+    run(plant, walking, 0.02)
+    assert walking.step_kind == "planned" and hands.wanted
+
+
 def test_a_question_changes_no_steps_and_a_posture_move_outlives_a_change() -> None:
     """All that a walk can be asked for between ticks is read; then the steps change in the middle of a move."""
     plant, walking = standing()

@@ -189,6 +189,11 @@ class Hand:
         return self.state is not HandState.FREE
 
     @property
+    def at_work(self) -> bool:
+        """True while the hand presses, grips, or goes to where it is to, or a lost force is being faded out."""
+        return self.state not in (HandState.FREE, HandState.LOST) or self.force.value > 0.0
+
+    @property
     def destination(self) -> Array:
         """Where its frame goes, or is once it is there, in the world, shape (3,), m."""
         target = self.arm.target if self.state is HandState.REACH else None

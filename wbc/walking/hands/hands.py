@@ -119,8 +119,8 @@ class Hands:
 
     @property
     def wanted(self) -> bool:
-        """True while a hand presses or grips, or goes to where it is to."""
-        return any(hand.active for hand in self.all.values())
+        """True while a hand presses or grips, or goes to where it is to; a hand that has lost its contact waits."""
+        return any(hand.at_work for hand in self.all.values())
 
     @property
     def gripping(self) -> bool:
@@ -301,8 +301,7 @@ class Hands:
     def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
         """Advance all hands; return the filtered wrench on them at the world origin, None while there is none."""
         self.measurement = measurement
-        pressing = self.wanted
-        if not (pressing or self.active):
+        if not (self.wanted or self.active):
             return None
         rests = reference.phase is GaitPhase.STANDING
         if not self.active:
@@ -315,7 +314,7 @@ class Hands:
         offset = zmp_offset(planned + self._slow, reference.pendulum.zmp, self._weight)
         self._shift.follow(self._beyond_zmp(-offset, reference.heading) - self._shift.value, dt)
         moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= 1e-5
-        self.active = pressing or moves or float(np.abs(self.outside[:3]).max()) > 0.1
+        self.active = self.wanted or moves or float(np.abs(self.outside[:3]).max()) > 0.1
         if not self.active:
             self.outside[:] = self._slow[:] = 0.0
             self._shift = Follower(SHIFT_TIME, np.zeros(2))
@@ -334,7 +333,7 @@ class Hands:
         """
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
         for hand in self.all.values():
-            if not hand.active:
+            if not hand.at_work:
                 continue
             hand.sense(None if readings is None else readings[hand.index], dt)
             place, wrench = self._places[hand.name], hand.reading - hand.tare
