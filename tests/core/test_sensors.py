@@ -76,6 +76,19 @@ def test_refused_readings_are_predicted_from_those_that_are_good() -> None:
         plausibility.check(replace(bad, time=11 * DT))
 
 
+@pytest.mark.parametrize("lost", [1, 4])
+def test_predictions_are_over_the_time_that_has_passed_where_measurements_are_lost(lost: int) -> None:
+    plausibility, passed, rate = Plausibility(ROBOT, DT), (1 + lost) * DT, np.full(ROBOT.na, 0.3)
+    first = at_rest(ROBOT, 0.0, joint_velocity=rate)
+    plausibility.check(first)
+    position, velocity = first.joint_position + passed * rate, rate.copy()
+    position[2], velocity[5] = np.nan, np.nan
+    sent = replace(first, time=passed, joint_position=position, joint_velocity=velocity)
+    used, _ = plausibility.check(sent)
+    np.testing.assert_allclose(used.joint_position, first.joint_position + passed * rate, rtol=1e-9)
+    np.testing.assert_allclose(used.joint_velocity, rate, rtol=1e-9)
+
+
 def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_shows() -> None:
     """Its lag of 15 ms passes 3.5 of 4 m/s² after 31.2 ms and a period; it falls below 2 from 3.86 after 9.9 ms."""
     turn = pin.rpy.rpyToMatrix(0.2, -0.3, 0.5)

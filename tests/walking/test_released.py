@@ -119,6 +119,20 @@ def test_measured_accelerations_are_low_passed_differences() -> None:
     assert released._rows.acceleration == pytest.approx(np.full(4, 5.0), rel=1e-3)
 
 
+def test_measured_accelerations_are_over_the_time_that_has_passed_where_measurements_are_lost() -> None:
+    measured = wbc.Plant(G1, control_period=DT).measure()
+    control = wbc.TorqueControl(wbc.balance_controller(G1.robot(), DT))
+    released = control.release(ARM)
+    assert released is not None
+    for passed in (1, 1, 2, 4, 1, 2, 1, 3, 1, 6) * 4:  # periods
+        measured = replace(measured, time=measured.time + passed * DT)
+        velocity = measured.joint_velocity.copy()
+        velocity[released.index] += 5.0 * passed * DT
+        measured = replace(measured, joint_velocity=velocity)
+        control.estimate(measured)
+    assert released._measured == pytest.approx(np.full(4, 5.0), rel=1e-3)
+
+
 def test_an_arm_that_is_hit_is_known_by_its_torques_and_not_by_its_reaction() -> None:
     """The rest of its acceleration is somebody else's; at the end of a joint what is measured counts."""
     robot = G1.robot()

@@ -546,7 +546,7 @@ def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
     wrenches[swing][2] = 2.0 * gait.constants.met
     places, (x, y, _) = list(tick.state.places), tick.state.places[swing]
     places[swing] = x, y, height
-    gait._before = places[0], places[1]  # it has not jumped there
+    gait._before = tick.state._replace(places=(places[0], places[1]))  # it has not jumped there
     for k in range(3):
         places[swing] = (x, y + k * DT * speed, height)
         state = tick.state._replace(
@@ -555,6 +555,26 @@ def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
         reference = gait.advance(state, tick.frames)
     assert (gait.met is not None) == meets
     assert (reference.urgency < 0.0) == (speed > 0.0)
+
+
+@pytest.mark.parametrize("lost", [0, 1, 4])
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_whether_a_foot_is_hurled_depends_on_its_speed_not_on_measurements_that_are_lost(
+    share: float, lost: int
+) -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    gait = body.gait
+    while gait.swing is None or gait.elapsed < 0.5 * gait.duration or not gait._since_stand:
+        body.run(DT)
+    tick, swing = body.ticks[-1], 1 - gait.stance
+    passed = (1 + lost) * DT
+    speed = share * (gait.constants.hurled + 2.0 * math.hypot(*gait.steering.velocity))
+    places, (x, y, z) = list(tick.state.places), tick.state.places[swing]
+    places[swing] = x, y, z + passed * speed
+    state = tick.state._replace(places=(places[0], places[1]), time=tick.state.time + passed)
+    assert (gait.advance(state, tick.frames).urgency < 0.0) is (share > 1.0)
 
 
 @pytest.mark.parametrize(("moved", "follows"), [(-0.08, True), (0.08, True), (-0.005, False)])

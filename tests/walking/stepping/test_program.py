@@ -187,18 +187,25 @@ def test_an_area_grows_while_the_foot_is_still_and_ends_where_it_turns() -> None
     area, flat, cop = HeldArea(SIZE.sole, c, dt), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), (0.02, 0.01)
     wrench = (0.0, 0.0, weight, cop[1] * weight, -cop[0] * weight, 0.0)
     for _ in range(1000):
-        area.update((*flat, (0.0, 0.0, 1.0)), wrench)
+        area.update((*flat, (0.0, 0.0, 1.0)), wrench, dt)
     assert area.aside == pytest.approx([c.margin - SIZE.sole[1], SIZE.sole[1] - c.margin])
     assert area.ahead == pytest.approx(
         [c.margin - SIZE.sole[0] - c.carrying, SIZE.sole[0] - c.margin - c.carrying]
     )
     for tick in range(100):  # its left end goes down: it turns over the left edge
-        area.update((*flat, (0.0, -3.0 * c.turning * dt * tick, 1.0)), wrench)
+        area.update((*flat, (0.0, -3.0 * c.turning * dt * tick, 1.0)), wrench, dt)
     assert area.aside[1] == pytest.approx(cop[1] - c.inside)
     assert area.aside[0] == pytest.approx(c.margin - SIZE.sole[1]), "the other side holds"
+    for lost, turns in ((1, True), (10, False)):  # slowly, where many measurements are missing
+        area.forget()
+        for _ in range(200):
+            area.update((*flat, (0.0, 0.0, 1.0)), wrench, dt)
+        full = area.aside[1]
+        area.update((*flat, (0.0, -5.0 * c.turning * dt / area._spin_gain, 1.0)), wrench, lost * dt)
+        assert (area.aside[1] < full) is turns
     area.forget()
     for _ in range(1000):
-        area.update((*flat, (0.0, 0.0, 1.0)), (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0))
+        area.update((*flat, (0.0, 0.0, 1.0)), (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0), dt)
     assert area.width == 0.0, "it carries too little to say"
 
 
@@ -212,7 +219,7 @@ def test_on_level_ground_the_area_of_a_narrow_sole_counts_in_full_and_grows_soon
         area.level = level
         for ticks in (10, 1000):
             for _ in range(ticks):
-                area.update(flat, (0.0, 0.0, weight, 0.0, 0.0, 0.0))
+                area.update(flat, (0.0, 0.0, weight, 0.0, 0.0, 0.0), dt)
             found[level, ticks] = area.ahead[1] - area.ahead[0], area.width
     assert found[1.0, 1000][0] == pytest.approx(2.0 * (sole[0] - c.margin))
     assert found[0.0, 1000][0] < 0.5 * found[1.0, 1000][0]

@@ -280,8 +280,8 @@ class DriveControl:
 
         `State.ok` is False for a measurement that cannot be used; nothing is raised.
         """
-        observer, start = self.observer, perf_counter()
-        self.time = time = self.time + self.controller.dt
+        observer, start, dt, last = self.observer, perf_counter(), self.controller.dt, self.measurement
+        self.time = time = self.time + dt
         try:
             self.measurement = plausible = self._estimate(measurement, self._begin())
             estimate, robot = observer.robot, self.controller.robot
@@ -292,7 +292,8 @@ class DriveControl:
             if self._released is not None:
                 solved = None if self.solution is None else self.solution.accelerations
                 torque = plausible.joint_torque
-                self._released.update(robot.q, robot.v, self.controller.dt, torque, solved)
+                passed = dt if last is None else plausible.time - last.time
+                self._released.update(robot.q, robot.v, passed if passed > 0.0 else dt, torque, solved)
             self.controller.model_time = perf_counter() - start
         except Exception as error:  # a robot gets a command in every tick
             failed = State(observer.robot, measurement, observer.load, measurement, True, time)

@@ -169,7 +169,7 @@ class Plausibility:
         values = np.concatenate(
             (m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, wrenches)
         )
-        last, stamp = self._values, m.time
+        last, stamp, before = self._values, m.time, self._time
         if type(stamp) is not float:
             stamp = _stamp_of(m)
             m = replace(m, time=stamp)
@@ -190,7 +190,8 @@ class Plausibility:
         if self._within(values, last) and not self._faults:
             self._values = values
         else:
-            m = self._repair(m, values)
+            passed = self._time - before
+            m = self._repair(m, values, passed if passed > 0.0 and not renewed else self._dt)
         if m.joint_torque is not None or m.hand_wrenches is not None:
             m = self._check_optional(m)
         elif self._optional_faults:
@@ -360,9 +361,9 @@ class Plausibility:
             self._faults = ("the same measurement again",)
             raise MeasurementError(f"the same measurement for the {self._identical + 1}th time in a row")
 
-    def _repair(self, m: Measurement, values: Array) -> Measurement:
-        """Replace impossible readings by predictions, or give up if they last."""
-        na, last, dt = self._na, self._values, self._dt
+    def _repair(self, m: Measurement, values: Array, dt: float) -> Measurement:
+        """Replace impossible readings by predictions over the time that has passed, s, or give up if they last."""
+        na, last = self._na, self._values
         wrong = ~(np.abs(values - self._middle) <= self._bound)  # NaN is wrong
         if last is not None:  # an encoder may have travelled while it was refused
             travel = self._step + self._speed * self._lasting[:na]

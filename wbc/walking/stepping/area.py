@@ -52,12 +52,15 @@ class HeldArea:
         """The greatest `width`, m."""
         return self._trust * self._most[1]
 
-    def update(self, turn: Rotation, wrench: Vector) -> None:
-        """Take in a tick: the rotation of the sole, row by row, and the wrench on it in its frame, N and Nm."""
+    def update(self, turn: Rotation, wrench: Vector, passed: float) -> None:
+        """Take in a tick: the rotation of the sole, row by row, and the wrench on it in its frame, N and Nm.
+
+        A time has passed since the tick before, s.
+        """
         heights, c, dt = turn[2], self._c, self._dt
         if self._heights is not None:
             for i in (0, 1):
-                rate = (heights[i] - self._heights[i]) / dt
+                rate = (heights[i] - self._heights[i]) / passed
                 self._spin[i] += self._spin_gain * (rate - self._spin[i])
         self._heights = heights
         _, _, force, roll, pitch, _ = wrench

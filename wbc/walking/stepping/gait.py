@@ -68,6 +68,7 @@ class BodyState(NamedTuple):
     wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
     heading: float  # heading of the pelvis, rad
     speeds: tuple[float, float] = (0.0, 0.0)  # of both soles by the estimate, m/s; only on both feet
+    time: float = 0.0  # of the measurement, s; where it stands still, a period has passed
 
 
 class SteppingWalk(GaitMachine):
@@ -146,7 +147,8 @@ class SteppingWalk(GaitMachine):
         self.decision = StepDecision(s, c, scale, self.ground, dt)
         self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
         self.footsteps: Sequence[Footstep] = ()
-        self._before: tuple[Vector, Vector] | None = None  # places of the soles in the last tick, m
+        self._before: BodyState | None = None  # in the last tick
+        self._passed = self.dt  # time since then, s: a measurement may have been lost
         self._hurled = -math.inf  # when a push hurled the swing foot, s
         self._contact: Vector | None = None  # low-passed centre of pressure, in the world
         # CoM over the ground as planned, its velocity and acceleration; None until the step is decided.
@@ -224,6 +226,7 @@ class SteppingWalk(GaitMachine):
             state.measurement.wrenches.tolist(),
             heading(self._pelvis),
             (0.0, 0.0) if self.phase is GaitPhase.SINGLE else self._speeds(robot),
+            state.measurement.time,
         )
 
     def _speeds(self, robot: Robot) -> tuple[float, float]:
@@ -239,12 +242,14 @@ class SteppingWalk(GaitMachine):
 
     def advance(self, state: BodyState, frames: Frames) -> Reference:
         """Compute one tick; feet that stand keep the placements of left and right sole."""
-        self._state, self._frames = state, frames
+        self._state, self._frames, before = state, frames, self._before
+        passed = 0.0 if before is None else state.time - before.time
+        self._passed = passed if passed > 0.0 else self.dt
         self.elapsed += self.dt
         self.time += self.dt
         self._follow_pendulum()
         reference = self._go_on()
-        self._before = state.places
+        self._before = state
         return reference
 
     def _go_on(self) -> Reference:
@@ -357,7 +362,7 @@ class SteppingWalk(GaitMachine):
         """Return the velocity of a sole, m/s; zero in the first tick."""
         if self._before is None:
             return ORIGIN
-        (x, y, z), (p, q, r), dt = self._state.places[side], self._before[side], self.dt
+        (x, y, z), (p, q, r), dt = self._state.places[side], self._before.places[side], self._passed
         return (x - p) / dt, (y - q) / dt, (z - r) / dt
 
     def _begin(self) -> tuple[Event, ...]:
@@ -464,7 +469,7 @@ class SteppingWalk(GaitMachine):
         s, c, side, state, frames = self.settings, self.constants, 1 - self.stance, self._state, self._frames
         swing, self._ticks = self.swing, self._ticks + 1
         self.decision.area.level = self._levelness()
-        self.decision.area.update(state.turns[self.stance], state.wrenches[self.stance])
+        self.decision.area.update(state.turns[self.stance], state.wrenches[self.stance], self._passed)
         decides = swing is None or self._ticks % self._period == 0
         if decides:
             self._solve(steps)
