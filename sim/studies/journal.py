@@ -122,19 +122,19 @@ def own_key(spec: Mapping[str, Any]) -> str | None:
     The spec is read and written again, so that one of an earlier version has the key of today.
     """
     seed = {"seed": spec["seed"]} if "seed" in spec else {}
-    plain = _written_again(
-        canonical({**spec, **dict.fromkeys(seed, 0)})
-    )  # specs differ in nothing else as a rule
-    return None if plain is None else trial_key(plain | seed)
+    try:
+        plain = _written_again(
+            canonical({**spec, **dict.fromkeys(seed, 0)})
+        )  # specs differ in nothing else as a rule
+    except (InputError, TypeError, ValueError, AttributeError, LookupError):
+        return None
+    return trial_key(plain | seed)
 
 
 @functools.lru_cache(4096)
-def _written_again(spec: str) -> dict[str, Any] | None:
-    try:
-        plain: dict[str, Any] = trial_from_json(json.loads(spec)).to_json()
-        return plain
-    except (InputError, TypeError, ValueError, AttributeError, LookupError):
-        return None
+def _written_again(spec: str) -> dict[str, Any]:
+    plain: dict[str, Any] = trial_from_json(json.loads(spec)).to_json()
+    return plain
 
 
 @functools.cache
@@ -241,7 +241,10 @@ def _as_own(entries: Mapping[str, Entry]) -> dict[str, Entry]:
         elif today == key or today not in entries:
             found[today] = entry
     if unreadable:
-        _log.warning("%d entries whose spec this version cannot read are left out", unreadable)
+        _log.warning(
+            "%d entries whose spec this version cannot read, or of code that is not named, are left out",
+            unreadable,
+        )
     return found
 
 

@@ -20,10 +20,11 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, unknown_name
+from wbc.base.registry import allow_code, in_file, is_data, reading_data
 from wbc.base.settings import Count, Seed, from_json, json_object, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
 from wbc.sim.studies.provenance import differences
-from wbc.sim.studies.trials import KINDS, AnyTrialSpec, trial_from_json, with_seed
+from wbc.sim.studies.trials import KINDS, AnyTrialSpec, TrialKind, trial_from_json, with_seed
 
 ALL = "all"
 """Name of the row of all cells together in tables; no cell has it."""
@@ -102,7 +103,11 @@ class Study:
     decision: str | None = None
 
     def __post_init__(self) -> None:
-        KINDS.find(self.kind)
+        if not is_data():
+            allow_code(self.base, [cell.values for cell in self.cells], self.arms)
+            allow_code([cell.arm_values for cell in self.cells])
+        if not (in_file(self.kind) and is_data()):  # code of a study in a file is run with its trials
+            KINDS.find(self.kind)
         if not self.cells or not self.arms or not self.seeds:
             raise InputError(f"study '{self.name}' needs at least one cell, one arm and one seed")
         names = [cell.name for cell in self.cells]
@@ -131,12 +136,17 @@ class Study:
     @property
     def measured(self) -> str:
         """Part of the results that the table shows: `metric`, or that of the kind of trial."""
-        return self.metric or KINDS.find(self.kind)[1].metric
+        return self.metric or self._trial_kind.metric
+
+    @property
+    def _trial_kind(self) -> TrialKind:
+        with reading_data():
+            return KINDS.find(self.kind)[1]
 
     @checked
     def titled(self, part: str) -> str:
         """Return a part of the results with its unit, such as "zmp_error.mean (m)"."""
-        unit = KINDS.find(self.kind)[1].units.get(part)
+        unit = self._trial_kind.units.get(part)
         return part if unit is None else f"{part} ({unit})"
 
     @property
@@ -194,7 +204,10 @@ class Study:
                 arm_values = {arm: values for arm, values in cell.arm_values.items() if arm in tried}
                 part.append(replace(cell, arms=tried, arm_values=arm_values))
         reference = self.reference if self.reference in chosen else None
-        return replace(self, cells=tuple(part), arms=chosen, seeds=self.seeds[:seeds], reference=reference)
+        with reading_data():  # this study may be that of a file
+            return replace(
+                self, cells=tuple(part), arms=chosen, seeds=self.seeds[:seeds], reference=reference
+            )
 
     def to_json(self) -> dict[str, Any]:
         """Return the study as plain values, as in its JSON file."""
@@ -217,7 +230,8 @@ class Study:
         if isinstance(values.get("seeds"), Mapping):
             seeds = from_json(SeedRange, values["seeds"])
             values["seeds"] = list(range(seeds.first, seeds.first + seeds.count))
-        return from_json(Study, values)
+        with reading_data():
+            return from_json(Study, values)
 
 
 def _cell(name: str, parts: Parts) -> dict[str, Any]:
@@ -263,7 +277,7 @@ class LeftOut:
         reasons = {
             f"of another version of the code ({why}), which --any-code takes": self.other_code,
             "of trials that are not part of it": self.other_trials,
-            "whose spec this version cannot read": self.unreadable,
+            "whose spec this version cannot read, or of code that is not named (--code)": self.unreadable,
         }
         parts = ", ".join(f"{number} {reason}" for reason, number in reasons.items() if number)
         return f"{total} of {self.entries} entries are left out: {parts}"

@@ -23,7 +23,7 @@ from typing import Annotated, Any
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, check_parts
-from wbc.base.registry import in_file
+from wbc.base.registry import allow_code, in_file
 from wbc.base.settings import Count, Positive, to_json
 from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.provenance import differences, provenance
@@ -287,7 +287,9 @@ def _run(
             f"a process that runs trials has other code than the sweep, which has {', '.join(other)}; run the sweep "
             "again with one version of the code"
         )
-    spec = trial_from_json(spec) if isinstance(spec, dict) else spec
+    if isinstance(spec, dict):
+        allow_code(spec)  # the sweep has the spec itself: its code has run
+        return run_trial(trial_from_json(spec), timeout, exit_when_stuck=stuck_ends)
     return run_trial(spec, timeout, exit_when_stuck=stuck_ends)
 
 

@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, Protocol
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.registry import Registry, in_file
+from wbc.base.registry import Registry, in_file, reading_data
 from wbc.base.settings import Positive
 from wbc.sim.trial.loop import TrialHook, TrialTick
 
@@ -92,11 +92,15 @@ def register_trial(name: str, kind: TrialKind) -> None:
 
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
-    """Return a spec of any kind that its `to_json` wrote; without "kind" it is that of a walk."""
+    """Return a spec of any kind that its `to_json` wrote; without "kind" it is that of a walk.
+
+    A file of code that the spec names is run only if a user has named it, too (`wbc.base.registry.allow_code`).
+    """
     if not isinstance(data, Mapping):
         raise InputError(f"a spec must be a mapping, got {shown(data)}")
-    name, kind = KINDS.find(data.get("kind", "walk"))
-    spec = kind.read({**data, "kind": name} if in_file(name) else data)
+    with reading_data():
+        name, kind = KINDS.find(data.get("kind", "walk"))
+        spec = kind.read({**data, "kind": name} if in_file(name) else data)
     if in_file(name) and (spec.kind, spec.to_json().get("kind")) != (name, name):
         raise InputError(
             f"a spec of '{name}' must keep the kind that it is read with, in `kind` and in `to_json`"

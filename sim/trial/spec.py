@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 from wbc.base.checked import checked
 from wbc.base.errors import choose
+from wbc.base.registry import reading_data
 from wbc.base.settings import Positive, Seed, from_json, json_object, settings, to_json
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.observer import Observer, ObserverSettings
@@ -96,10 +97,14 @@ class TrialSpec:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default."""
+        """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default.
+
+        A file of code that the spec names is run only if a user has named it, too (`wbc.base.registry.allow_code`).
+        """
         values = json_object(cls.__name__, data)
         choose("kind of trial", values.pop("kind", cls.kind), (cls.kind,))
-        return from_json(cls, values)
+        with reading_data():
+            return from_json(cls, values)
 
     @property
     def chosen(self) -> Mode:

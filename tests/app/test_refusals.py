@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,12 @@ import pytest
 from mjcf_biped import biped
 
 from wbc.app.cli import BAD_INPUT, main
+from wbc.app.log.header import FORMAT
+from wbc.app.log.signals import Signals
+from wbc.app.log.writer import LogWriter
+from wbc.sim import WalkSpec
 from wbc.sim.studies import Entry, Study
+from wbc.sim.studies.provenance import provenance
 
 STUDY = Path(__file__).resolve().parents[2] / "examples/studies/flat_floor.json"
 
@@ -111,3 +117,75 @@ def test_a_value_of_a_journal_that_is_no_number_is_refused(
     (tmp_path / "results.jsonl").write_bytes(entry.line())
     words = ["study", "table", str(tmp_path / "study.json"), "--any-code", *options]
     check_refused([*words, "--journal", str(tmp_path / "results.jsonl")], f"results.jsonl: {named}", capsys)
+
+
+CODE = """
+import wbc
+from wbc.sim.studies.trials import Outcome, TrialKind
+open("RAN", "w").close()
+
+class Spec:
+    def __init__(self, data):
+        self.kind, self.data = data["kind"], data
+
+    def to_json(self):
+        return dict(self.data)
+
+KIND = TrialKind(Spec, lambda spec, check: Outcome("done", {"steps_done": 1}))
+Loop = wbc.Plant
+"""
+
+READ = {
+    "study show .": 0,
+    "study show kind.json": BAD_INPUT,
+    "study show loop.json": BAD_INPUT,
+    "study show loop.json --arm a --seeds 1": BAD_INPUT,
+    "study table plain.json --journal kind.jsonl": 0,
+    "study table plain.json --journal loop.jsonl --any-code": 0,
+    "study table kind.json --journal kind.jsonl": BAD_INPUT,
+    "study plot plain.json --journal loop.jsonl": BAD_INPUT,  # of which it has nothing to draw
+    "study run --journal kind.jsonl --key KEY": BAD_INPUT,
+    "walk --spec walk.toml": BAD_INPUT,
+    "walk --repeat log.arrow": BAD_INPUT,
+}
+"""Command line that reads data which name code → its exit code."""
+
+
+@pytest.fixture
+def code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Return the key of a trial whose kind is code in `own.py`, with files that name it."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("wbc.base.registry._allowed", set())
+    Path("own.py").write_text(CODE)
+    cells: dict[str, Any] = {"name": "s", "cells": {"c": {}}, "arms": {"a": {}}, "seeds": [1]}
+    studies = {"plain": {}, "kind": {"kind": "own.py:KIND"}, "loop": {"base": {"loop": "own.py:Loop"}}}
+    for name, parts in studies.items():
+        Path(f"{name}.json").write_text(json.dumps(cells | parts))
+    Path("walk.toml").write_text('loop = "own.py:Loop"')
+    own = Entry({"kind": "own.py:KIND", "seed": 1}, "done", {"steps_done": 1}, None, None, provenance())
+    of_loop = replace(own, spec={"kind": "walk", "loop": "own.py:Loop", "seed": 1})
+    Path("kind.jsonl").write_bytes(own.line())
+    Path("loop.jsonl").write_bytes(of_loop.line())
+    recorded = WalkSpec().to_json() | {"loop": "own.py:Loop"}
+    signals, writer = Signals(), LogWriter("log.arrow")
+    signals.one("time", "s", "", lambda tick: 0.0, "double")
+    writer.begin(signals, {"format": FORMAT, "spec": recorded})
+    writer.row[0] = 0.0
+    writer.commit([])
+    writer.close()
+    return own.key
+
+
+@pytest.mark.parametrize("line", READ)
+def test_reading_runs_no_code_that_data_name(line: str, code: str) -> None:
+    assert main([word.replace("KEY", code) for word in line.split()]) == READ[line]
+    assert not Path("RAN").exists()
+
+
+@pytest.mark.parametrize(
+    "line", ["study show kind.json --code own.py", "study run kind.json --journal new.jsonl"]
+)
+@pytest.mark.usefixtures("code")
+def test_code_that_is_named_or_run_as_a_study_is_run(line: str) -> None:
+    assert main(line.split()) == 0
+    assert Path("RAN").exists()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import inspect
 import logging
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -22,6 +24,41 @@ T = TypeVar("T")
 
 HASH_LENGTH = 12
 """Hex digits of the hash of a file in the name of an entry of this file."""
+
+
+_allowed: set[str] = set()  # files of code that a user named
+_of_data: ContextVar[bool] = ContextVar("of_data", default=False)
+
+
+@contextlib.contextmanager
+def reading_data() -> Iterator[None]:
+    """Take the names of the block for data's, which run no file of code but those that a user has named."""
+    before = _of_data.set(True)
+    try:
+        yield
+    finally:
+        _of_data.reset(before)
+
+
+def is_data() -> bool:
+    """Return True in a block of `reading_data`."""
+    return _of_data.get()
+
+
+def code_of(*values: Any) -> Iterator[str]:
+    """Yield the files of code that values name as "mine.py:NAME", and all paths in them."""
+    for value in values:
+        if isinstance(value, (Mapping, list, tuple)):
+            yield from code_of(*(value.values() if isinstance(value, Mapping) else value))
+        elif isinstance(value, Path):
+            yield str(value)
+        elif in_file(value):
+            yield value.rpartition(":")[0]
+
+
+def allow_code(*values: Any) -> None:
+    """Let the files of code that values name, or are the paths of, be run where data name them, too."""
+    _allowed.update(str(Path(file).expanduser().resolve()) for file in code_of(*values))
 
 
 class Registry(dict[str, T]):
@@ -87,13 +124,20 @@ class Registry(dict[str, T]):
 
         Raises:
             InputError: The name is unknown, or the file cannot be run, has changed since the spec was made, or does
-                not have the name, or has no such entry under it.
+                not have the name, or has no such entry under it, or data name it and no user does.
         """
         if not in_file(name) or name in self:
             return name, self[name]
         place, _, attribute = name.rpartition(":")
         attribute, _, given = attribute.partition("#")
         path = Path(place).expanduser()
+        if not is_data():
+            allow_code(path)
+        elif str(path.resolve()) not in _allowed:
+            raise InputError(
+                f"the {self.kind} {shown(name)} is code, which data name and no reader runs; if you know the file, "
+                "name it with --code, or in a program with wbc.base.registry.allow_code"
+            )
         now = file_hash(path)[:HASH_LENGTH]
         if given and given != now:
             raise InputError(

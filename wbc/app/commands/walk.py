@@ -24,6 +24,7 @@ from wbc.base.changes import read_changes, setting_names
 from wbc.base.errors import InputError, shown, unknown_name
 from wbc.base.files import check_target, read_toml
 from wbc.base.numbers import finite_scalar
+from wbc.base.registry import allow_code
 from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loop import TrialHook
@@ -84,6 +85,7 @@ class WalkOptions:
             one).
         record: File to write every tick to (.arrow).
         repeat: Log of a walk to repeat, with changes from its page and its end, and to compare with.
+        code: Python file that the log or the spec names as its loop and that may be run; no other is.
     """
 
     seconds: Positive | None = None
@@ -91,6 +93,10 @@ class WalkOptions:
     spec: str | None = None
     record: Path | None = None
     repeat: Path | None = None
+    code: tuple[Path, ...] = ()
+
+    def __post_init__(self) -> None:
+        allow_code(self.code)
 
 
 @reports
@@ -103,9 +109,11 @@ def walk(
 ) -> Report:
     """Walk in the simulator, and report how far the robot came, how well, and how it ended: by a fall, or by Ctrl-C."""
     if options.repeat is not None and (
-        given or options != WalkOptions(repeat=options.repeat, record=options.record)
+        given or options != WalkOptions(repeat=options.repeat, record=options.record, code=options.code)
     ):
-        raise InputError("--repeat takes the walk from its log: only --record and the views go with it")
+        raise InputError(
+            "--repeat takes the walk from its log: only --record, --code and the views go with it"
+        )
     target = None
     if options.record is not None:
         named = (
@@ -192,6 +200,7 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
     if "policy" in {*upper, *lower} and "foot" not in {*upper, *lower}:
         upper["foot"] = "variable"  # the only one that a policy sets
     changes = read_changes(options.set)
+    allow_code(upper, changes)
     loop = changes.get("loop", upper.get("loop", lower.get("loop", PLANT)))
     # Another simulation may have no more than a floor and the robot's own soles.
     defaults: dict[str, Any] = dict(DEFAULTS) if loop == PLANT else {"eyes": "none"}

@@ -16,6 +16,7 @@ from wbc.app.commands.study.show import PartOptions, StudyFile, entries_of
 from wbc.app.output import Output, Report, progress_console, reports
 from wbc.base.errors import InputError, unknown_name
 from wbc.base.files import check_target, write_text
+from wbc.base.registry import allow_code, code_of
 from wbc.base.settings import Count, Positive, settings
 from wbc.sim.studies.journal import Entry, Journal, canonical, check_journal_path, read_journal
 from wbc.sim.studies.provenance import differences
@@ -39,7 +40,10 @@ def reruns(study: Study, entries: Mapping[str, Entry], journal: Path) -> list[di
             "seed": trial.seed,
             "status": entry.status,
             "error": entry.error,
-            "command": f"wbc study run --journal {shlex.quote(str(journal))} --key {entry.key[:KEY_LENGTH]}",
+            "command": shlex.join(
+                ["wbc", "study", "run", "--journal", str(journal), "--key", entry.key[:KEY_LENGTH]]
+                + [word for file in code_of(entry.spec) for word in ("--code", file)]
+            ),
         }
         for trial, entry in study_entries(study, entries)
         if entry is not None and entry.status != "done"
@@ -91,6 +95,7 @@ def run(
     if study is None or options.out is not None:
         raise InputError("give a study to run, or the --key of a trial of the journal (and -o for its spec)")
     chosen = part.part(study)
+    allow_code(chosen.to_json())
     try:
         summary = run_trials(chosen, options, any_code=part.any_code)
     except KeyboardInterrupt:

@@ -14,6 +14,7 @@ from wbc.app.files import PICTURES, read_object
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing, write_text
+from wbc.base.registry import allow_code
 from wbc.base.settings import settings, to_json
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.study import Study, left_out
@@ -39,11 +40,17 @@ class ShownPartOptions:
         cell: Only these cells, by name or beginning of a name.
         arm: Only these arms.
         seeds: Only the first so many seeds.
+        code: Python file that the study or its journal names and that may be run; may be given several times. No other
+            is run, but the code of a study that is run.
     """
 
     cell: tuple[str, ...] = ()
     arm: tuple[str, ...] = ()
     seeds: int | None = None
+    code: tuple[Path, ...] = ()
+
+    def __post_init__(self) -> None:
+        allow_code(self.code)
 
     def part(self, study: Path) -> Study:
         """Return this part of a study in a file."""
