@@ -7,7 +7,8 @@ not run it again. `result` depends on spec and code alone; `clock` holds wall-cl
 line. A later line with the same key replaces an earlier one.
 
 A process that is killed in the middle of a line leaves a torn one: it is cut off when the journal is next opened for
-writing, and skipped by readers. One process at a time writes; any number reads.
+writing, and skipped by readers. Line ends of other systems, byte order marks and journals that were joined without a
+line end between them are read. One process at a time writes; any number reads.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ import logging
 import lzma
 import math
 import os
+import re
 import sys
 import time
 from collections.abc import Mapping
@@ -37,9 +39,10 @@ from pydantic_core import from_json
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, check_parts, shown_path
 from wbc.base.files import decoding
+from wbc.base.numbers import plain
 from wbc.base.settings import to_json
 from wbc.sim.studies.provenance import code_of, provenance
-from wbc.sim.studies.trials import AnyTrialSpec, Status, trial_from_json
+from wbc.sim.studies.trials import KINDS, AnyTrialSpec, Status, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
 PACKED = ".xz"
@@ -50,6 +53,12 @@ LARGEST = 2**28
 
 BEGIN = b'{"clock":'
 """Begin of each line: keys are sorted."""
+
+_ENDS_OF_LINES = re.compile(rb'\n|(?<=\})(?=(?:\xef\xbb\xbf)?\{"clock":)')
+"""Ends of lines, also one that is missing between two entries: in a text of an entry, quotes have a backslash."""
+
+ENDS = b"\r\n\t \xef\xbb\xbf"
+"""What editors, git and other systems put around a line: blanks, another line end, a byte order mark."""
 
 SYNC_TIME = 1.0
 """Shortest time between two writes that are forced to the disk, where they survive a loss of power, s. A killed process
@@ -102,8 +111,8 @@ class Entry:
     def line(self) -> bytes:
         """Return the entry as a line of the journal."""
         data = {"key": self.key, **to_json(self)}
-        total = hashlib.sha256(canonical(data).encode()).hexdigest()[:16]
-        return canonical(data | {"sum": total}).encode() + b"\n"
+        total = hashlib.sha256(canonical(data).encode(errors="replace")).hexdigest()[:16]
+        return canonical(data | {"sum": total}).encode(errors="replace") + b"\n"
 
 
 def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None) -> str:
@@ -121,19 +130,24 @@ def own_key(spec: Mapping[str, Any]) -> str | None:
 
     The spec is read and written again, so that one of an earlier version has the key of today.
     """
-    seed = {"seed": spec["seed"]} if "seed" in spec else {}
+    unreadable = (InputError, TypeError, ValueError, AttributeError, LookupError)
+    if "seed" in spec:  # specs that differ in the seed alone are read once, where their kind allows it
+        with contextlib.suppress(*unreadable):
+            plain = _written_again(canonical({**spec, "seed": 0}), of_any_seed=True)
+            return trial_key({**plain, "seed": spec["seed"]})
     try:
-        plain = _written_again(
-            canonical({**spec, **dict.fromkeys(seed, 0)})
-        )  # specs differ in nothing else as a rule
-    except (InputError, TypeError, ValueError, AttributeError, LookupError):
+        return trial_key(_written_again(canonical(spec), of_any_seed=False))
+    except unreadable:
         return None
-    return trial_key(plain | seed)
 
 
 @functools.lru_cache(4096)
-def _written_again(spec: str) -> dict[str, Any]:
-    plain: dict[str, Any] = trial_from_json(json.loads(spec)).to_json()
+def _written_again(text: str, *, of_any_seed: bool) -> dict[str, Any]:
+    """Return a spec as the present code writes it; an `InputError` also if the seed may change more than itself."""
+    spec = trial_from_json(json.loads(text))
+    if of_any_seed and KINDS.find(spec.kind)[1].seeded is None:
+        raise InputError(f"a {spec.kind} is read with its own seed")
+    plain: dict[str, Any] = spec.to_json()
     return plain
 
 
@@ -155,10 +169,12 @@ def canonical(data: Any) -> str:
     try:
         return _encode(data)
     except (TypeError, ValueError):  # mappings that are no dict, NaN
-        return _encode(_finite(data))
+        return _encode(_finite(to_json(data)))
 
 
-_encode = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode
+_encode = json.JSONEncoder(
+    sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False, default=plain
+).encode
 
 
 def _finite(value: Any) -> Any:
@@ -203,8 +219,11 @@ def _read(path: Path | str) -> tuple[dict[str, Entry], int]:
         if isinstance(error.__cause__, FileNotFoundError):
             return {}, 0
         raise JournalError(f"journal {error}") from error
-    *lines, rest = content.split(b"\n")
-    found = {number: _entry(line) for number, line in enumerate(lines, 1) if line.strip()}
+    *lines, last = _ENDS_OF_LINES.split(content)
+    rest = last.strip(ENDS)
+    if not rest or _entry(rest) is not None:  # nothing, or whole without the end of its line
+        lines, last, rest = [*lines, rest], b"", b""
+    found = {number: _entry(line.strip(ENDS)) for number, line in enumerate(lines, 1) if line.strip(ENDS)}
     entries = {entry.key: entry for entry in found.values() if entry is not None}
     if not entries and (found or not rest.startswith(BEGIN[: len(rest)])):
         raise JournalError(f"{path} is no journal: none of its lines is an entry")
@@ -212,7 +231,7 @@ def _read(path: Path | str) -> tuple[dict[str, Entry], int]:
         _log.warning("journal %s: %d damaged lines skipped, the first is line %d", path, len(bad), bad[0])
     if rest:
         _log.info("journal %s: its last line is torn", path)
-    return entries, len(rest)
+    return entries, len(last)
 
 
 def _entry(line: bytes) -> Entry | None:
@@ -290,6 +309,9 @@ class Journal:
             if torn:
                 _log.warning("journal %s: torn last line of %d bytes cut off", self.path, torn)
                 os.ftruncate(self._file, os.fstat(self._file).st_size - torn)
+            size = os.fstat(self._file).st_size
+            if size and os.pread(self._file, 1, size - 1) != b"\n":
+                os.write(self._file, b"\n")
         except BaseException:
             self.close()
             raise

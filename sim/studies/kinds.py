@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic_core import to_jsonable_python
-
 from wbc.base.settings import to_json, units
 from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial
 from wbc.sim.balance.tracking import MotionSpec, TrackResult, TrackTrial
@@ -46,9 +44,7 @@ def _outcome(trial: Trial, check: TimeoutCheck) -> Outcome:
     except DivergedError:
         return Outcome("diverged")
     clock = {name: result.pop(name) for name in CLOCK if name in result}
-    # A number that is not known, such as the ZMP of a robot that never stood, is None.
-    record, clock = (to_jsonable_python(part, inf_nan_mode="null") for part in (result, clock))
-    return Outcome("diverged" if trial.plant.diverged else "done", record, clock)
+    return Outcome("diverged" if trial.plant.diverged else "done", result, clock)
 
 
 register_trial(

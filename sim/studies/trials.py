@@ -13,11 +13,14 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Literal, Protocol
+
+from pydantic_core import to_jsonable_python
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
+from wbc.base.numbers import plain
 from wbc.base.registry import Registry, in_file, reading_data
 from wbc.base.settings import Positive
 from wbc.sim.trial.loop import TrialHook, TrialTick
@@ -44,12 +47,13 @@ class AnyTrialSpec(Protocol):
         """Return the spec as plain values, with its kind."""
 
 
+@checked
 @dataclass(frozen=True)
 class Outcome:
     """Status and result of a trial that has ended."""
 
     status: Status
-    result: dict[str, Any] | None = None  # depends on the spec alone; plain values
+    result: dict[str, Any] | None = None  # depends on the spec alone; values that JSON has, or NumPy's
     clock: dict[str, Any] | None = None  # wall-clock timings
     error: str | None = None  # reason why there is no result
 
@@ -132,7 +136,15 @@ def run_trial(
     if exit_when_stuck and timeout is not None:
         faulthandler.dump_traceback_later(2.0 * timeout + 30.0, exit=True, file=2)
     try:
-        return KINDS.find(spec.kind)[1].run(spec, check)
+        outcome = KINDS.find(spec.kind)[1].run(spec, check)
+        if not isinstance(outcome, Outcome):
+            raise TypeError(f"a trial must return a wbc.sim.studies.trials.Outcome, got {shown(outcome)}")
+        # Numbers of NumPy become plain ones; one that is unknown, as the ZMP of a robot that never stood, is None.
+        written = {
+            name: to_jsonable_python(getattr(outcome, name), fallback=plain, inf_nan_mode="null")
+            for name in ("result", "clock")
+        }
+        return replace(outcome, **written)
     except TrialTimeout as error:
         return Outcome("timeout", error=str(error))
     except Exception as error:

@@ -21,13 +21,14 @@ from properties import examples
 
 import wbc
 from wbc.base.errors import InputError
-from wbc.sim import WalkSpec
+from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.studies.journal import (
     Entry,
     Journal,
     JournalError,
     canonical,
     check_journal_path,
+    own_key,
     read_journal,
     trial_key,
 )
@@ -86,6 +87,42 @@ def test_a_torn_last_line_is_cut_off_wherever_it_is_torn(
         assert list(journal.entries.values()) == whole
         journal.add(entry(5))
     assert path.read_bytes() == content + journal.entries[entry(5).key].line()
+
+
+@examples(40)
+@given(st.data())
+def test_entries_are_read_whatever_stands_around_their_lines(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    """Editors, git and `cat` change line ends, add byte order marks and leave the last line end out."""
+    path = tmp_path_factory.mktemp("edited") / "journal.jsonl"
+    whole = [entry(number) for number in range(data.draw(st.integers(1, 4)))]
+    around = st.sampled_from([b"\n", b"\r\n", b"", b" \n\n", b"\n\xef\xbb\xbf", b"\xef\xbb\xbf"])
+    content = b"".join(one.line().rstrip() + data.draw(around) for one in whole)
+    path.write_bytes(data.draw(st.sampled_from([b"", b"\xef\xbb\xbf"])) + content)
+    assert list(read_journal(path).values()) == whole
+    with Journal(path) as journal:
+        journal.add(added := entry(5))
+    assert list(read_journal(path).values()) == [*whole, added]
+
+
+def test_the_key_of_today_is_found_for_specs_that_only_some_seeds_allow() -> None:
+    """An oracle knows the ground of the seed 1, and not that of the seed 0."""
+    spec = WalkSpec(
+        foot="variable",
+        policy="oracle",
+        policy_params={"stones": 80.0, "boards": 5.0},
+        terrain="patchwork",
+        amplitude=0.04,
+        terrain_params={"families": "boards stones cylinder_obstacles", "length": 1.2},
+        seed=1,
+        plan=WalkPlan(distance=1.0),
+    )
+    with pytest.raises(InputError, match="oracle"):
+        spec.with_seed(0)
+    assert own_key(spec.to_json()) == trial_key(spec.to_json())
+    plain = WalkSpec(seed=3).to_json()
+    assert own_key(plain) == trial_key(plain) != own_key({**plain, "seed": 4})
 
 
 def test_damaged_lines_are_passed_over_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -87,6 +87,42 @@ def test_whatever_goes_wrong_is_written_down(tmp_path: Path) -> None:
     assert entries[2].result is None and entries[3].result is None
 
 
+def test_a_result_of_numpy_is_written_and_one_that_cannot_be_is_a_crash(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    does = ("numpy", "object", "finished", "nothing", "work")
+    with ThreadPoolExecutor(1) as pool, Journal(path) as journal:
+        sweep([MadeUpTrial(k, does=each) for k, each in enumerate(does)], journal, executor=pool)
+        entries = by_number(path)
+        assert {entry.spec["number"]: entry for entry in journal.entries.values()} == entries
+    assert [entries[k].status for k in range(len(does))] == ["done", "crashed", "crashed", "crashed", "done"]
+    assert entries[0].result == {"best": 2, "even": True, "all": [0, 1], "none": None}
+    assert "object" in str(entries[1].error) and "finished" in str(entries[2].error)
+
+
+def test_studies_take_the_numbers_of_numpy_as_specs_do() -> None:
+    cells = {
+        f"{k}": {"terrain": "stones", "amplitude": np.float64(0.01), "start": np.zeros(3)} for k in range(2)
+    }
+    seeds = {"first": np.int64(7), "count": np.int64(2)}
+    data = {
+        "name": "s",
+        "base": {"plan": {"distance": np.float32(0.5)}},
+        "cells": cells,
+        "arms": {"flat": {}},
+    }
+    study = Study.from_json({**data, "seeds": seeds})
+    assert [trial.seed for trial in study.trials()] == [7, 7, 8, 8]
+    own = Study(
+        name="s",
+        base=data["base"],
+        cells=tuple(Cell(k, v) for k, v in cells.items()),
+        arms={"flat": {}},
+        seeds=(7, 8),
+    )
+    written = json.loads(json.dumps(own.to_json()))
+    assert [t.plain for t in Study.from_json(written).trials()] == [t.plain for t in study.trials()]
+
+
 def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
     trial = MadeUpTrial(1, marks=str(marks))

@@ -10,6 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from wbc.sim.studies.journal import Journal
 from wbc.sim.studies.sweep import sweep
 from wbc.sim.studies.trials import Outcome, TimeoutCheck, TrialKind, register_trial
@@ -21,7 +23,8 @@ class MadeUpTrial:
 
     Attributes:
         number: Tells it from others.
-        does: "work", "diverge", "raise", "wait" (for its time-out), "hang" (deaf to it) or "die".
+        does: "work", "diverge", "raise", "wait" (for its time-out), "hang" (deaf to it), "die", "numpy" (a result of
+            NumPy's numbers), "object" (a result that no journal can hold), "finished" (no status) or "nothing".
         seconds: Duration, s.
         marks: File with a line for each run; none when empty.
     """
@@ -54,6 +57,15 @@ def run_test_trial(spec: MadeUpTrial, check: TimeoutCheck) -> Outcome:
         time.sleep(0.01)
         if spec.does != "hang":
             check()
+    if spec.does == "numpy":
+        values = {"best": np.arange(3)[-1], "even": np.True_, "all": np.arange(2), "none": np.float32("nan")}
+        return Outcome("done", values, {"wall_s": np.float32(1.0)})
+    if spec.does == "object":
+        return Outcome("done", {"object": object()})
+    if spec.does == "finished":
+        return Outcome("finished")  # type: ignore[arg-type]
+    if spec.does == "nothing":
+        return None  # type: ignore[return-value]
     status = "diverged" if spec.does == "diverge" else "done"
     return Outcome(
         status, {"square": spec.number**2, "threads": os.environ.get("OMP_NUM_THREADS")}, {"wall_s": 1.0}

@@ -49,6 +49,13 @@ def numbers(value: ArrayLike) -> Array:
     return array if array.dtype is FLOAT64 else array.astype(np.float64)
 
 
+def plain(value: Any) -> Any:
+    """Return a number or an array of NumPy as plain values, for encoders of JSON; `TypeError` for anything else."""
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise TypeError(f"{shown(value)} is no value that JSON has")
+
+
 def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
     """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages."""
     try:

@@ -29,7 +29,7 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.numbers import Array, numbers
+from wbc.base.numbers import Array, numbers, plain
 
 T = TypeVar("T")
 
@@ -192,7 +192,7 @@ def to_json(value: Any) -> Any:
         return [to_json(item) for item in value]
     if isinstance(value, Mapping):
         return {key: to_json(item) for key, item in value.items()}
-    return value
+    return plain(value) if isinstance(value, (np.generic, np.ndarray)) else value
 
 
 def json_object(kind: str, data: Any) -> dict[str, Any]:
@@ -210,7 +210,7 @@ def from_json(kind: type[T], data: Any) -> T:
     """
     try:
         # As JSON, because there alone strict checks take an object for settings and a list for a tuple.
-        return typing.cast(T, _adapter(typing.cast(Any, kind)).validate_json(json.dumps(data)))
+        return typing.cast(T, _adapter(typing.cast(Any, kind)).validate_json(json.dumps(data, default=plain)))
     except ValidationError as error:
         _refuse(kind, error)
     except (RecursionError, TypeError, ValueError) as error:  # values that JSON cannot hold
