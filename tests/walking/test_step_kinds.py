@@ -24,6 +24,7 @@ from wbc.walking import (
     walk_distance,
     walk_velocity,
 )
+from wbc.walking.plans.sources import FootstepSource, Standing
 
 DT = 0.002
 
@@ -125,6 +126,38 @@ def test_hands_that_are_to_press_choose_the_steps_that_count_their_forces() -> N
     walking.hands.barred = "the robot steps"
     with pytest.raises(InputError, match="the robot steps"):
         walking.hands.press("left_hand", 4.0, (1.0, 0.0, 0.0), at=place)
+
+
+class Door(FootstepSource):
+    """A planner that waits at a door until it opens, and goes three steps then."""
+
+    begun: int | None = None
+
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        """See `FootstepSource`."""
+        if now.time < 1.5:
+            return now.start
+        self.begun = now.begun if self.begun is None else self.begun
+        left = self.begun + 3 - now.begun
+        return walk_velocity(now.start, (0.1, 0.0, 0.0), left, first=now.first) if left > 0 else now.start
+
+
+@pytest.mark.parametrize("kind", [None, "free"])
+def test_a_planner_that_asks_for_a_stand_is_asked_again(kind: Any) -> None:
+    plant = wbc.Plant(wbc.load_robot("g1"), control_period=DT)
+    walking = WalkingControl(
+        plant.description.robot(), None, DT, WalkingControlSettings(mode="torque", step_kind=kind)
+    )
+    walking.calm, door = 0.2, Door()
+    walking.follow(door)
+    assert not walking.finished
+    run(plant, walking, 1.4)
+    assert walking.finished and walking.source.planner is door and walking.steps_done == 0
+    run(plant, walking, 0.3)
+    assert not walking.finished
+    run(plant, walking, 5.5)
+    assert walking.finished and walking.source.planner is door and walking.source.reason == ""
+    assert 3 <= walking.steps_done <= 5, "feet may have to close up"
 
 
 def test_a_hand_that_has_lost_its_contact_leaves_the_robot_its_free_steps() -> None:

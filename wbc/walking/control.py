@@ -59,7 +59,7 @@ from wbc.walking.plans.sources import (
 )
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.steering import Steering
+from wbc.walking.steering import SteeredSteps, Steering
 from wbc.walking.steps import Steps, com_height, drive_of, steps_of
 
 logger = logging.getLogger(__name__)
@@ -288,7 +288,7 @@ class WalkingControl:
                 self.follow(plan)
             except InputError as error:  # the body was lowered meanwhile
                 self.source.reason = str(error)
-        elif calm and self._kind == "planned" and not at_hand:
+        elif calm and self._kind == "planned" and not at_hand and self._own_planner is None:
             self._stood += self._dt
             if self._stood > self._calm:
                 self._change("free")
@@ -297,6 +297,12 @@ class WalkingControl:
         if hands is not None:
             hands.measurement = state.measurement
             hands.barred = "" if self._kind == "planned" or self.stands else STEPS
+
+    @property
+    def _own_planner(self) -> FootstepSource | None:
+        """Planner of the user's own, which may ask for steps again where it asks for a stand now; else None."""
+        planner = self.source.planner
+        return None if isinstance(planner, (PlanSource, SteeredSteps)) else planner
 
     def _make_ready(self, kind: Kind) -> None:
         """Make ready for an order: forget a plan that waits, and take that kind of steps if the robot has it and may.
@@ -316,17 +322,19 @@ class WalkingControl:
         self.body.check_steps(source.lift_room, source.com_height)
 
     def _change(self, kind: Kind) -> None:
-        """Change the kind of the steps of a robot that stands; all orders before are forgotten."""
+        """Change the kind of the steps of a robot that stands; of the orders before a planner's alone goes on."""
         if kind == self._kind:
             return
         logger.info("steps of the walk: %s", kind)
         self._before = self.progress.steps_done
-        robot, reason = self.controller.robot, self.source.reason
+        robot, reason, planner = self.controller.robot, self.source.reason, self._own_planner
         towards = heading(robot.placement(robot.base_frame).rotation)
         if self.reference is not None:
             towards = self.reference.heading
         self._take(kind, self._kinds[self._kind])
         self.source.begin(towards)
+        if planner is not None:
+            self.source.take(planner)
         self.source.reason = reason  # of the last order, until the next one
         if self.balance is not None:
             self.balance.begin()

@@ -30,6 +30,9 @@ from wbc.walking.swing import FootMotion, SwingFoot
 
 logger = logging.getLogger(__name__)
 
+REPLAN = 0.1
+"""Time between questions to a planner on both feet, s."""
+
 
 class GaitMachine(ReferenceSource):
     """State machine of a robot that stands, shifts its weight, steps and stands.

@@ -29,7 +29,7 @@ from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.contact import LIFT_OFFS, TOUCH_DOWNS, Event, GaitPhase, touch_down
-from wbc.walking.gait import GaitMachine
+from wbc.walking.gait import REPLAN, GaitMachine
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
@@ -61,9 +61,9 @@ of that in a step, rad."""
 FELT = 30.0
 """Time from which on the steps of a plan change the DCM now by less than rounding, 1/ω."""
 
-DEBOUNCE, HOLD, REPLAN = 0.01, 0.05, 0.1
+DEBOUNCE, HOLD = 0.01, 0.05
 """Time that the load of a touch-down must last; remaining time that the pattern plans with while a phase waits for a
-foot; time between plans of the footsteps on both feet, s."""
+foot, s."""
 
 
 @settings

@@ -25,12 +25,12 @@ from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, touch_down
-from wbc.walking.gait import GaitMachine
+from wbc.walking.gait import REPLAN, GaitMachine
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, heading, mean_heading
 from wbc.walking.plans.gait import Gait, SwingShape
 from wbc.walking.plans.reach import Reach
-from wbc.walking.plans.sources import Velocity
+from wbc.walking.plans.sources import FootstepSource, PlanSource, Velocity
 from wbc.walking.source import Progress, Reference
 from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
@@ -147,6 +147,8 @@ class SteppingWalk(GaitMachine):
         self.decision = StepDecision(s, c, scale, self.ground, dt)
         self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
         self.footsteps: Sequence[Footstep] = ()
+        self._idle = False  # while the planner asks for a stand
+        self._next = 0.0  # time of the next question to a planner in a stand, s
         self._before: BodyState | None = None  # in the last tick
         self._passed = self.dt  # time since then, s: a measurement may have been lost
         self._hurled = -math.inf  # when a push hurled the swing foot, s
@@ -172,7 +174,7 @@ class SteppingWalk(GaitMachine):
     def finished(self) -> bool:
         """True when nothing asks for steps and the robot has stood for as long as a step takes."""
         stood = self.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
-        return stood and self.planner is None and not self.steering.pending
+        return stood and (self.planner is None or self._idle) and not self.steering.pending
 
     @property
     def haste(self) -> float:
@@ -188,19 +190,27 @@ class SteppingWalk(GaitMachine):
         """Return the present phase and the number of steps."""
         return self._progress(() if self.swing is None else (self.swing.landing,), self.settings.step_time)
 
+    def take(self, planner: FootstepSource | None) -> None:
+        """Take footsteps from a planner, from the next step on; None for those of the steering."""
+        super().take(planner)
+        self._idle, self._next = False, 0.0
+
     def _plan_steps(self, first: str | None) -> None:
-        """Take the planner's footsteps; `first` is the side that steps, None for either. One that has done is left."""
+        """Take the planner's footsteps; `first` is the side that steps, None for either.
+
+        A plan that is walked, and a planner that fails, are left. A planner that asks for a stand is asked again.
+        """
         self.footsteps = ()
         if self.planner is None:
             return
         feet = [Footstep.of(*foot) for foot in zip(SIDES, self._frames, strict=True)]
-        plan = self._ask(self.planner, feet, first)
-        if plan is not None and plan.steps:
-            self.footsteps = plan.steps
-            return
-        reason = self.reason
-        self.take(None)
-        self.reason = reason
+        plan, self._next = self._ask(self.planner, feet, first), self.time + REPLAN
+        if plan is None or (not plan.steps and isinstance(self.planner, PlanSource)):
+            reason = self.reason
+            self.take(None)
+            self.reason = reason
+        else:
+            self.footsteps, self._idle = plan.steps, not plan.steps
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -316,7 +326,8 @@ class SteppingWalk(GaitMachine):
 
     def _stand(self) -> tuple[Event, ...]:
         """Set off when a velocity, a goal or footsteps ask for it, or step out of a push."""
-        if self.elapsed > self.constants.rest and (self.planner is not None or self.steering.pending):
+        asks = self.planner is not None and self.time >= self._next
+        if self.elapsed > self.constants.rest and (asks or self.steering.pending):
             self._plan_steps(None)
             if self.footsteps:
                 self.stance = 1 - SIDES.index(self.footsteps[0].side)
