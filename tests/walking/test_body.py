@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from wbc import load_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
+from wbc.robots import RobotDescription
 from wbc.sim import Plant
 from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
 from wbc.tasks.stabilizer.lean import LeanMotion
@@ -16,10 +19,11 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.body import lowest_com
 from wbc.walking.contact import GaitPhase
+from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.reach import Leg
 from wbc.walking.stepping.gait import SteppingWalk
 
-DT = 0.005
+DT, ROOT = 0.005, Path(__file__).resolve().parents[2]
 
 
 def standing(name: str = "hrp4_class", kind: str = "lipm") -> tuple[Plant, WalkingControl]:
@@ -101,6 +105,22 @@ def test_what_the_body_adds_to_a_reference_moves_as_its_rates_say() -> None:
         @ pin.utils.rotate("z", -heading)
     )
     np.testing.assert_allclose(lean.rotation, tilted @ turned, atol=1e-12)
+
+
+def test_a_trunk_that_turns_on_its_hips_does_not_bend_the_way() -> None:
+    """The pelvis may face aside by what it is to be turned: the heading of the walk is no other than without."""
+    description = RobotDescription.from_mjcf(ROOT / "examples" / "biped.xml")
+    plant = Plant(description, control_period=0.002)
+    robot = description.robot()
+    walking = WalkingControl(robot, None, 0.002, WalkingControlSettings(mode="torque"))
+    walking.body.turn, walking.velocity = 0.3, (0.2, 0.0, 0.0)
+    aside = []
+    while plant.time < 5.0:
+        plant.step(walking.command(plant.measure()))
+        if plant.time > 3.0:
+            aside.append(heading(robot.placement(robot.base_frame).rotation))
+            assert walking.reference is not None and walking.reference.heading == pytest.approx(0.0, abs=1e-9)
+    assert upright(plant) and max(aside) > 0.3 and np.mean(aside) == pytest.approx(0.3, abs=0.03)
 
 
 def walk_and_stop(plant: Plant, walking: WalkingControl) -> None:

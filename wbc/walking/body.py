@@ -239,6 +239,11 @@ class Body:
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
+    @property
+    def hip_turn(self) -> float:
+        """Turn of the pelvis against the heading now, rad: zero of a robot whose waist turns its torso."""
+        return 0.0 if self._waist else float(self._now[3])
+
     def update(self, heading: float) -> None:
         """Move on by one tick, while `active`, with the heading of the walk, rad."""
         if self._point is not None:

@@ -207,6 +207,7 @@ class WalkingControl:
         balance, body = self.balance, self.body
         if balance is not None:
             state = balance.correct(state)
+        self.source.hip_turn = body.hip_turn
         reference = self.source.update(state)
         if reference.phase is GaitPhase.STANDING:
             self.control.observer.inertial.rest()
@@ -328,7 +329,7 @@ class WalkingControl:
         logger.info("steps of the walk: %s", kind)
         self._before = self.progress.steps_done
         robot, reason, planner = self.controller.robot, self.source.reason, self._own_planner
-        towards = heading(robot.placement(robot.base_frame).rotation)
+        towards = heading(robot.placement(robot.base_frame).rotation) - self.body.hip_turn
         if self.reference is not None:
             towards = self.reference.heading
         self._take(kind, self._kinds[self._kind])

@@ -140,6 +140,7 @@ class ReferenceSource(ABC):
         ground: Known ground for landings; None for a source that decides no landings.
         steering: Velocity or goal that is asked for; None for a source that cannot be steered.
         planner: Planner of the footsteps; None without one.
+        hip_turn: Turn of the pelvis against the heading that is asked for at present, rad; the control sets it.
     """
 
     unsteered = "references that do not come from footsteps cannot be steered"
@@ -149,6 +150,7 @@ class ReferenceSource(ABC):
     ground: GroundEstimate | None = None
     steering: Steering | None = None
     planner: FootstepSource | None = None
+    hip_turn = 0.0
 
     def begin(self, heading: float) -> None:
         """Stand at the present place of the robot; earlier steps and orders are dropped.

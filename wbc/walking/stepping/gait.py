@@ -66,7 +66,7 @@ class BodyState(NamedTuple):
     places: tuple[Vector, Vector]  # centres of the left and of the right sole, m
     turns: tuple[Rotation, Rotation]  # rotations of the soles, row by row
     wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
-    heading: float  # heading of the pelvis, rad
+    heading: float  # heading of the pelvis less what it is to be turned against that of the walk, rad
     speeds: tuple[float, float] = (0.0, 0.0)  # of both soles by the estimate, m/s; only on both feet
     time: float = 0.0  # of the measurement, s; where it stands still, a period has passed
 
@@ -234,7 +234,7 @@ class SteppingWalk(GaitMachine):
             (self._places[0].tolist(), self._places[1].tolist()),
             (self._turns[0].tolist(), self._turns[1].tolist()),
             state.measurement.wrenches.tolist(),
-            heading(self._pelvis),
+            heading(self._pelvis) - self.hip_turn,
             (0.0, 0.0) if self.phase is GaitPhase.SINGLE else self._speeds(robot),
             state.measurement.time,
         )
