@@ -230,8 +230,7 @@ class DriveControl:
             parts.append(f"refused: {', '.join(self.plausibility.faults)}")
         if self.accelerometer.left_out:
             parts.append("refused: accelerometer, which contradicts attitude and legs")
-        if self.plausibility.pace:
-            parts.append(self.plausibility.pace)
+        parts += [each for each in (self.plausibility.pull, self.plausibility.pace) if each]
         if self.monitor is not None and self.monitor.doubts:
             parts.append(f"doubtful: {', '.join(self.monitor.doubts)}")
         if self.solution is not None and not self._failing:
@@ -434,7 +433,7 @@ class DriveControl:
                 robot, settings = self.controller.robot, self.observer.settings
                 self.wrenches = WrenchEstimator(robot, self.controller.dt, settings.wrenches)
             measurement = measurement.with_wrenches(self.wrenches.wrench.copy(), "sensor")
-        measurement, renewed = self.plausibility.check(measurement)
+        measurement, renewed = self.plausibility.check(measurement, felt=not blind)
         if renewed:
             self.observer.resume(measurement.time - self.controller.dt)
         measurement = self.accelerometer.check(measurement, self.observer)

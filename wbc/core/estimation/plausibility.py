@@ -11,8 +11,9 @@ from __future__ import annotations
 import logging
 import math
 import numbers
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,8 +77,43 @@ STANDS = 5
 RESTS = 1e-4
 """Speed of joints and gyroscope up to which a robot may rest, rad/s."""
 
+QUIET = 1.0
+"""Time for which a sensor must have been good before the log names it again, s."""
+
+PULLED, PULL_TIME = 0.25, 0.1
+"""Force by which the ground cannot pull a foot, as a share of the weight, and time for which a sensor must read it
+until it is named, s. In the air a sensor reads the inertia of the sole below it, for a shorter time."""
+
+HINT = "wbc.conformance(loop) finds wrong units, signs and orders"
+"""What the first message about a sensor recommends."""
+
 PACE_RATIO = 1.2
 """Ratio of the period of measurements to that of the controller from which, either way, they do not fit together."""
+
+
+class Refusal(NamedTuple):
+    """Reading that was refused.
+
+    Attributes:
+        sensor: Name of the sensor, such as "encoder of left_knee".
+        value: The reading; NaN for one that is no number.
+        low: Least reading that is accepted in this tick.
+        high: Greatest reading that is accepted in this tick.
+        unit: Unit of the three.
+        jump: True for a reading that is in its range, but too far from the last one.
+    """
+
+    sensor: str
+    value: float
+    low: float
+    high: float
+    unit: str
+    jump: bool
+
+    def __str__(self) -> str:
+        said = f"{self.value:.5g} {self.unit}" if math.isfinite(self.value) else "no number"
+        when = " so soon after the last reading" if self.jump else ""
+        return f"{self.sensor} ({said}, must lie in [{self.low:.4g}, {self.high:.4g}] {self.unit}{when})"
 
 
 class Plausibility:
@@ -89,6 +125,8 @@ class Plausibility:
         names: Name of the sensor of every number of a measurement, in the order of `values`.
         pace: Sentence that measurements do not come at the period of the controller, or without a clock; empty while
             they do.
+        pull: Sentence that a force sensor reads a pull of the ground, which a wrong sign does; empty while none has.
+        reasons: Readings of the encoders, the IMU and the soles that are refused at present, the worst of each sensor.
     """
 
     def __init__(self, robot: Robot, dt: float, settings: PlausibilitySettings | None = None) -> None:
@@ -100,6 +138,7 @@ class Plausibility:
         self._shapes = ((na,), (na,), (3,), (3,), (n, 6))
         self._optional_shapes = ((na,), (len(robot.frames), 6))
         self._hands = tuple(robot.frames)
+        self._weight = robot.mass * GRAVITY
         lower, upper = robot.position_lower, robot.position_upper
         known = np.isfinite(lower) & np.isfinite(upper)
         # What every number is compared with, and how far it may be from there: its range, and its last value.
@@ -115,7 +154,7 @@ class Plausibility:
         self._bound[na : 2 * na] = self._speed
         self._bound[2 * na : 2 * na + 3] = s.gyro_range
         self._bound[2 * na + 3 : 2 * na + 6] = s.accelerometer_range
-        force = s.force_ratio * robot.mass * GRAVITY
+        force = s.force_ratio * self._weight
         for i, sole in enumerate(robot.soles):
             at = 2 * na + 6 + 6 * i
             self._bound[at : at + 3], self._bound[at + 3 : at + 6] = force, force * sole.length
@@ -137,12 +176,19 @@ class Plausibility:
             [np.arange(2 * na), np.repeat([2 * na, 2 * na + 1], 3), np.repeat(2 * na + 2 + np.arange(n), 6)]
         )
         self.names = tuple(self._channels[group] for group in self._groups)
+        kinds = [robot.model.joints[joint].shortname() for joint in robot.joint_numbers]
+        lengths = ["m" if kind.startswith("JointModelP") else "rad" for kind in kinds]
+        self._units = (*lengths, *(f"{unit}/s" for unit in lengths), *["rad/s"] * 3, *["m/s²"] * 3)
+        self._units += ("N", "N", "N", "Nm", "Nm", "Nm") * n
         self.reset()
 
     def reset(self) -> None:
         """Forget the past; the next measurement is taken as the first one."""
         self._faults: tuple[str, ...] = ()
         self._optional_faults: tuple[str, ...] = ()
+        self.reasons: tuple[Refusal, ...] = ()
+        self._refused_at: dict[str, float] = {}  # sensor → time of its last refusal, s
+        self.pull, self._pulled = "", 0.0
         self.refused = 0
         self._values: Array | None = None
         self._time, self._other_time = math.nan, math.nan
@@ -158,8 +204,10 @@ class Plausibility:
         """Let encoders of some joints, shape (na,), fail no tick: somebody else moves them; None forgives none."""
         self._forgiven[: 2 * self._na] = False if joints is None else np.tile(joints, 2)
 
-    def check(self, measurement: Measurement) -> tuple[Measurement, bool]:
+    def check(self, measurement: Measurement, *, felt: bool = True) -> tuple[Measurement, bool]:
         """Return a measurement that can be used, and True where its clock was adopted anew: no time has passed then.
+
+        The wrenches on the soles are those of sensors where they are `felt`, and else an estimate.
 
         Refused readings are replaced by predictions. Raises `MeasurementError` for one that cannot be used: of a wrong
         kind or shape, a time stamp that jumped, readings refused for longer than `hold`, or the same again and again.
@@ -192,6 +240,8 @@ class Plausibility:
         else:
             passed = self._time - before
             m = self._repair(m, values, passed if passed > 0.0 and not renewed else self._dt)
+        if felt:
+            self._check_pull(m.wrenches)
         if m.joint_torque is not None or m.hand_wrenches is not None:
             m = self._check_optional(m)
         elif self._optional_faults:
@@ -206,6 +256,18 @@ class Plausibility:
         excess -= self._most
         return largest(self._all_excess) <= 0.0
 
+    def _check_pull(self, wrenches: Array) -> None:
+        """Name a force sensor by which the ground pulls its foot for a while, which no ground does."""
+        normal, least = wrenches[:, 2].tolist(), PULLED * self._weight
+        lowest = min(normal)
+        self._pulled = self._pulled + self._dt if lowest < -least else 0.0
+        if self._pulled > PULL_TIME and not self.pull:
+            side = self._channels[2 * self._na + 2 + normal.index(lowest)]
+            self.pull = f"{side} reads {lowest:.4g} N along the normal, as if the ground pulled: has it the other sign?"
+            logger.error("%s %s", self.pull, HINT)
+        elif self.pull and lowest > -0.5 * least and max(normal) > least:  # as right ones read on the ground
+            self.pull = ""
+
     def _check_optional(self, m: Measurement) -> Measurement:
         """Return a measurement without impossible torques of joints, and with NaN for impossible wrenches of hands."""
         arrays = [
@@ -213,19 +275,22 @@ class Plausibility:
             for name, shape in zip(OPTIONAL, self._optional_shapes, strict=True)
         ]
         torque, hands = arrays
-        faults: list[str] = []
+        faults: list[Refusal] = []
         if torque is not None and not (np.abs(torque) <= self._torque).all():
-            faults.append("joint torques")
+            worst, most = _worst(torque, self._torque)
+            faults.append(Refusal("joint torques", float(torque[worst]), -most, most, "Nm", False))
             torque = None
         if hands is not None:
             wrong = np.any(np.abs(hands) > self._wrist, axis=1)  # a hand without a reading has NaN
             if wrong.any():
-                faults += [f"force sensor of {self._hands[i]}" for i in np.flatnonzero(wrong)]
+                for i in np.flatnonzero(wrong).tolist():
+                    worst, most = _worst(np.nan_to_num(hands[i], nan=0.0), self._wrist)
+                    unit, name = "N" if worst < 3 else "Nm", f"force sensor of {self._hands[i]}"
+                    faults.append(Refusal(name, float(hands[i, worst]), -most, most, unit, False))
                 hands = np.array(hands)
                 hands[wrong] = np.nan
-        if faults and tuple(faults) != self._optional_faults:
-            logger.error("measurement at %.4f s: %s refused", m.time, ", ".join(faults))
-        self._optional_faults = tuple(faults)
+        self._say(m.time, faults)
+        self._optional_faults = tuple(each.sensor for each in faults)
         self.refused += bool(faults) and not self._faults
         if torque is m.joint_torque and hands is m.hand_wrenches:
             return m
@@ -361,6 +426,30 @@ class Plausibility:
             self._faults = ("the same measurement again",)
             raise MeasurementError(f"the same measurement for the {self._identical + 1}th time in a row")
 
+    def _reason(self, channel: int, values: Array, wrong: NDArray[np.bool_]) -> Refusal:
+        """Return why a sensor is refused, by the number of it that is farthest beyond its bounds, or is none."""
+        numbers = np.flatnonzero(wrong & (self._groups == channel))
+        beyond = np.abs(values - self._middle)[numbers] / self._bound[numbers]
+        worst = int(numbers[np.argmax(np.nan_to_num(beyond, nan=np.inf))])
+        value, middle, bound = float(values[worst]), float(self._middle[worst]), float(self._bound[worst])
+        low, high = middle - bound, middle + bound
+        jump = low <= value <= high
+        if jump and self._values is not None:
+            last = float(self._values[worst])
+            travel = self.settings.gyro_jump
+            if worst < self._na:
+                travel = float(self._step[worst] + self._speed[worst] * self._lasting[worst])
+            low, high = max(low, last - travel), min(high, last + travel)
+        return Refusal(self.names[worst], value, low, high, self._units[worst], jump)
+
+    def _say(self, time: float, reasons: Sequence[Refusal]) -> None:
+        """Log the sensors that are refused for the first time, or after a while in which they were good."""
+        news = [r for r in reasons if not 0.0 <= time - self._refused_at.get(r.sensor, -math.inf) < QUIET]
+        if news:
+            hint = "" if self._refused_at else f"; {HINT}"
+            logger.error("measurement at %.4f s: %s refused%s", time, ", ".join(map(str, news)), hint)
+        self._refused_at |= {each.sensor: time for each in reasons}
+
     def _repair(self, m: Measurement, values: Array, dt: float) -> Measurement:
         """Replace impossible readings by predictions over the time that has passed, s, or give up if they last."""
         na, last = self._na, self._values
@@ -372,8 +461,8 @@ class Plausibility:
         bad = np.zeros(len(self._channels), dtype=bool)
         bad[self._groups[wrong]] = True
         names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
-        if names and names != self._faults:
-            logger.error("measurement at %.4f s: %s refused", m.time, ", ".join(names))
+        self.reasons = tuple(self._reason(channel, values, wrong) for channel in np.flatnonzero(bad).tolist())
+        self._say(m.time, self.reasons)
         self._lasting = np.where(bad, self._lasting + dt, 0.0)
         self._faults = names
         if not names:
@@ -382,7 +471,9 @@ class Plausibility:
         self.refused += 1
         lasting = float(self._lasting[~self._forgiven].max())
         if last is None or lasting > self.settings.hold + ROUNDING:
-            raise MeasurementError(f"{', '.join(names[:4])} refused for {lasting:.3f} s")
+            raise MeasurementError(
+                f"{', '.join(map(str, self.reasons[:4]))} refused for {lasting:.3f} s; {HINT}"
+            )
         repaired = values.copy()
         replaced = bad[self._groups]
         repaired[replaced] = last[replaced]
@@ -403,6 +494,12 @@ class Plausibility:
             name: part.reshape(shape) for name, part, shape in zip(SIGNALS, parts, self._shapes, strict=True)
         }
         return replace(m, **arrays)
+
+
+def _worst(values: Array, most: Array) -> tuple[int, float]:
+    """Return the place of the number that is farthest beyond its bound, or is none, and this bound."""
+    worst = int(np.argmax(np.nan_to_num(np.abs(values) / most, nan=np.inf)))
+    return worst, float(most[worst])
 
 
 def _stamp_of(m: Measurement) -> float:
