@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown, unknown_name
@@ -42,8 +43,30 @@ def others() -> tuple[str, ...]:
 
 @checked
 def register(name: str, factory: Callable[[], RobotDescription]) -> None:
-    """Register a robot under a name; `load` calls the factory of its description once."""
+    """Register a robot under a name; `load` calls the factory of its description once.
+
+    The same line may run again, as in a notebook: its factory takes the place of the one before.
+
+    Raises:
+        InputError: The name is taken by another robot.
+    """
     _FACTORIES.add(name, factory)
+
+
+def name_of(robot: RobotDescription | Any) -> Any:
+    """Return the name by which `load` finds a description in this process; what is none is returned as it is."""
+    if not isinstance(robot, RobotDescription):
+        return robot
+    name = f"{robot.name}#{robot.digest}"
+    known = _FACTORIES.get(robot.name)
+    if known is not None and _load(robot.name, known) is robot:
+        return robot.name
+    _GIVEN[name] = robot
+    return name
+
+
+_GIVEN: dict[str, RobotDescription] = {}
+"""Descriptions that were given where a name is kept: name with the hash of the content → description."""
 
 
 STAMPED = re.compile(r"(.+)#([0-9a-f]{12})", re.DOTALL)
@@ -56,7 +79,7 @@ def stamped(name: str) -> str:
     So results of one file are not taken for those of another that has its name.
     """
     description = load(name)
-    if name in _FACTORIES or STAMPED.fullmatch(name) or not files.is_path(name):
+    if name in _FACTORIES or name in _GIVEN or STAMPED.fullmatch(name) or not files.is_path(name):
         return name
     return f"{name}#{description.digest}"
 
@@ -69,6 +92,8 @@ def load(name: str | Path) -> RobotDescription:
         name: One of `names()` or `others()`, or the path of an MJCF, a URDF or a TOML description.
     """
     name = str(name)
+    if name in _GIVEN:
+        return _GIVEN[name]
     if name not in _FACTORIES and (stamp := STAMPED.fullmatch(name)):
         description = load(stamp[1])
         if description.digest != stamp[2]:
@@ -77,12 +102,12 @@ def load(name: str | Path) -> RobotDescription:
             )
         return description
     if name in _FACTORIES:
-        return _load(name)
+        return _load(name, _FACTORIES[name])
     if files.is_path(name):
         path = Path(name).expanduser()
         return _read(str(path), path.stat().st_mtime_ns if path.is_file() else 0)
     if name in others():
-        return _load(name)
+        return _load(name, _FEETLESS.get(name) or _FACTORIES[name])
     unknown_name("robot", name, [*_FACTORIES, *others()])
 
 
@@ -93,9 +118,8 @@ def as_description(description: RobotDescription | str) -> RobotDescription:
 
 
 @cache
-def _load(name: str) -> RobotDescription:
-    made_here = name in _FEETLESS and name not in _FACTORIES
-    description: object = (_FEETLESS if made_here else _FACTORIES)[name]()
+def _load(name: str, factory: Callable[[], RobotDescription]) -> RobotDescription:
+    description: object = factory()
     if not isinstance(description, RobotDescription):
         raise InputError(
             f"the factory of robot '{name}' must return a RobotDescription, got {shown(description)}"

@@ -22,6 +22,7 @@ from wbc.base.numbers import ROUNDING, Array, finite_array
 from wbc.base.settings import Positive
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
+from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
@@ -68,7 +69,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         *,
         period: Positive = 0.1,
         seconds: Positive = 20.0,
-        robot: str = "hrp4_class",
+        robot: str | RobotDescription = "hrp4_class",
         **fields: Any,
     ) -> None:
         """Choose robot, ground and feet.
@@ -77,7 +78,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             task: "walk" or "stand".
             period: Time for which an action holds, s; rounded to control periods.
             seconds: Length of an episode, s.
-            robot: Name of the robot.
+            robot: Name of the robot, or its description.
             **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode.
         """
         self._task = choose("task of the environment", task, TASKS)

@@ -226,8 +226,10 @@ def complete_armature(
     known = dict(given or {})
     for joint in known:
         choose("joint", joint, names)
-    if len(known) < len(names):
-        notes.append(f"armature of {len(names) - len(known)} joints: {default:.4f} kg m², from mass and size")
+    if left := len(names) - len(known):
+        derived = f"{default:.3g} kg m², from mass and size"
+        what = derived if default > 0.0 else "no rotor inertia in the file, zero is taken"
+        notes.append(f"armature of {left} joints: {what}")
     return {joint: float(known.get(joint, default)) for joint in names}
 
 

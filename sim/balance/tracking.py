@@ -20,7 +20,7 @@ from wbc.motion import MotionClip, MotionSource, read_motion, tracking_settings
 from wbc.robots import load
 from wbc.sim.trial.falls import BodyLimits, FallSettings
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
-from wbc.sim.trial.spec import TrialResult, TrialSpec
+from wbc.sim.trial.spec import RobotName, TrialResult, TrialSpec
 from wbc.walking.control import WalkingControl
 
 LOADED = 0.05
@@ -35,7 +35,7 @@ class TrackSpec(TrialSpec):
         after: Time for which the robot stands after the clip, s.
     """
 
-    robot: str = "g1"
+    robot: RobotName = "g1"
     noise: str = "realistic"
     after: Annotated[NonNegative, "s"] = 1.0
 

@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Self
 
+from pydantic import BeforeValidator
+
 from wbc.base.checked import checked
 from wbc.base.errors import choose
 from wbc.base.registry import reading_data
@@ -19,6 +21,7 @@ from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.robot import Robot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import RobotDescription, load
+from wbc.robots.registry import name_of
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import Machine, steps_per_tick
@@ -28,13 +31,17 @@ CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
 
 
+RobotName = Annotated[str, BeforeValidator(name_of)]
+"""Name of a robot; a description is taken by the name under which this process finds it."""
+
+
 @settings(kw_only=True, eq=False)
 class TrialSpec:
     """Robot, drives, foot and sensors of a simulation. A spec that exists can be run: bad values are refused here.
 
     A field that is not given stays None, so that `dataclasses.replace` decides it anew; what follows from it is a
     property such as `chosen`. The written spec (`to_json`) holds what was decided. Specs that are written equally are
-    equal.
+    equal. `robot` may also be a description; only the process that gave it can read such a spec.
 
     Attributes:
         robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
@@ -59,7 +66,7 @@ class TrialSpec:
         name = value if isinstance(value, str) else getattr(value, "name", None)
         return f"robot='{name}' is one of its fields" if isinstance(name, str) else ""
 
-    robot: str = "hrp4_class"
+    robot: RobotName = "hrp4_class"
     mode: Mode | None = None
     foot: str = "flat"
     noise: str = "none"

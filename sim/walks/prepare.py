@@ -13,7 +13,6 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.feet import Foot
-from wbc.robots import load
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.terrain.spec import Terrain
@@ -77,7 +76,7 @@ class PreparedWalk:
 
 @lru_cache(maxsize=256)
 def prepare(
-    robot: str,
+    robot: RobotDescription,
     servo: tuple[str, ...],
     foot: Foot,
     plan: WalkPlan,
@@ -89,16 +88,16 @@ def prepare(
     stairs: Terrain | None,
 ) -> PreparedWalk:
     """Build and check all that needs no simulator; see `WalkSpec.prepare`."""
-    plant_description = load(robot).with_servos(servo)
+    plant_description = robot.with_servos(servo)
     description = with_feet(plant_description, foot)
     model = description.robot()
     q = moved(model.half_sitting, start)
     model.update(q, np.zeros(model.nv))
     ground = stairs if stairs is not None else terrain_by_name("flat")
-    gait, notes = sized(gait, model).on_grid(period)
+    _, notes = gait.on_grid(period)  # what follows from the robot's size is rounded silently
+    gait, _ = sized(gait, model).on_grid(period)
     steps = plan.build(FootstepPlan.standing(model, gait), ground)
-    step_gait, more = steps.gait.full.on_grid(period)  # that of a velocity, and defaults
-    notes += more
+    step_gait, _ = steps.gait.full.on_grid(period)  # that of a velocity, and defaults
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
     given = plan.footsteps is not None or plan.stairs is not None

@@ -240,7 +240,7 @@ class WalkSpec(TrialSpec):
         ground = self.ground()
         stairs = ground if self.plan.stairs is not None else None
         return prepare(
-            self.robot,
+            load(self.robot),
             self.servo,
             self.foot_design(),
             self.plan,

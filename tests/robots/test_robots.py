@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import pickle
+from dataclasses import replace
+from typing import Any
 from xml.etree import ElementTree
 
 import mujoco
@@ -13,11 +15,16 @@ import pytest
 from mujoco_dynamics import assert_same_dynamics
 
 from wbc.base.errors import InputError, UnknownNameError
+from wbc.base.registry import Registry
 from wbc.core import conventions
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load, names, register, registry, urdf
-from wbc.robots.models import hrp4_class
+from wbc.robots.models import example_robots, hrp4_class
+from wbc.sim.balance.standing import StandSpec
+from wbc.sim.balance.tracking import TrackSpec
+from wbc.sim.studies.trials import Outcome, TrialKind
+from wbc.sim.walks.spec import WalkSpec
 from wbc.tasks import CoMTask, PositionTask
 
 BUILT_IN = ("hrp4_class", "talos", "g1")
@@ -216,8 +223,67 @@ def test_names_and_registration(monkeypatch: pytest.MonkeyPatch) -> None:
     register("test_twin", factory)
     assert load("test_twin") is load("test_twin") is load("hrp4_class")
     assert made == [1]
-    with pytest.raises(InputError, match="registered already"):
-        register("test_twin", factory)
+    register("test_twin", factory)
+    for another in (example_robots.g1, lambda: load("g1")):
+        with pytest.raises(InputError):
+            register("test_twin", another)
+    with pytest.raises(InputError):
+        register("g1", factory)
+
+
+def test_a_cell_that_runs_again_registers_again() -> None:
+    """Functions, classes and records of the same place of a program take the place of what they were."""
+    kinds: Registry[Any] = Registry("thing")
+
+    def cell(value: float) -> None:
+        class Thing:
+            size = value
+
+        kinds.add("function", lambda: value)
+        kinds.add("class", Thing)
+        kinds.add("record", TrialKind(read=lambda _: value, run=lambda *_: Outcome("done")))
+
+    cell(1.0)
+    cell(2.0)
+    assert (kinds["function"](), kinds["class"].size, kinds["record"].read({})) == (2.0, 2.0, 2.0)
+    for name in kinds:
+        with pytest.raises(InputError):
+            kinds.add(name, TrialKind(read=load, run=lambda *_: Outcome("done")))
+
+
+def test_a_robot_that_is_registered_anew_is_the_one_that_walks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where all that a spec needs without a simulator is kept."""
+    monkeypatch.setattr(registry, "_FACTORIES", copy.copy(registry._FACTORIES))
+    for torso in ("chest", "pelvis"):
+        own = replace(load("hrp4_class"), torso=torso)
+        register("own", lambda own=own: own)
+        assert load("own") is own
+        assert WalkSpec(robot="own").prepare().plant_description.torso == torso
+
+
+def test_a_description_is_the_robot_of_a_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A spec keeps a name: that of a built-in robot, or one with the hash of what was given."""
+    own = replace(load("hrp4_class"), name="own")
+    for robot in (own, load("g1")):
+        for make in (WalkSpec, StandSpec, TrackSpec):
+            spec = make(robot=robot)
+            assert load(spec.robot) is robot and type(spec).from_json(spec.to_json()) == spec
+    assert StandSpec(robot=load("g1")).robot == "g1" != StandSpec(robot=own).robot
+    with pytest.raises(InputError):
+        StandSpec(robot=load("panda"))
+    with pytest.raises(UnknownNameError):  # of another process
+        StandSpec(robot="gone#0123456789ab")
+
+
+@pytest.mark.parametrize("name", ["panda", "hrp4_class"])
+def test_only_rotors_that_are_derived_are_told_as_derived(name: str) -> None:
+    """Mass and size of a robot over its soles give rotors; of an arm none are known."""
+    model = load(name)
+    soles = {f"{sole.name.removesuffix('_foot')}_sole": sole.link for sole in model.soles}
+    bare = RobotDescription.from_urdf(model.urdf, base=model.base, **soles)
+    (line,) = (line for line in bare.derived if line.startswith("armature"))
+    value = next(iter(bare.armature.values()))
+    assert {*bare.armature.values()} == {value} and (value > 0.0) == (f"{value:.3g} kg m²" in line)
 
 
 @pytest.mark.parametrize("name", ["g1", "talos", "hrp4_class"])

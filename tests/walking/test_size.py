@@ -13,6 +13,9 @@ import pytest
 
 from wbc.core.robot import FULL_HEIGHT, Robot
 from wbc.robots import RobotDescription, load
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import walk_distance
@@ -50,6 +53,19 @@ def bent(robot: Robot, side: str, tilt: float) -> tuple[np.ndarray, float]:
     )
     data = robot.model.createData()
     return q, float(pin.centerOfMass(robot.model, data, q)[2])
+
+
+def test_only_timings_that_are_given_are_told_to_be_rounded(caplog: pytest.LogCaptureFixture) -> None:
+    """A small robot's own times are no multiples of the control period, and nobody has asked for them."""
+    description = RobotDescription.from_urdf(BIPED, **FEET)
+    for gait, told in ((Gait(), 0), (Gait(single_support=0.801, double_support=0.3), 1)):
+        plan = WalkPlan(distance=0.1)
+        assert len(WalkSpec(robot=description, gait=gait, plan=plan).prepare().notes) == told
+        caplog.clear()
+        robot = description.robot()
+        steps = walk_distance(FootstepPlan.standing(robot, gait), 0.1)
+        WalkingControl(robot, steps, 0.003 if told == 0 else 0.005)
+        assert len(caplog.records) == told
 
 
 def test_the_knee_carries_the_robot_on_one_leg_at_the_height_that_is_derived() -> None:

@@ -9,6 +9,7 @@ import logging
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextvars import ContextVar
+from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -171,10 +172,22 @@ class Registry(dict[str, T]):
         return self
 
     def add(self, name: str, value: T) -> None:
-        """Register a value under a new name; `InputError` if that is not text, is empty or is taken."""
-        if isinstance(name, str) and name in self:
-            raise InputError(f"a {self.kind} '{name}' is registered already")
+        """Register a value under a new name; `InputError` if that is not text, is empty or is taken.
+
+        What is defined anew in the same place, as by a cell of a notebook that runs again, takes the place of its past.
+        """
+        if isinstance(name, str) and name in self and _place(self[name]) != _place(value):
+            raise InputError(
+                f"a {self.kind} '{name}' is registered already, by another part of the program; take another name"
+            )
         self[name] = value
+
+
+def _place(value: Any) -> Any:
+    """Return where a class or a function is defined; of a record those of its parts."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return type(value), *(_place(getattr(value, part.name)) for part in fields(value))
+    return getattr(value, "__module__", None), getattr(value, "__qualname__", None)
 
 
 def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any]) -> T:

@@ -256,9 +256,6 @@ def family(name: str) -> Callable[[type[_F]], type[_F]]:
     def register(cls: type[_F]) -> type[_F]:
         if not (isinstance(cls, type) and issubclass(cls, Family)):
             raise InputError(f"@family must be above a class derived from Family, got {shown(cls)}")
-        known = _FAMILIES.get(name)
-        if known is not None and (known.__module__, known.__qualname__) == (cls.__module__, cls.__qualname__):
-            del _FAMILIES[name]
         cls.name = name
         _FAMILIES.add(name, cls)
         return settings(cls)

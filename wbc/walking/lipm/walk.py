@@ -145,8 +145,8 @@ class LipmWalk(GaitMachine):
         self.settings = s = settings or WalkSettings()
         self.com_height, self.omega = com_height, natural_frequency(com_height)
         self.reach, self._robot = reach or Reach.of(robot, com_height), robot
-        full, notes = plan.gait.full.on_grid(dt)
-        for note in notes:
+        full, _ = plan.gait.full.on_grid(dt)
+        for note in plan.gait.on_grid(dt)[1]:  # of what is given
             logger.warning("%s", note)
         check_plan(replace(plan, gait=full), self.reach, extent)
         self.lift_room = full.swing_height
