@@ -157,9 +157,7 @@ class Study:
     def trials(self) -> Iterator[StudyTrial]:
         """Yield all trials, seed by seed, so that a stopped sweep has tried all arms on the same grounds."""
         first: dict[tuple[str, str], tuple[AnyTrialSpec, dict[str, Any]]] = {}
-        quick = (
-            KINDS.find(self.kind)[1].seeded is not None
-        )  # the seed changes nothing else in the written spec
+        quick = self._trial_kind.seeded is not None  # the seed changes nothing else in the written spec
         for seed in self.seeds:
             last = {"seed": seed, "kind": self.kind}
             for cell in self.cells:

@@ -128,7 +128,7 @@ class StudyTable:
         lines, lost = [], []
         for arm, cell in arms.items():
             if total := sum(cell.outcomes.values()):
-                falls = [rate_text(cell.falls.get(cause, 0), cell.steps / 1e3) for cause in CAUSES]
+                falls = [_rate(cell.falls.get(cause, 0), cell.steps) for cause in CAUSES]
                 loads = [f"{BESIDE[n][1] * cell.beside[n]:.3g}" if n in cell.beside else "–" for n in beside]
                 done = share_text(cell.outcomes.get("completed", 0), total).replace(" completed", "")
                 lines.append(f"| {' | '.join((arm, done, *falls, *loads))} |")
@@ -153,6 +153,11 @@ def _grid(
         values = [text(cells[row, column]) if (row, column) in cells else "" for column in columns]
         lines.append(f"| {row} | " + " | ".join(values) + " |")
     return "\n".join(lines)
+
+
+def _rate(falls: int, steps: int) -> str:
+    """Return falls per 1,000 steps as a text; their number where no step was taken, which gives no rate."""
+    return rate_text(falls, steps / 1e3) if steps else f"{falls} in 0 steps" if falls else "–"
 
 
 def _mean_text(cell: TableCell, *, interval: bool) -> str:
@@ -335,9 +340,15 @@ def _row(spec: Mapping[str, Any], by: Sequence[str]) -> str:
     """Return the name of the row of a trial when cells are put together."""
     values = {name: part_of(spec, name, "part of a spec") for name in by}
     return ", ".join(
-        f"{name.rpartition('.')[2]} {value:g}" if isinstance(value, (int, float)) else str(value)
+        f"{name.rpartition('.')[2]} {_exact(value)}" if isinstance(value, (int, float)) else str(value)
         for name, value in values.items()
     )
+
+
+def _exact(number: float) -> str:
+    """Return a number as a short text that no other number has: rows of different numbers are different ones."""
+    short = f"{number:g}"
+    return short if float(short) == number else repr(number)
 
 
 def part_of(data: Mapping[str, Any], name: str, what: str) -> Any:

@@ -54,6 +54,12 @@ class PushSchedule(TrialHook):
         self._pending = list(pushes)
         self._lift_off: dict[int, tuple[float, float]] = {}  # step, from 1 → time and duration of the step, s
 
+    @property
+    def not_begun(self) -> list[str]:
+        """A sentence for each push that has not begun."""
+        places = [f"at {p.time:g} s" if p.step is None else f"at step {p.step}" for p in self._pending]
+        return [f"the push {place} did not begin before the end" for place in places]
+
     def tick(self, tick: TrialTick) -> None:
         """Begin the pushes that are due."""
         if not self._pending:

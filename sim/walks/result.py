@@ -136,7 +136,7 @@ class WalkResult(TrialResult):
         stiffness: Record of each swing, in order: side, stiffness commanded and actual at the landing, decision with
             its features and its time before the landing, error of the scanned profile (`StepStiffness`,
             `wbc.sim.walks.stiffness_meter`); None for soles without an actuator.
-        notes: Changes that made the plan walkable.
+        notes: Changes that made the plan walkable, and pushes that did not begin before the end.
         clock: Wall-clock timings; None in a record that was read back without them.
     """
 

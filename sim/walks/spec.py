@@ -152,6 +152,10 @@ class WalkSpec(TrialSpec):
             body_frame(push.body, prepared.robot())
             if push.step is not None and push.step > steps > 0 and self.plan.drive is None:
                 raise InputError(f"a push at step {push.step} of a walk of {steps} steps")
+            if push.time is not None and push.time >= prepared.time_limit:
+                raise InputError(
+                    f"a push at {push.time:g} s comes after the walk, which ends by {prepared.time_limit:g} s"
+                )
 
     @property
     def scheduling(self) -> tuple[str | None, Changes]:

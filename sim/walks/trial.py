@@ -30,7 +30,7 @@ from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.walks.arrival import Arrival, middle
 from wbc.sim.walks.meter import WalkMeter
-from wbc.sim.walks.plans import Drive, WalkPlan
+from wbc.sim.walks.plans import Drive, WalkPlan, plan_over
 from wbc.sim.walks.prepare import PreparedWalk, moved
 from wbc.sim.walks.result import WalkResult, WallClock, identity, objective
 from wbc.sim.walks.settings import TrialSettings
@@ -67,7 +67,7 @@ def walk(
         policy: Stiffness policy of variable soles: a name, or a policy of your own.
         hooks: Hooks that observe every tick; they do not change the result.
         **values: Fields of `WalkSpec` and `WalkPlan` that differ from the spec, such as robot, foot, terrain or
-            distance.
+            distance. A plan of another kind, such as a velocity in place of a distance, keeps `first` of the old one.
 
     Returns:
         The result. The same spec gives the same record, bit for bit, with any hooks and in any process.
@@ -83,7 +83,8 @@ def walk(
     if plan:
         if "plan" in values:
             raise InputError(f"give either a plan or {' and '.join(plan)}")
-        values["plan"] = WalkPlan(**plan)
+        below = {} if spec is None else {name: getattr(spec.plan, name) for name in PLAN_FIELDS}
+        values["plan"] = WalkPlan(**plan_over(plan, below))
     if isinstance(policy, str):
         values["policy"], policy = policy, None
     spec = WalkSpec(**values) if spec is None else replace(spec, **values)
@@ -125,7 +126,8 @@ class WalkTrial(Trial):
         limits = prepared.settings.falls
         super().__init__(plant, walking, BodyLimits(com - limits.drop * robot.length_scale, limits.tilt))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
-        self.scenario += [self._drive, PushSchedule(spec.pushes)]
+        self._pushes = PushSchedule(spec.pushes)
+        self.scenario += [self._drive, self._pushes]
         self.meter = WalkMeter(plant, walking)
         self.sole_meter = None if walking.stiffness is None else StiffnessMeter(cast(Plant, plant), walking)
         self.meters += [self.meter] if self.sole_meter is None else [self.meter, self.sole_meter]
@@ -190,7 +192,7 @@ class WalkTrial(Trial):
             **figures,
             stiffness=None if self.sole_meter is None else tuple(self.sole_meter.steps()),
             failures=walking.control.failures,
-            notes=self._prepared.notes,
+            notes=(*self._prepared.notes, *(self._pushes.not_begun if outcome == "completed" else ())),
             clock=WallClock(
                 wall_s=time.perf_counter() - self._begin,
                 real_time_factor=self.real_time_factor,

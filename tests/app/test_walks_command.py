@@ -74,7 +74,7 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert spec["changes"] == {"gains.dcm_p": [5.0, 5.0], "walk.phases.lift_off": 0.2}
     assert spec["gait"]["swing_height"] == 0.07 and spec["gait"]["single_support"] == 0.8
     assert spec["foot"] == "soft" and spec["noise_seed"] == 3 and spec["plan"]["distance"] == 0.05
-    assert spec["terrain"] == "stones" and spec["amplitude"] == 0.02
+    assert WalkSpec.from_json(tomllib.loads(PART)).ground() == WalkSpec.from_json(spec).ground()
     (push,) = spec["pushes"]
     assert push["step"] == 2 and push["direction"] == 1.5
     (tmp_path / "part.json").write_text(json.dumps(tomllib.loads(PART)))
@@ -84,6 +84,24 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert [push["step"] for push in other["pushes"]] == [1, 2]
     assert other["pushes"][0]["direction"] == pytest.approx(math.pi / 2)
     assert other["plan"] == {"velocity": [0.1, 0.0, 0.0], "steps": 22}
+    (tmp_path / "sides.toml").write_text('plan = { velocity = [0.1, 0.0, 0.0], steps = 4, first = "right" }')
+    sides = spec_of("--spec", str(tmp_path / "sides.toml"), "--velocity", "0.15", "0", "0")
+    assert sides["plan"] == {"velocity": [0.15, 0.0, 0.0], "steps": 4, "first": "right"}
+    assert spec_of("--spec", str(tmp_path / "sides.toml"), "--steps", "5")["plan"]["first"] == "right"
+
+
+@pytest.mark.parametrize(
+    "text", ["seed = 7", 'foot = "soft"', "plan.distance = 0.2", 'mode = "torque"', 'eyes = "depth"']
+)
+def test_a_file_is_the_same_walk_for_a_program_and_for_the_command(
+    text: str, tmp_path: Path, spec_of: Callable[..., Any]
+) -> None:
+    (tmp_path / "walk.toml").write_text(text)
+    (tmp_path / "walk.json").write_text(json.dumps(tomllib.loads(text)))
+    for name in ("walk.toml", "walk.json"):
+        assert WalkSpec.from_json(spec_of("--spec", str(tmp_path / name))) == WalkSpec.from_json(
+            tomllib.loads(text)
+        )
 
 
 @pytest.mark.slow

@@ -277,6 +277,35 @@ def journal_of(study: Study, outcome: dict[str, list[Any]]) -> dict[str, Entry]:
     return entries
 
 
+def test_a_table_of_walks_that_fell_before_their_first_step() -> None:
+    """There is no time at risk, so the number of falls has no rate; all the rest of the table stands."""
+    study = small_study(cells=(Cell("flat", {}),))
+    entries = journal_of(study, {"flat": [22, 22, 22, 22], "soft": [0, 0, 0, 0], "rigid": [0, 22, 0, 0]})
+    table = study_table(study, entries)
+    soft = table.by_name["flat", "soft"]
+    assert soft.steps == 0 and soft.falls == {"sideways": 4} and soft.estimate.mean == 0.0
+    (line,) = [line for line in table.markdown().splitlines() if line.startswith("| soft |")]
+    assert "| 4 in 0 steps |" in line
+
+
+@pytest.mark.parametrize(
+    ("part", "values"),
+    [
+        ("seed", (10_000_001, 10_000_002)),
+        ("amplitude", (0.0123456, 0.01234561)),
+        ("gait.swing_height", (0.05, 0.06)),
+    ],
+)
+def test_rows_are_as_many_as_there_are_values(part: str, values: tuple[float, float]) -> None:
+    if part == "seed":
+        study = small_study(cells=(Cell("flat", {}),), seeds=values)
+    else:
+        group, _, name = part.rpartition(".")
+        parts = [{group: {name: v}} if group else {"terrain": "stones", name: v} for v in values]
+        study = small_study(cells=tuple(Cell(str(k), each) for k, each in enumerate(parts)))
+    assert len(set(study_table(study, {}, by=[part]).rows)) == 3, "and the one of all together"
+
+
 def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
     study = small_study(reference="flat")
     entries = journal_of(

@@ -72,6 +72,39 @@ def test_a_walk_takes_fields_of_spec_and_plan_by_name(monkeypatch: pytest.Monkey
             walk(**values)  # type: ignore[arg-type]
 
 
+def test_fields_of_a_plan_change_nothing_else_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan of another kind takes the place of the old one, and the side that steps first stays where it has one."""
+    plans: list[WalkPlan] = []
+    monkeypatch.setattr(WalkTrial, "run", lambda trial, hooks: plans.append(trial.spec.plan))
+    side = WalkSpec(plan=WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4, first="right"), noise="none")
+    walk(side, velocity=(0.15, 0.0, 0.0))
+    walk(side, steps=5)
+    walk(side, distance=0.2)
+    walk(side, turn=0.2)
+    walk(side, seed=8)
+    assert plans == [
+        WalkPlan(velocity=(0.15, 0.0, 0.0), steps=4, first="right"),
+        WalkPlan(velocity=(0.1, 0.0, 0.0), steps=5, first="right"),
+        WalkPlan(distance=0.2, first="right"),
+        WalkPlan(turn=0.2),
+        side.plan,
+    ]
+
+
+def test_a_push_after_the_end_is_refused_or_told() -> None:
+    spec = WalkSpec(plan=TWO_STEPS, noise="none")
+    limit = spec.prepare().time_limit
+    with pytest.raises(InputError, match="after the walk"):
+        replace(spec, pushes=(WalkPush(impulse=0.1, time=limit),))
+    ends = walk(spec).seconds
+    late = replace(
+        spec, pushes=tuple(WalkPush(impulse=0.01, time=time) for time in (0.5, 0.5 * (ends + limit)))
+    )
+    result = walk(late)
+    assert result.outcome == "completed" and len(result.notes) == 1
+    assert f"{0.5 * (ends + limit):g} s" in result.notes[0]
+
+
 def test_walks_the_plan(plain: WalkResult) -> None:
     assert plain.outcome == "completed" and not plain.fell and plain.fall is None
     assert plain.steps_done == plain.steps_planned == 2 and -1.0 < plain.J < 0.0

@@ -29,7 +29,7 @@ from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.trial.loops import PLANT
-from wbc.sim.walks.plans import FASTER, KINDS
+from wbc.sim.walks.plans import FASTER, plan_over
 from wbc.sim.walks.presets import WALK_PRESETS
 from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.spec import WalkSpec
@@ -43,7 +43,8 @@ CHANGE = "what was changed from the page since the tick before, and an end by Ct
 """Meaning of the signal that holds the interventions of a run."""
 
 DEFAULTS = {"foot": "long_arch", "terrain": "stones", "amplitude": 0.02, "eyes": "depth"}
-"""Defaults of the command line: an unknown ground that the robot sees, and the sole that most walks arrive on."""
+"""Defaults of the command line without a spec: an unknown ground that the robot sees, and the sole on which most walks
+arrive."""
 
 FOLLOWERS = {
     "foot": ("stiffness", "foot_changes", "policy", "policy_params"),
@@ -82,7 +83,7 @@ class WalkOptions:
         seconds: Longest time of a drive, s.
         set: Any other setting, as name=value: dcm_p=5, single_support=0.7, payload=2.
         spec: Walk to begin with: a preset (frizza, the paper's), or a file, whole or in part (JSON, TOML; --json prints
-            one).
+            one). What a file leaves out is as in a program: flat ground, flat foot, no eyes.
         record: File to write every tick to (.arrow).
         repeat: Log of a walk to repeat, with changes from its page and its end, and to compare with.
         code: Python file that the log or the spec names as its loop and that may be run; no other is.
@@ -202,10 +203,8 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
     changes = read_changes(options.set)
     allow_code(upper, changes)
     loop = changes.get("loop", upper.get("loop", lower.get("loop", PLANT)))
-    # Another simulation may have no more than a floor and the robot's own soles.
-    defaults: dict[str, Any] = dict(DEFAULTS) if loop == PLANT else {"eyes": "none"}
-    if options.spec is not None:  # a file says what it wants
-        del defaults["eyes"]
+    # A spec is the same walk in a program, and another simulation may have only a floor and the robot's own soles.
+    defaults = DEFAULTS if options.spec is None and loop == PLANT else {}
 
     def built(**more: str) -> WalkSpec:
         values: dict[str, Any] = copy.deepcopy(upper) | more
@@ -280,8 +279,8 @@ def _over(upper: Mapping[str, Any], lower: Mapping[str, Any]) -> dict[str, Any]:
     for name, followers in FOLLOWERS.items():
         if upper.get(name, kept.get(name)) != kept.get(name):
             kept = {key: value for key, value in kept.items() if key not in followers}
-    if any(kind in (upper.get("plan") or ()) for kind in KINDS):  # a walk has one plan
-        kept.pop("plan", None)
+    if isinstance(upper.get("plan"), Mapping) and isinstance(kept.get("plan"), Mapping):
+        upper = {**upper, "plan": plan_over(upper["plan"], kept.pop("plan"))}
     for name, value in upper.items():
         below = kept.get(name)
         if isinstance(value, Mapping) and isinstance(below, Mapping):
