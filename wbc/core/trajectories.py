@@ -325,7 +325,7 @@ class _Path:
     """Minimum jerk through waypoints, as a function of the time that it takes.
 
     Over the share of the time, the path is linear in its points, in T v₀ and in T² a₀, with the duration T and the
-    velocity and acceleration at the start: three splines give it for every T.
+    velocity and acceleration at the start: a spline of the three side by side gives it for every T.
     """
 
     def __init__(
@@ -337,25 +337,41 @@ class _Path:
         speeds: Array | None,
         accelerations: Array | None,
     ) -> None:
-        self._points, self._begin, self._parts = points, begin, parts
+        self._points = points
         self._shares = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
-        self._limits = [  # order of the derivative, part, its greatest value; what is exceeded at the start may be
-            (order, part, max(float(limit), float(np.linalg.norm(begin[order - 1][part]))))
-            for order, limits in ((1, speeds), (2, accelerations))
-            if limits is not None
-            for part, limit in zip(parts, limits, strict=True)
-        ]
-        still, none = np.zeros(points.shape[1]), np.zeros_like(points)
-        ends = [(points, still, still)]
-        if begin[0].any() or begin[1].any():
-            ends += [(none, begin[0], still), (none, still, begin[1])]
-        self._splines: list[BSpline] = [
-            make_interp_spline(self._shares, at, k=5, bc_type=([(1, v), (2, a)], [(1, still), (2, still)]))
-            for at, v, a in ends
-        ]
+        # Coefficients of T⁰, T¹ and T² side by side; of T⁰ alone from rest.
+        self._terms = terms = 3 if begin[0].any() or begin[1].any() else 1
+        n = points.shape[1]
+        ends, first, second = np.zeros((len(points), terms, n)), *np.zeros((2, terms, n))
+        ends[:, 0] = points
+        if terms > 1:
+            first[1], second[2] = begin
+        still = np.zeros(terms * n)
+        self._spline: BSpline = make_interp_spline(
+            self._shares,
+            ends.reshape(len(points), -1),
+            k=5,
+            bc_type=([(1, first.ravel()), (2, second.ravel())], [(1, still), (2, still)]),
+        )
         inner = np.linspace(0.0, 1.0, SAMPLES + 1)
         samples = (self._shares[:-1, None] + np.diff(self._shares)[:, None] * inner).ravel()
-        self._rates = {order: [spline(samples, order) for spline in self._splines] for order in (1, 2)}
+        # Order of a derivative, and its square over that of the limit, by powers of T: shape (powers, parts, samples).
+        self._limits: list[tuple[int, Array]] = []
+        for order, limits in ((1, speeds), (2, accelerations)):
+            if limits is not None:
+                rates = self._rates(samples, order)
+                squares = np.zeros((2 * terms - 1, samples.size, n))
+                for i, j in np.ndindex(terms, terms):
+                    squares[i + j] += rates[:, i] * rates[:, j]
+                over = []
+                for part, limit in zip(parts, limits, strict=True):
+                    at_start = begin[order - 1][part]  # what is exceeded there may be
+                    over.append(squares[..., part].sum(axis=2) / max(limit**2, at_start.dot(at_start)))
+                self._limits.append((order, np.stack(over, axis=1)))
+
+    def _rates(self, shares: Array, order: int) -> Array:
+        """Return a derivative over the share of the time by powers of T, shape (shares, powers, n)."""
+        return np.asarray(self._spline(shares, order)).reshape(shares.size, -1, self._points.shape[1])
 
     def find(self, duration: float | None) -> tuple[float, float]:
         """Return a duration, s, the least that keeps the limits when None, and its excess; see `_excess`."""
@@ -368,13 +384,10 @@ class _Path:
         Rates are looked at in every so many samples.
         """
         excess = np.zeros(durations.size)
-        for order, part, limit in self._limits:
-            rate = sum(
-                durations[:, None, None] ** (power - order) * each[::stride, part]
-                for power, each in enumerate(self._rates[order])
-            )
-            most = np.sqrt(np.square(rate).sum(axis=2)).max(axis=1)
-            np.maximum(excess, (most / limit) ** (1.0 / order), out=excess)
+        for order, squares in self._limits:
+            powers = durations[:, None] ** (np.arange(len(squares)) - 2.0 * order)
+            most = powers.dot(squares[..., ::stride].reshape(len(squares), -1)).max(axis=1)
+            np.maximum(excess, np.maximum(most, 0.0) ** (0.5 / order), out=excess)
         return excess
 
     def _least_duration(self) -> float:
@@ -385,7 +398,7 @@ class _Path:
         """
         if not self._limits:
             return 0.0
-        if len(self._splines) == 1:  # from rest, rates are in proportion to 1/T and 1/T²
+        if self._terms == 1:  # from rest, rates are in proportion to 1/T and 1/T²
             return float(self._excess(np.ones(1))[0])
         durations, stride, least = np.geomspace(*DURATIONS, TRIALS), STRIDE, 0.0
         for _ in range(REFINEMENTS):
@@ -401,8 +414,9 @@ class _Path:
         """Return times at which the pieces begin, s, and the pieces."""
         shares = self._shares
         rates = [
-            sum(duration ** (power - order) * each(shares, order) for power, each in enumerate(self._splines))
+            sum(duration ** (power - order) * each for power, each in enumerate(rates.swapaxes(0, 1)))
             for order in (1, 2)
+            for rates in [self._rates(shares, order)]
         ]
         states = list(zip(self._points, *rates, strict=True))
         return (duration * shares[:-1]).tolist(), [
