@@ -105,7 +105,7 @@ def load(name: str | Path) -> RobotDescription:
         return _load(name, _FACTORIES[name])
     if files.is_path(name):
         path = Path(name).expanduser()
-        return _read(str(path), path.stat().st_mtime_ns if path.is_file() else 0)
+        return _read(str(path), files.stamps(path))
     if name in others():
         return _load(name, _FEETLESS.get(name) or _FACTORIES[name])
     unknown_name("robot", name, [*_FACTORIES, *others()])
@@ -128,6 +128,6 @@ def _load(name: str, factory: Callable[[], RobotDescription]) -> RobotDescriptio
 
 
 @cache
-def _read(path: str, _: int) -> RobotDescription:
-    """Read a robot file, anew when it has changed."""
+def _read(path: str, _: tuple[files.Stamp, ...]) -> RobotDescription:
+    """Read a robot file, anew when it or a file that it refers to has changed."""
     return files.read(path)

@@ -37,12 +37,17 @@ class LinkShape(NamedTuple):
     placement: pin.SE3  # in the link
 
 
-@lru_cache(maxsize=16)
 def link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ...]:
     """Return the shapes of all links of a URDF: collision geometry where a link has any, visual geometry otherwise.
 
     A mesh becomes the least box about its principal axes. What cannot be read is left out.
     """
+    return _link_shapes(text, package_dirs, _meshes(text, package_dirs))
+
+
+@lru_cache(maxsize=16)
+def _link_shapes(text: str, package_dirs: tuple[str, ...], _: object) -> tuple[LinkShape, ...]:
+    """Return the shapes of all links, anew when a mesh has changed."""
     shapes: list[LinkShape] = []
     for link in urdf.read(text).findall("link"):
         for tag in ("collision", "visual"):
@@ -83,9 +88,26 @@ def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Collisi
     return found
 
 
-@lru_cache(maxsize=4)
 def hulls(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
     """Return link → shapes, as `link_shapes` does, where a mesh is its convex hull."""
+    found = _hulls(text, package_dirs, _meshes(text, package_dirs))
+    return {link: list(shapes) for link, shapes in found.items()}
+
+
+@lru_cache(maxsize=16)
+def _mesh_names(text: str) -> tuple[str, ...]:
+    return tuple({str(mesh.get("filename", "")) for mesh in urdf.read(text).iter("mesh")})
+
+
+def _meshes(text: str, package_dirs: tuple[str, ...]) -> tuple[tuple[Path, int, int], ...]:
+    """Return path, time of the last change and size of the meshes of a URDF."""
+    paths = [path for name in _mesh_names(text) if (path := resolve(name, package_dirs)) is not None]
+    return tuple((path, state.st_mtime_ns, state.st_size) for path in paths for state in [path.stat()])
+
+
+@lru_cache(maxsize=4)
+def _hulls(text: str, package_dirs: tuple[str, ...], _: object) -> dict[str, list[Shape]]:
+    """Return the hulls of all links, anew when a mesh has changed."""
     found: dict[str, list[Shape]] = {}
     for link in urdf.read(text).findall("link"):
         for tag in ("collision", "visual"):
