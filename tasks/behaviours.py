@@ -237,13 +237,17 @@ class StateMachine(Behaviour):
             self._guarded(now, self._scope, self.states[self._name].tick)
 
     def end(self, now: Scope) -> None:
-        """End the present state."""
+        """End the present state; an exception in its `end` is a `BehaviourError`."""
         scope, self._scope = self._scope, None
-        if scope is not None:
+        if scope is None:
+            return
+        try:
             try:
                 self.states[self._name].end(scope)
             finally:
                 scope.close()
+        except Exception as failure:
+            raise _error(scope, failure) from failure
 
     def outcome(self, now: Scope) -> str | None:
         """Return the outcome of the machine, or None while it runs; change the state if the present one has ended."""
@@ -260,9 +264,7 @@ class StateMachine(Behaviour):
         try:
             return call(scope)
         except Exception as failure:
-            error = failure
-            if not isinstance(failure, BehaviourError):
-                error = BehaviourError(f"state '{scope.path}': {type(failure).__name__}: {failure}")
+            error = _error(scope, failure)
             if "error" not in self.transitions[self._name]:
                 raise error from failure
             logger.error("%s", error)
@@ -270,10 +272,23 @@ class StateMachine(Behaviour):
             return None
 
     def _follow(self, outcome: str, now: Scope, scope: Scope) -> None:
-        """Go where an outcome leads: to a state, or to the end of the machine."""
-        goal = self._goal(self._name, outcome)
+        """Go where an outcome leads: to a state, or to the end of the machine.
+
+        An exception in the `end` of the state is the outcome "error". Where no transition is for it, the machine ends
+        with that outcome, after a `BehaviourError`.
+        """
         now.program.note(scope.path, outcome)
-        self.end(now)
+        try:
+            self.end(now)
+        except BehaviourError as error:
+            if "error" not in self.transitions[self._name]:
+                self._ended = "error"
+                raise
+            logger.error("%s", error)
+            if outcome != "error":
+                outcome = "error"
+                now.program.note(scope.path, outcome)
+        goal = self._goal(self._name, outcome)
         if goal in self.states:
             self._enter(goal, now)
         else:
@@ -283,6 +298,13 @@ class StateMachine(Behaviour):
         self._name, self._scope = name, Scope(now.program, f"{now.path}/{name}")
         logger.info("%s begins at %.3f s", self._scope.path, now.time)
         self._guarded(now, self._scope, self.states[name].start)
+
+
+def _error(scope: Scope, failure: Exception) -> BehaviourError:
+    """Return an exception in a function of a state with the path of the state; one of a state within has it."""
+    if isinstance(failure, BehaviourError):
+        return failure
+    return BehaviourError(f"state '{scope.path}': {type(failure).__name__}: {failure}")
 
 
 class Program:
@@ -355,8 +377,10 @@ class Program:
         if self.outcome is None:
             self.machine.tick(self._scope)
         else:
-            self.machine.end(self._scope)
-            self.note(self.machine.name, self.outcome)
+            try:
+                self.machine.end(self._scope)
+            finally:
+                self.note(self.machine.name, self.outcome)
 
     @checked
     def run(

@@ -34,7 +34,7 @@ class JointTask(Task):
         self._joints = None if joints is None else distinct_joints(joints)
         self._columns: NDArray[np.intp]
         super().__init__(name, len(self._joints or [""]), **options)
-        self._pending = target  # until the joints are known
+        self._pending = [] if target is None else [target]  # until the joints are known
 
     @checked
     def bind(self, robot: Robot) -> None:
@@ -46,8 +46,8 @@ class JointTask(Task):
         super().bind(robot)
         if not self._target.settled:
             self._target.value = self.present(robot)
-            if self._pending is not None:
-                self._target.value = self.checked(self._pending)
+            for given in self._pending:
+                self._target.value = self.checked(given)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -63,10 +63,12 @@ class JointTask(Task):
 
     @target.setter
     def target(self, value: JointValues) -> None:
-        if not self._target.settled:
-            self._pending = value
-        if self._target.value is not None:
-            Task.target.fset(self, value)  # type: ignore[attr-defined]
+        if self._target.value is None:
+            self._pending = [*self._pending, value] if isinstance(value, Mapping) else [value]
+            return
+        Task.target.fset(self, value)  # type: ignore[attr-defined]
+        if not self._target.settled:  # what could not be added is not tried again
+            self._pending = [self._target.value]
 
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
         """Return targets after a check, shape (dim,); those that are not given are those of `others`, or stay."""

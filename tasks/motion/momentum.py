@@ -34,7 +34,7 @@ class MomentumTask(Task):
     __slots__ = ("_base", "_bolted", "_gravity", "_map", "_momentum")
     unit = "kg m/s|kg m²/s"
     of_velocity = True
-    usual = {"weight": 1e-3, "stiffness": 5.0, "damping": 0.0}
+    usual = {"weight": 1e-3, "stiffness": 5.0}
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; the target, [linear; angular] along the world axes, shape (6,), is zero when None."""
@@ -51,12 +51,10 @@ class MomentumTask(Task):
 
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:
-        if value is None or finite_array(f"damping of task '{self.name}' (1/s)", value).any():
+        if value is not None and finite_array(f"damping of task '{self.name}' (1/s)", value).any():
             raise InputError(
                 f"task '{self.name}' has no damping: its stiffness is a rate, 1/s; got {value!r}"
             )
-        self._critical = False
-        self._set_damping(np.zeros(()))
 
     @property
     def residual_unit(self) -> str:

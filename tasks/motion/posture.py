@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
-from wbc.base.numbers import Array, non_negative
+from wbc.base.numbers import Array, non_negative, read_only
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import GainOptions, SelectionTask
 from wbc.core.robot import Robot
@@ -23,7 +23,7 @@ class PostureTask(JointTask, SelectionTask):
     default the weight is 0.1 and the stiffness 20 1/s².
     """
 
-    __slots__ = ("_factor", "_factors", "_positions", "columns")
+    __slots__ = ("_cost", "_factor", "_factors", "_positions", "columns")
     unit = "rad"
     reads = "kinematics"
     usual = {"weight": 0.1, "stiffness": 20.0}
@@ -65,7 +65,7 @@ class PostureTask(JointTask, SelectionTask):
             for joint, value in self._factors.items():
                 factor[self._row(joint)] = value
             self._factor = factor
-            self._rows.weight *= factor
+            self._weigh(self._cost * factor)
 
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
         """Return a copy of targets, shape (dim,), rad (or m), after a check of the ranges of their joints."""
@@ -79,13 +79,13 @@ class PostureTask(JointTask, SelectionTask):
 
     @property
     def weight(self) -> Array:
-        """Cost per squared residual, with the factors of the joints, shape (dim,); assign one without the factors."""
-        return super().weight
+        """Cost per squared residual without the factors of the joints, shape (dim,), read-only; assign one."""
+        return read_only(np.broadcast_to(self._cost, (self.dim,)))
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
-        weight = self._checked_gain("weight", value)
-        self._weigh(weight if self._factor is None else weight * self._factor)
+        self._cost = self._checked_gain("weight", value)
+        self._weigh(self._cost if self._factor is None else self._cost * self._factor)
 
     def _coordinates(self) -> Coordinates:
         return _Joints(self.target, self.checked)

@@ -6,8 +6,9 @@
 What is in the QP depends on how the drives are commanded. On torques the feedback's horizontal acceleration of the CoM
 is the reference of three rows, whose vertical one holds the height, and the desired foot wrenches are a cost on the
 wrenches of the contacts. On positions the QP moves the commanded robot: the CoM follows the pendulum, and standing
-feet follow their admittances, while the desired wrenches make the feed-forward torques (`DriveControl.act`). Where
-nothing hands out a pendulum, the robot is to stand with its CoM at `target`.
+feet follow their admittances, while the desired wrenches make the feed-forward torques (`DriveControl.act`). In a tick
+in which nothing hands out a pendulum, the robot is to stand with its CoM at `target`; after a walk, that is where the
+last pendulum was.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ class StabilizerTask(CoMTask):
     """
 
     __slots__ = (
-        "_aim", "_away", "_contacts", "_gains", "_given", "_places", "_seen", "_settings", "_sole_ids",
-        "_soles", "_stabilizer", "_stands", "_torque", "_wrench_weight", "_yaw", "output", "parts",
+        "_aim", "_applied", "_away", "_contacts", "_gains", "_given", "_places", "_seen", "_settings", "_sole_ids",
+        "_soles", "_stabilizer", "_torque", "_wrench_weight", "_yaw", "output", "parts",
     )  # fmt: skip
 
     @checked
@@ -117,7 +118,7 @@ class StabilizerTask(CoMTask):
         self._gains, self._settings, self._given = gains, distribution or DistributionSettings(), estimate
         self.output: StabilizerOutput | None = None
         self._stabilizer: Stabilizer | None = None
-        self._stands = True  # until something hands out a pendulum
+        self._applied = False  # by a walk, in this tick
         self._away = [False, False]  # feet that have left their places
 
     @property
@@ -191,7 +192,7 @@ class StabilizerTask(CoMTask):
         if self._stabilizer is not None:
             self._stabilizer.reset()
             self._stand()
-        self.output, self._stands = None, True
+        self.output, self._applied = None, False
 
     def _stand(self) -> None:
         """Take the present places of the soles, and the present heading, as those of a robot that stands."""
@@ -218,11 +219,13 @@ class StabilizerTask(CoMTask):
             dt: Control period, s.
         """
         self._set_down()
-        if not self._stands:
+        if self._applied:
+            self._applied = False
             return
-        if self._aim is None:
+        if self._aim is None:  # at first, and after a walk
             self._aim = np.array(self._target.value), np.zeros(3), np.zeros(3)
-        target, velocity, acceleration = self._aim
+            self._places = [pin.SE3(place) for place in self._places]
+        aim = target, velocity, acceleration = self._aim
         ground = 0.5 * float(self._places[0].translation[2] + self._places[1].translation[2])
         rest = Pendulum.at_rest(target, ground)
         zmp = rest.zmp - (*(acceleration[:2] / rest.omega**2), 0.0)
@@ -230,7 +233,7 @@ class StabilizerTask(CoMTask):
         contact = (self._contacts[0].active, self._contacts[1].active)
         self.update(pendulum, measurement.wrenches, contact, self._yaw, dt)
         self.apply(pendulum, contact, self._places)
-        self._stands = True
+        self._aim, self._applied = aim, False
 
     def update(
         self,
@@ -262,6 +265,7 @@ class StabilizerTask(CoMTask):
             self._seen, self._soles = estimate, [estimate.placement(sole) for sole in self._sole_ids]
         if stabilizer.mass != estimate.mass:  # a load was taken over or given back
             stabilizer.mass = estimate.mass
+        self._yaw = yaw
         self.output = output = stabilizer.update(
             target,
             estimate.com,
@@ -299,7 +303,7 @@ class StabilizerTask(CoMTask):
         """
         output = self.output
         assert output is not None
-        self._stands = False
+        self._aim, self._places, self._applied = None, list(places), True
         for side, stands in enumerate(contact):
             if not stands:
                 continue

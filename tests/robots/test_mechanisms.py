@@ -511,6 +511,32 @@ def test_rows_of_a_closure_are_the_change_of_its_gap(what: str, dim: int) -> Non
         robot.update(robot.half_sitting.copy(), np.zeros(robot.nv))
 
 
+OPTIONS = ("stiffness", "damping", "rate", "wrench_weight", "motion_weight")
+
+
+def test_a_closure_keeps_what_is_given_for_its_rows() -> None:
+    """Along axes in which the chain does not open there is no row."""
+    given = {name: np.arange(1.0, 7.0) * (k + 1) for k, name in enumerate(OPTIONS)}
+    robot = wbc.load_robot("hrp4_class").robot()
+    hands = wbc.LoopClosure("left_hand", "right_hand", motion_weight=1.0)
+    for name, values in given.items():
+        setattr(hands, name, values)
+    controller = wbc.Controller(robot, 0.002)
+    for _ in range(2):
+        controller.add(hands)
+        for name, values in given.items():
+            np.testing.assert_array_equal(getattr(hands, name), values, name)
+        controller.remove(hands)
+    description, _ = closed("knee")
+    closure, robot = description.closures[0], description.robot()
+    knee = wbc.LoopClosure(closure.frame, closure.other, rotation=False)
+    knee.wrench_weight = [1.0, 2.0, 3.0]
+    knee.bind(robot)
+    lines = np.abs(knee.directions)
+    np.testing.assert_allclose(knee.wrench_weight, lines @ [1.0, 2.0, 3.0])
+    assert set(lines.ravel()) == {0.0, 1.0} and knee.dim == 2
+
+
 def test_a_biped_with_rods_at_its_ankles_stands_in_its_own_model() -> None:
     description, model = closed("ankles")
     assert {"left_ankle_pitch", "right_ankle_roll"} <= set(description.passive)

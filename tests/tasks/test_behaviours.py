@@ -24,7 +24,7 @@ from wbc.tasks import (
     StateMachine,
     after,
 )
-from wbc.tasks.behaviours import Scope
+from wbc.tasks.behaviours import BehaviourError, Scope
 
 DT = 0.005
 
@@ -171,6 +171,41 @@ def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
     assert run(program) == "infeasible" and program.history[1][1:] == ("m/torn", "infeasible")
     step(program)
     assert controller.solve().ok  # what the state added is gone
+
+
+def failing(now: Scope) -> None:
+    raise ValueError("here")
+
+
+@pytest.mark.parametrize("nested", [False, True])
+@pytest.mark.parametrize("where", ["start", "tick", "end"])
+def test_an_exception_in_any_function_of_a_state_is_the_outcome_error_or_a_behaviour_error(
+    where: str, nested: bool
+) -> None:
+    for transitions in ({"a": {"error": "b"}}, {}):
+        state = Behaviour("a", done=after(2 * DT), **{where: failing})  # type: ignore[arg-type]
+        rest = Behaviour("b", done=after(2 * DT))
+        if nested:
+            state = StateMachine("a", [state])
+        program = Program(StateMachine("m", [state, rest], transitions), standing("hrp4_class", dt=DT))
+        if transitions:
+            assert run(program) == "done"
+            ended = [(path, outcome) for _, path, outcome in program.history]
+            assert ("m/a", "error") in ended and ended[-2:] == [("m/b", "done"), ("m", "done")]
+            continue
+        with pytest.raises(BehaviourError, match="m/a.*here"):
+            run(program)
+        if where == "end":  # nothing is left that could go on
+            step(program)
+            assert program.ended and program.outcome == "error"
+
+
+def test_a_machine_that_is_late_ends_even_if_the_end_of_its_state_fails() -> None:
+    machine = StateMachine("m", [Behaviour("a", end=failing)], timeout=2 * DT)
+    program = Program(machine, standing("hrp4_class", dt=DT))
+    with pytest.raises(BehaviourError, match="m/a.*here"):
+        run(program)
+    assert program.outcome == "timeout" and program.history[-1][1:] == ("m", "timeout")
 
 
 @pytest.mark.parametrize("kind", [PositionControl, TorqueControl])

@@ -28,6 +28,7 @@ from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
     LookAtTask,
+    LowAccelerationTask,
     MomentumTask,
     OrientationTask,
     PoseTask,
@@ -174,8 +175,11 @@ def test_hard_task_is_met_exactly(name: str, case: str) -> None:
 def test_stiffness_makes_critical_damping_unless_told_otherwise(case: str) -> None:
     robot = make_robot("hrp4_class")
     task = MOTION_TASKS[case].make(robot)
-    if isinstance(task, MomentumTask):
-        np.testing.assert_array_equal(task.damping, 0.0)
+    if task.of_velocity:  # its error decays with the stiffness alone
+        for made in (task, MomentumTask(damping=None), LowAccelerationTask(stiffness=9.0, damping=None)):
+            made.damping = None
+            made.stiffness = 49.0
+            np.testing.assert_array_equal(made.damping, 0.0)
         return
     task.damping = None
     task.stiffness = 49.0
@@ -185,6 +189,25 @@ def test_stiffness_makes_critical_damping_unless_told_otherwise(case: str) -> No
     np.testing.assert_allclose(task.damping, 3.0)
     task.damping = None
     np.testing.assert_allclose(task.damping, 20.0)
+
+
+@pytest.mark.parametrize("unit", ["m", "rad", "m|rad", "kg", "N|Nm"])
+@pytest.mark.parametrize("rows", [6, ("u", "v")])
+def test_a_task_of_any_unit_is_reached_near_its_target(unit: str, rows: int | tuple[str, ...]) -> None:
+    class Own(Task):
+        def __init__(self) -> None:
+            super().__init__("own", rows)
+            self.error_now = 0.0
+
+        def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+            jacobian[:, : self.dim] = np.eye(self.dim)
+            error[:], drift[:] = self.error_now, 0.0
+
+    Own.unit = unit
+    task = standing("hrp4_class").add(Own())
+    assert task.reached
+    task.error_now = 1.0
+    assert not task.reached
 
 
 @pytest.mark.parametrize("case", ["position", "orientation", "pose", "relative", "impedance", "admittance"])

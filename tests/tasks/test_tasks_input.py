@@ -135,3 +135,34 @@ def test_a_posture_in_degrees_is_refused_and_nothing_moves(degrees: float | list
     with pytest.raises(InputError, match=joint):
         controller.robot.configuration({joint: 45.0})
     task.target = controller.robot.position_upper[[controller.robot.joint_index(joint)]]
+
+
+@pytest.mark.parametrize("kind", [PostureTask, JointTorqueTask])
+def test_targets_of_joints_add_up_before_a_controller_has_the_task_as_after(
+    kind: type[PostureTask | JointTorqueTask],
+) -> None:
+    robot = make_robot("hrp4_class")
+    one, two, three = robot.joint_names[:3]
+    for start, assigned in (
+        ({one: 0.1}, [{two: 0.2}, {three: 0.3}]),
+        (None, [{one: 0.5}, {two: 0.2}, {one: 0.1}, {three: 0.3}]),
+        ({one: 0.5}, [np.array(robot.half_sitting[7:]), {one: 0.1, two: 0.2, three: 0.3}]),
+    ):
+        targets = []
+        for first in (True, False):
+            controller, task = Controller(make_robot("hrp4_class"), 0.002), kind(start)
+            if first:
+                controller.add(task)
+            for target in assigned:
+                task.target = target
+            if not first:
+                controller.add(task)
+            targets.append(np.array(task.target))
+        np.testing.assert_array_equal(*targets)
+        np.testing.assert_array_equal(targets[0][:3], [0.1, 0.2, 0.3])
+    task = kind()
+    task.target = {"tail": 1.0}
+    with pytest.raises(UnknownNameError):
+        controller.add(task)
+    task.target = {one: 0.1}  # in its place
+    assert Controller(robot, 0.002).add(task).target[0] == 0.1

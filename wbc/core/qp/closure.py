@@ -90,20 +90,33 @@ class LoopClosure(Contact):
         self._there = robot.data.oMf[self._other_id]
 
     def _resize(self, directions: Array) -> None:
-        """Take other directions over, with the gains and weights that all rows have."""
-        stiffness, damping, rate, weight = (
-            float(each[0]) for each in (self.stiffness, self.damping, self.rate, self.wrench_weight)
-        )
-        critical = self._critical
+        """Take other directions over, with the gains and weights that were given for them."""
+        same = np.abs(directions.dot(self.directions.T)) > 1.0 - FREE  # rows along rows that were there
+        given: dict[str, Array | None] = {
+            "stiffness": self.stiffness,
+            "damping": None if self._critical else self.damping,
+            "rate": self.rate,
+            "wrench_weight": self.wrench_weight,
+            "motion_weight": self.motion_weight,
+        }
+        for what, values in given.items():
+            if values is None or (values == values[0]).all():
+                given[what] = None if values is None else values[0]
+            elif same.any(axis=1).all():
+                given[what] = values[same.argmax(axis=1)]
+            else:
+                raise InputError(
+                    f"{what} of closure '{self.name}' must be a scalar: its chain opens in directions that are not "
+                    f"along the axes of '{self.frame}', got {values}"
+                )
         self.dim, self.directions = len(directions), directions
         self._lines = np.ascontiguousarray(directions[:, :3])
         self._spins = np.ascontiguousarray(directions[:, 3:])
         self._rows, self.cone = Rows.zeros(self.dim), np.zeros((0, self.dim))
         if self.dim:
-            self.stiffness, self.rate, self.wrench_weight = stiffness, rate, weight
-            self.damping = None if critical else damping
-            if self._motion_weight is not None:
-                self._motion_weight = self._motion_costs(float(self._motion_weight[0]))
+            for what, values in given.items():
+                if what != "motion_weight" or values is not None:
+                    setattr(self, what, values)
 
     @property
     def normal_force_range(self) -> tuple[float, float]:

@@ -121,7 +121,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     def stiffness(self, value: ArrayLike) -> None:
         stiffness = self._checked_gain("stiffness (1/s²)", value)
         if self._critical:
-            self._set_damping(2.0 * np.sqrt(stiffness))
+            self._set_damping(self._critical_damping(stiffness))
         self._rows.stiffness[:] = stiffness
         self.revision += 1
 
@@ -133,7 +133,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:
         if value is None:
-            self._set_damping(2.0 * np.sqrt(self._rows.stiffness))
+            self._set_damping(self._critical_damping(self._rows.stiffness))
         else:
             self._set_damping(self._checked_gain("damping (1/s)", value))
         self._critical = value is None
@@ -148,6 +148,10 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     def rate(self, value: ArrayLike) -> None:
         self._rows.rate[:] = self._checked_gain("rate (1/s)", value)
         self.revision += 1
+
+    def _critical_damping(self, stiffness: Array) -> Array:
+        """Return the damping of rows that are given none, 1/s, of the shape of the stiffness."""
+        return np.asarray(2.0 * np.sqrt(stiffness))
 
     def _set_damping(self, damping: Array) -> None:
         """Take a damping over, 1/s, scalar or shape (dim,)."""

@@ -107,8 +107,9 @@ class Task(Targeted):
         unit: Unit of the error, such as "m", or "m|rad" for position and rotation. For motion tasks the unit of the
             residual is `unit`/s².
         usual: Default options of all tasks of the class.
-        of_velocity: True for a class whose error is that of a velocity, such as a momentum. In inverse kinematics the
-            velocity of its rows is then the target itself, and `rate` has no effect.
+        of_velocity: True for a class whose error is that of a velocity, such as a momentum. It has no damping unless
+            one is given. In inverse kinematics the velocity of its rows is then the target itself, and `rate` has no
+            effect.
         drives: Kind of drives for which the rows are made: "position", or "torque" for torque and hybrid control; None
             for all.
         reads: Part of the robot's state that the rows of the class need in inverse kinematics.
@@ -198,6 +199,10 @@ class Task(Targeted):
         self.revision += 1
         self.idle = not (self._hard or self._rows.weight.any())
 
+    def _critical_damping(self, stiffness: Array) -> Array:
+        """Return none for a task on a velocity, whose error decays with its stiffness alone; see `Motion`."""
+        return 0.0 * stiffness if self.of_velocity else super()._critical_damping(stiffness)
+
     @property
     def error_bound(self) -> Array:
         """Bound of each component of the error, `unit`, shape (dim,), read-only; assign one, or inf for no bound."""
@@ -267,13 +272,17 @@ class Task(Targeted):
     def reached(self) -> bool:
         """True if no move goes on and the robot is at the target: within 10 mm and 0.05 rad, below 0.05 m/s, 0.2 rad/s.
 
+        An error in any other unit counts by the numbers for metres; a task for which these are wrong overrides this.
         The robot is that of the controller: in position control with open feedback it is the commanded robot.
         """
         if self.moving:
             return False
         jacobian, error, _ = evaluated(self)
         sizes = zip(self._parts(), self._sizes(error), self._sizes(jacobian @ self.robot.v), strict=True)
-        return all(off <= NEAR[unit] and speed <= SLOW[unit] for (unit, _), off, speed in sizes)
+        return all(
+            off <= NEAR.get(unit, NEAR["m"]) and speed <= SLOW.get(unit, SLOW["m"])
+            for (unit, _), off, speed in sizes
+        )
 
     def _sizes(self, rows: Array) -> list[float]:
         """Length of each part of some rows."""
