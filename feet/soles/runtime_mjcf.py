@@ -37,7 +37,7 @@ class SoleStiffness:
     ) -> None:
         """Start at the compiled stiffness; without an actuator the sole acts at once.
 
-        `damping` is stiffness (Nm/rad) → damping of all hinges (Nms/rad) that goes with it; it stays when None.
+        `damping` is stiffness (Nm/rad) → damping of the hinges that have it (Nms/rad); it stays when None.
         """
         if not foot.variable_joints:
             raise InputError(f"the {foot.side} foot is rigid: it has no stiffness to set")
@@ -45,7 +45,7 @@ class SoleStiffness:
         self._joints = np.array(
             [_id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in foot.variable_joints]
         )
-        self._dofs = model.jnt_dofadr[[_id(model, mujoco.mjtObj.mjOBJ_JOINT, n) for n in foot.sole_joints]]
+        self._dofs = model.jnt_dofadr[self._joints]
         self._damping = damping
         self.actuator = StiffnessActuator.instantaneous(high=math.inf) if actuator is None else actuator
         self._initial = float(model.jnt_stiffness[self._joints[0]])

@@ -32,7 +32,7 @@ from wbc.sim.loop.actuators import JointActuators
 from wbc.sim.loop.floor import UNEVEN, floor_under, friction_under, lowest_sole_point
 from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.places import RobotPlaces
-from wbc.sim.plant.robot import SimulatedRobot, advance, check_period
+from wbc.sim.plant.robot import DivergedError, SimulatedRobot, advance, check_period
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, Step, steps_per_tick
 from wbc.sim.plant.signals import Imu
@@ -135,6 +135,7 @@ class MujocoLoop(SimulatedRobot):
             machine=machine,
             imu=imu,
         )
+        self._zero_time = 0.0
         self._stepper: Stepper = mujoco.mj_step if stepper is None else stepper
         self.notes = tuple(self._notes(imu))
         self._ground = self._find_floor()
@@ -183,7 +184,9 @@ class MujocoLoop(SimulatedRobot):
 
     @checked
     def reset(self, configuration: ArrayLike | None = None, seed: Seed | None = None) -> None:
-        """Put the robot into a configuration, at rest and held by its drives; all other objects stay as they are.
+        """Restart at time zero and at rest, servos holding the configuration, without pushes.
+
+        All other objects stay as they are, and so does MuJoCo's own time in the `data`.
 
         Args:
             configuration: Shape (nq,); half-sitting on the floor below its feet when None.
@@ -196,11 +199,13 @@ class MujocoLoop(SimulatedRobot):
         if configuration is not None:
             q = checked_configuration("configuration", configuration, self.robot.nq)
             self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
+            q[3:7] /= np.linalg.norm(q[3:7])
         places = self.places
         places.set_configuration(q, self.data.qpos)
         places.set_at_rest(self.data.qvel)
         self.data.qacc_warmstart[:] = 0.0
         mujoco.mj_forward(self.model, self.data)
+        self._posture, self._zero_time = self.joint_position, float(self.data.time)
         self.actuators.apply(self.data, self.hold())
         self.actuators.settle(self.data)
         self._begin(self.seed)
@@ -210,6 +215,11 @@ class MujocoLoop(SimulatedRobot):
         super()._begin(seed)
         self.actuators.begin(self.data)
         self._at_work = self.hold()
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the last reset, s; that of the data where they were given and not reset."""
+        return float(self.data.time) - self._zero_time
 
     @property
     def joint_torque(self) -> Array:
@@ -222,11 +232,6 @@ class MujocoLoop(SimulatedRobot):
         q[2] += self._ground - lowest_sole_point(self.robot, q)
         return q
 
-    def hold(self) -> Command:
-        """Return a command that holds the present joint positions with the servos."""
-        zero = np.zeros(self.robot.na)
-        return Command(zero, np.array(self.data.qpos[self.places.joint_qpos]), zero)
-
     def step(self, command: Command) -> None:
         """Advance by one control period under a command.
 
@@ -236,6 +241,7 @@ class MujocoLoop(SimulatedRobot):
         Raises:
             InputError: The command has a wrong shape, is not finite, or has negative gains. The simulation has not
                 advanced.
+            DivergedError: The simulation has diverged before; `diverged` says why.
         """
         step_together((self,), (command,))
 
@@ -364,6 +370,8 @@ class MujocoLoop(SimulatedRobot):
 def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> None:
     """Advance robots in one simulation, loops of one model, data and period, by it, each under its command."""
     for loop, command in zip(loops, commands, strict=True):
+        if loop.diverged is not None:
+            raise DivergedError(f"the simulation cannot go on: {loop.diverged}; reset it")
         loop.actuators.check(command)
         check_period(command, loop.control_period)
     for loop, command in zip(loops, commands, strict=True):

@@ -81,7 +81,7 @@ class Plant(SimulatedRobot):
         *,
         foot: str | Foot = "flat",
         terrain: str | Terrain = "flat",
-        timestep: Step = 0.001,
+        timestep: Step | None = None,
         control_period: Step = 0.005,
         noise: str | SensorNoise = NO_NOISE,
         seed: Seed = 0,
@@ -99,13 +99,13 @@ class Plant(SimulatedRobot):
             description: The robot, or the name of one (`wbc.robots.names`).
             foot: A foot, or the name of one: "flat" is the robot's own sole.
             terrain: The ground, or the name of a family with its own amplitude and seed 0.
-            timestep: Physics step, s.
+            timestep: Physics step, s; that of `physics`, or 1 ms, when None.
             control_period: Time between two commands, s; a whole multiple of the physics step.
             noise: Sensor errors, or the name of a preset: "none", "realistic".
             seed: Seed of every random draw.
             initial_configuration: Start of the robot, shape (nq,); half-sitting on the ground when None.
             range_sensor: Range sensor under each toe; none when None.
-            physics: Further settings of the physics; the argument `timestep` replaces the time step in them.
+            physics: Further settings of the physics.
             machine: Properties of the machine that the description omits: delays, friction, payload, and which sensors
                 exist.
             scene: Furniture around the robot: a scene, the name of one, or MJCF as a path, as XML or as a
@@ -117,9 +117,10 @@ class Plant(SimulatedRobot):
         """
         description = as_description(description)
         description.needs_feet("the plant")
-        steps_per_tick(control_period, timestep)
+        settings = physics or PhysicsSettings()
+        self.physics = settings if timestep is None else replace(settings, timestep=timestep)
+        steps_per_tick(control_period, self.physics.timestep)
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
-        self.physics = replace(physics or PhysicsSettings(), timestep=timestep)
         machine, robot = machine or Machine(), description.robot()
         things = None if scene is None else furniture(scene)
         self.scene = None if things is None else things.to_xml()
@@ -156,6 +157,9 @@ class Plant(SimulatedRobot):
         self._initial = None
         if initial_configuration is not None:
             self._initial = checked_configuration("initial_configuration", initial_configuration, robot.nq)
+        # Time in each control period, s, before and after the step in which a late command begins to act.
+        self._until_due = whole_steps(machine.command_delay, self.timestep) % self.steps * self.timestep
+        self._from_due = self.control_period - self._until_due
         age = whole_steps(machine.measurement_delay, self.timestep)
         # Readings of range sensors and stiffness actuators, once a tick: the oldest is the one that counts.
         self._late_feet: deque[tuple[Array, Array]] = deque(
@@ -299,8 +303,8 @@ class Plant(SimulatedRobot):
         self._drives.read(command)
         check_period(command, self.control_period)
         self._devices.check(command.sole_stiffness)
-        if self._devices.advance(command.sole_stiffness, self.control_period):
-            self._refresh()  # the springs' forces belong to the half of the coming step that is done already
+        if self._until_due:
+            self._set_soles(None, self._until_due)
         self._take(command)
         if self._loads.changing:
             self._loads.advance(self.control_period)
@@ -313,11 +317,6 @@ class Plant(SimulatedRobot):
     def clouds(self) -> list[PointCloud]:
         """Return the clouds of points that have arrived from all eyes since the last call; empty without eyes."""
         return [] if self.eyes is None else self.eyes.take(self.time)
-
-    def hold(self) -> Command:
-        """Return a command that holds the posture of the last reset with the servos."""
-        zero = np.zeros(self.robot.na)
-        return Command(zero, np.array(self._start[7:]), zero)
 
     @checked
     def load(
@@ -344,7 +343,13 @@ class Plant(SimulatedRobot):
         """Present mass of all loads, kg."""
         return self._loads.mass
 
+    def _set_soles(self, stiffness: Array | None, duration: float) -> None:
+        """Advance the stiffness actuators by a time, s, under a command, shape (soles,), Nm/rad; the last when None."""
+        if self._devices.advance(stiffness, duration):
+            self._refresh()  # the springs' forces belong to the half of the coming step that is done already
+
     def _follow(self, command: Command) -> None:
+        self._set_soles(command.sole_stiffness, self._from_due)
         if self._late is not None:  # without a delay it has just been read
             self._drives.read(command)
         self._drives.follow()

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError, WbcError
-from wbc.base.numbers import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array, positive
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
@@ -198,6 +198,11 @@ class SimulatedRobot(ABC):
         """Open a hand, by its role."""
         self._grips.open(self.data, hand)
 
+    def hold(self) -> Command:
+        """Return a command that holds with the servos the posture of the last reset; before one, that at the begin."""
+        zero = np.zeros(self.robot.na)
+        return Command(zero, self._posture.copy(), zero)
+
     def truth(self) -> GroundTruth:
         """Return the true state now; the same object until the next step.
 
@@ -263,6 +268,7 @@ class SimulatedRobot(ABC):
             self._late.clear()
         self._measurement = self._truth = None
         self.diverged = None
+        self._posture = self.joint_position
         self._signals.begin(self.data)
         self._chain.reset(self._signals.values, seed)
 
@@ -284,6 +290,7 @@ def check_period(command: Command, own: float) -> None:
     period = command.period
     if period is None or period == own:
         return
+    period = positive("period of a command (s)", period)
     if round(period / own) < 1 or abs(round(period / own) * own - period) > ROUNDING:
         raise InputError(
             f"the control is made for a period of {1e3 * period:g} ms, and the simulation advances by "

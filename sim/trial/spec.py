@@ -15,7 +15,7 @@ from pydantic import BeforeValidator
 from wbc.base.checked import checked
 from wbc.base.errors import choose
 from wbc.base.registry import reading_data
-from wbc.base.settings import Positive, Seed, from_json, json_object, settings, to_json
+from wbc.base.settings import Seed, from_json, json_object, settings, to_json
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.robot import Robot
@@ -24,7 +24,7 @@ from wbc.robots import RobotDescription, load
 from wbc.robots.registry import name_of
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.sensors import NOISE_PRESETS
-from wbc.sim.plant.settings import Machine, steps_per_tick
+from wbc.sim.plant.settings import Machine, Step, steps_per_tick
 from wbc.sim.trial.loops import PLANT, TrialLoop, trial_loop
 
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
@@ -71,8 +71,8 @@ class TrialSpec:
     foot: str = "flat"
     noise: str = "none"
     seed: Seed = 0
-    control_period: Annotated[Positive, "s"] | None = None
-    timestep: Annotated[Positive, "s"] = 0.001
+    control_period: Step | None = None
+    timestep: Step = 0.001
     servo: tuple[str, ...] = ()
     machine: Machine = field(default_factory=Machine)
     loop: str = PLANT

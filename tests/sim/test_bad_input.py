@@ -132,6 +132,12 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: WalkSpec(foot="flat", stiffness=5.0), "stiffness"),
         (lambda: soft(foot_changes={"stiffness": 1.0}), "stiffness"),
         (lambda: WalkSpec(control_period=0.0025), "0.002"),
+        (lambda: WalkSpec(control_period=1e308), r"control_period \(s\)"),
+        (lambda: WalkSpec(timestep=1e-300), r"timestep \(s\)"),
+        (
+            lambda: Plant("hrp4_class", physics=PhysicsSettings(timestep=0.003)),
+            "multiple of the physics step 0.003",
+        ),
         (lambda: WalkSpec(changes={"margin": 0.01}), "distribution.margin"),
         (lambda: WalkSpec(changes={"com_height": 1.5}), "CoM height"),
         (lambda: WalkSpec(gait=Gait(step_length=0.5)), "reach"),

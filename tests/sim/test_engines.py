@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from wbc.sim import (
     EngineLoop,
     EnginePush,
     Machine,
+    MujocoLoop,
     WalkPlan,
     WalkSpec,
     register_loop,
@@ -89,6 +91,62 @@ def file(tmp_path: Path) -> str:
     path = tmp_path / "theirs.py"
     path.write_text(OWN_MODEL, encoding="utf-8")
     return str(path)
+
+
+def any_loop(kind: str) -> Any:
+    if kind == "engine":
+        return InAir("hrp4_class")
+    plant = wbc.Plant("hrp4_class", control_period=0.002)
+    return plant if kind == "plant" else MujocoLoop(plant.description, plant.model)
+
+
+@pytest.mark.parametrize("kind", ["plant", "engine", "mujoco"])
+def test_hold_and_reset_mean_the_same_in_every_loop(kind: str) -> None:
+    """`hold` is the posture of the last reset wherever the joints are; `reset` restarts time, motion and pushes."""
+    loop = any_loop(kind)
+    q = loop.on_ground(loop.robot.half_sitting)
+    np.testing.assert_allclose(loop.hold().joint_position, q[7:], atol=1e-12)
+    q[7:] += 0.05
+    q[2] += 0.3  # in the air, where no force but that of a push moves the centre of mass aside
+    q[3:7] *= 1.0 + 1e-7  # within what counts as a unit quaternion
+    loop.reset(q)
+    np.testing.assert_array_equal(loop.hold().joint_position, q[7:])
+    loop.push("torso", [300.0, 0.0, 0.0], 1.0)
+    for _ in range(30):
+        loop.step(Command(np.zeros(loop.robot.na)))
+    assert loop.time == pytest.approx(0.06) and np.abs(loop.joint_position - q[7:]).max() > 1e-3
+    np.testing.assert_array_equal(loop.hold().joint_position, q[7:])
+    loop.hold().joint_position[0] = 9.0
+    np.testing.assert_array_equal(loop.hold().joint_position, q[7:])
+    loop.reset(q)
+    assert loop.time == loop.measure().time == loop.truth().time == 0.0
+    first = loop.truth()
+    assert not first.v.any() and np.linalg.norm(first.q[3:7]) == pytest.approx(1.0, abs=1e-12)
+    loop.step(loop.hold())
+    assert loop.time == pytest.approx(0.002)
+    assert abs(loop.truth().com_velocity[0]) < 1e-4, "the push is over: it would give 0.015 m/s"
+
+
+@pytest.mark.parametrize("kind", ["plant", "engine", "mujoco"])
+def test_a_loop_that_has_diverged_goes_on_after_a_reset_alone(kind: str) -> None:
+    loop = any_loop(kind)
+    loop.diverged = "made up"
+    with pytest.raises(DivergedError, match="made up"):
+        loop.step(loop.hold())
+    with pytest.raises(MeasurementError, match="made up"):
+        loop.measure()
+    loop.reset()
+    loop.step(loop.hold())
+    assert loop.diverged is None and loop.measure().time == pytest.approx(0.002)
+
+
+@pytest.mark.parametrize("period", [float("nan"), float("inf"), 0.0, -0.002, "x", 0.003])
+@pytest.mark.parametrize("kind", ["plant", "engine", "mujoco"])
+def test_a_command_for_another_period_is_refused_by_every_loop(kind: str, period: Any) -> None:
+    loop = any_loop(kind)
+    with pytest.raises(InputError, match="period"):
+        loop.step(replace(loop.hold(), period=period))
+    assert loop.time == 0.0
 
 
 def test_sensors_of_another_engine_are_what_a_falling_robot_feels() -> None:

@@ -12,13 +12,14 @@ from properties import by_default
 
 from wbc.base.numbers import Array
 from wbc.core.signals import Command, Measurement
-from wbc.feet import StiffnessActuator
+from wbc.feet import StiffnessActuator, foot
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load
-from wbc.sim import PhysicsSettings, Plant, SensorNoise, SignalNoise
+from wbc.sim import FootTest, Machine, PhysicsSettings, Plant, SensorNoise, SignalNoise
 from wbc.sim.plant.sensors import SensorChain
+from wbc.sim.rig.rig import Rig
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
@@ -213,6 +214,28 @@ def test_latency_shows_the_past(ages: dict[str, int], rounded_down: float) -> No
             then = np.mean([getattr(past[max(0, first - i)], name) for i in range(mean)], axis=0)
             np.testing.assert_allclose(getattr(measured, name), then, rtol=1e-12, atol=1e-9, err_msg=name)
         assert measured.time == pytest.approx(0.005 * (tick + 1))
+
+
+@pytest.mark.parametrize("delay", [0.005, 0.007, 0.013])
+def test_a_delay_of_commands_delays_the_soles_as_it_delays_the_joints(delay: float) -> None:
+    """At ten decades a second the stiffness has gone from 5 to 60 Nm/rad, 1.08 decades, 0.108 s after the delay."""
+    foot = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator(10.0, 0.0))
+    plant = Plant(load("hrp4_class"), foot=foot, machine=Machine(command_delay=delay), visuals=False)
+    command = replace(plant.hold(), sole_stiffness=np.array([60.0, 5.0]))
+    for tick in range(1, 40):
+        plant.step(command)
+        moved = 5.0 * 10.0 ** (10.0 * max(0.0, 0.005 * tick - delay))
+        np.testing.assert_allclose(plant.measure().sole_stiffness, [min(moved, 60.0), 5.0], rtol=1e-9)
+
+
+def test_hinges_of_another_stiffness_keep_their_damping_in_the_plant_as_in_the_rig() -> None:
+    design = foot("soft", stiffness=5.0, front_stiffness=400.0, damping_ratio=0.5)
+    rig, plant = Rig(FootTest(design)), Plant(load("hrp4_class"), foot=design, visuals=False)
+    for model, parts in ((rig.model, rig.foot), (plant.model, plant.feet[0])):
+        found = [model.dof_damping[model.joint(name).dofadr[0]] for name in parts.sole_joints]
+        stiff = [model.jnt_stiffness[model.joint(name).id] for name in parts.sole_joints]
+        np.testing.assert_allclose(found, [design.damping_at(each) for each in stiff], rtol=1e-12)
+        assert max(found) > 8.0 * min(found)
 
 
 def test_a_new_stiffness_acts_at_once_as_if_compiled_in() -> None:
