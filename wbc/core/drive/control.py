@@ -47,7 +47,7 @@ by planned steps that are adjusted (healthy walks come to 0.25), and by steps th
 after a push that was survived)."""
 
 UNUSUAL = {
-    Status.RELAXED: ("relaxed: hard tasks and contacts cannot all be satisfied",),
+    Status.RELAXED: ("relaxed: limits, hard tasks and contacts cannot all be satisfied",),
     Status.BADLY_SCALED: ("badly scaled: weights span too many decades, or friction is nearly zero",),
 }
 """Words of `status` for a tick that was solved in another way than it was asked for."""

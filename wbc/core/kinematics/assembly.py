@@ -31,7 +31,7 @@ import numpy as np
 
 from wbc.base.numbers import Array
 from wbc.core.kinematics.solution import Achieved, holding
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import BACK, Attainable, Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.assembly import saturated
 from wbc.core.qp.closure import LoopClosure
@@ -173,13 +173,20 @@ class VelocityAssembly:
         self._limits: list[tuple[Limit, Array, Array, Array]] = []
         names: list[str] = []
         at = 0
-        for limit in limits:
+        single = 0
+        for limit in sorted(limits, key=lambda limit: not isinstance(limit, JointLimits)):
             rows = slice(at, at + limit.dim)
             p.inequality_groups[limit.name] = rows
             self._limits.append((limit, p.inequality[rows], p.lower[rows], p.upper[rows]))
             per_joint = isinstance(limit, JointLimits)
             names += [f"limits of {j}" for j in robot.joint_names] if per_joint else [limit.name] * limit.dim
             at = rows.stop
+            single = at if per_joint else single
+        many = slice(single, None)
+        joints = (p.lower[:single], p.upper[:single]) if single else None
+        self._attainable = Attainable(p.inequality[many], p.lower[many], p.upper[many], joints, BACK)
+        p.yielding[:] = 1
+        p.yielding[:single] = 2
         self.names = tuple(names)
         self._standing = np.zeros(at)  # values of the limits' rows without a step
         self._dt, self._stamp, self.damping = 0.0, -1, regularisation
@@ -223,6 +230,7 @@ class VelocityAssembly:
                 if task.of_velocity:
                     self._momenta.append((jacobian, self._targets[rows], view.error))
             if task.hard:
+                self.problem.hard_tasks[rows] = True
                 self.problem.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
         return at
@@ -254,6 +262,7 @@ class VelocityAssembly:
             level.damping = self._regularisation + self._per_error * float(cost.dot(left))
         for limit, matrix, lower, upper in self._limits:
             limit.write_velocity(dt, matrix, lower, upper)
+        self._attainable.cut()
 
     def _take_gains(self, dt: float) -> None:
         """Take rates, weights and bounds of errors over where one has changed, or the period, s."""

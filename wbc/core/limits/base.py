@@ -16,6 +16,15 @@ from wbc.core.robot import Reads, Robot
 OPTIONS = "it follows from the robot and from the options with which the limit was made: make another limit"
 """Advice in place of an assignment to a bound."""
 
+ATTAINABLE = 100.0
+"""Acceleration of a coordinate up to which a limit asks for it, rad/s² or m/s²: the most braking of joints."""
+
+BACK = 1.0
+"""Speed of a coordinate up to which a limit asks for it from outside, rad/s or m/s; of a step rad or m."""
+
+SHARE = 0.9
+"""Share of what the joints attain up to which a limit asks for it: all of it would leave one velocity alone."""
+
 
 class Limit(ABC):
     """Base of limits on the generalised acceleration: lower ≤ rows · acceleration ≤ upper.
@@ -66,6 +75,128 @@ class Limit(ABC):
         self.write_step(rows, lower, upper)
         lower /= dt
         upper /= dt
+
+
+class Barrier(Limit):
+    """Base of limits that keep coordinates of the robot between bounds.
+
+    A subclass fills its rows and the rooms, the distances of the coordinates to their bounds, and returns the drift.
+    The rest is one law for all of them. A room may shrink at room / time constant at most, so that it never falls
+    below zero (the velocity damper of Faverjon & Tournassoud, ICRA 1987). A row demands at most the acceleration room /
+    time constant² + recovery away from its bound, which is enough from inside. From outside it brings the coordinate
+    back. No row demands more than joints attain, and two bounds of one row never cross.
+    """
+
+    _time: float
+    _back: float  # recovery, acceleration from outside, m/s² or rad/s²
+    _robot: Robot
+
+    @abstractmethod
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        """Fill rows and rooms at the present configuration.
+
+        Args:
+            rows: Velocity of the coordinates per generalised velocity, to fill, shape (dim, nv); see `write`.
+            below: Coordinate less its lower bound, to fill, shape (dim,): negative outside, inf where there is none.
+            above: Upper bound less the coordinate, to fill in the same way.
+        """
+
+    @abstractmethod
+    def drift(self) -> Array:
+        """Return the accelerations of the coordinates at no generalised acceleration; `measure` was called before."""
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill rows and bounds of the acceleration; see `Limit.write`."""
+        self.measure(rows, lower, upper)
+        speed, drift = rows.dot(self._robot.v), self.drift()
+        most = ATTAINABLE * np.abs(rows).sum(axis=1)
+        np.negative(self._brake(lower, -speed, dt), out=lower)
+        upper[:] = self._brake(upper, speed, dt)
+        lower -= drift
+        upper -= drift
+        np.minimum(lower, most, out=lower)
+        np.maximum(upper, -most, out=upper)
+        uncross(lower, upper)
+
+    def _brake(self, room: Array, speed: Array, dt: float) -> Array:
+        """Return the greatest accelerations towards a bound at rooms and at speeds towards it."""
+        final = (room / self._time - speed) / dt
+        # At the speed room / time constant a coordinate needs the deceleration room / time constant², and a little more
+        # because a period passes before the bound reacts.
+        share = (1.0 + 2.0 * dt / self._time) / self._time**2
+        return np.asarray(np.maximum(final, -share * np.maximum(room, 0.0) - self._back))
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill rows and bounds of a step; see `Limit.write_step`."""
+        self.measure(rows, lower, upper)
+        np.negative(lower, out=lower)
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill rows and bounds of the velocity; see `Limit.write_velocity`."""
+        self.write_step(rows, lower, upper)
+        lower /= max(dt, self._time)
+        upper /= max(dt, self._time)
+        if (lower > 0.0).any() or (upper < 0.0).any():
+            most = BACK * np.abs(rows).sum(axis=1)
+            np.minimum(lower, most, out=lower)
+            np.maximum(upper, -most, out=upper)
+            uncross(lower, upper)
+
+
+def uncross(lower: Array, upper: Array) -> None:
+    """Put both bounds of a row between them where the lower one is above the upper one."""
+    crossed = lower > upper
+    if crossed.any():
+        lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
+
+
+class Attainable:
+    """Demands of limits on many joints, cut off at what the intervals of single joints allow.
+
+    A row of a limit that is violated demands a motion. The joints may be too slow for it, or at their own bounds. Then
+    the row demands what they attain, so that it contradicts no interval of a joint.
+    """
+
+    def __init__(
+        self, rows: Array, lower: Array, upper: Array, joints: tuple[Array, Array] | None, fastest: float
+    ) -> None:
+        """Prepare for rows with bounds, and for intervals of the joints, if any; all are views that others fill.
+
+        Args:
+            rows: Rows of limits on many joints, shape (n, nv).
+            lower: Their lower bounds, shape (n,).
+            upper: Their upper bounds, shape (n,).
+            joints: Lower and upper bounds of each joint, shapes (na,); they belong to the last coordinates.
+            fastest: What a coordinate attains that has no bound.
+        """
+        self._rows, self._lower, self._upper = rows, lower, upper
+        self._bounds, self._fastest = joints, fastest
+        self._low, self._high = np.full(rows.shape[1], -fastest), np.full(rows.shape[1], fastest)
+
+    def cut(self) -> None:
+        """Cut the demands of all rows off."""
+        lower, upper = self._lower, self._upper
+        if not lower.size:
+            return
+        chosen = (lower > 0.0) | (upper < 0.0)
+        low, high = self._low, self._high
+        if self._bounds is not None:
+            least, most = self._bounds
+            if (
+                least[least.argmax()] > 0.0 or most[most.argmin()] < 0.0
+            ):  # a joint must move: it may need all others
+                chosen[:] = True
+            if not chosen.any():
+                return
+            joints = slice(low.size - least.size, None)
+            low[joints] = np.where(np.isfinite(least), least, np.minimum(most, -self._fastest))
+            high[joints] = np.where(np.isfinite(most), most, np.maximum(least, self._fastest))
+        elif not chosen.any():
+            return
+        rows = self._rows[chosen]
+        middle, reach = rows.dot(0.5 * (low + high)), np.abs(rows).dot(0.5 * SHARE * (high - low))
+        lower[chosen] = np.minimum(lower[chosen], middle + reach)
+        upper[chosen] = np.maximum(upper[chosen], middle - reach)
 
 
 def for_joints(what: str, value: ArrayLike, robot: Robot) -> Array:

@@ -19,14 +19,14 @@ from wbc.base.errors import InputError
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.limits.base import OPTIONS, Limit
+from wbc.core.limits.base import OPTIONS, Barrier
 from wbc.core.robot import Robot
 
 EDGES = 8
 """Rows of a limit, one for each edge that the hull of two soles may have; more for a given polygon that has more."""
 
 
-class CoMPolygonLimit(Limit):
+class CoMPolygonLimit(Barrier):
     """Limit that keeps the ground projection of the centre of mass inside a convex polygon.
 
     The CoM may approach an edge with distance / time constant at most. The velocities that this allows at all edges
@@ -41,8 +41,8 @@ class CoMPolygonLimit(Limit):
 
     reads = "kinematics"
     step_unit = "m"
-    time_constant: float = result("_time_constant", OPTIONS)
-    recovery: float = result("_recovery", OPTIONS)
+    time_constant: float = result("_time", OPTIONS)
+    recovery: float = result("_back", OPTIONS)
 
     @checked
     def __init__(
@@ -69,7 +69,7 @@ class CoMPolygonLimit(Limit):
         self.name, self.dim = name, EDGES if polygon is None else max(EDGES, len(convex_hull(polygon)))
         self._margin, self._given_recovery = margin, recovery
         self._given_time = time_constant
-        self._bound_robot: Robot | None = None
+        self._bound: Robot | None = None
         self._normals, self._offsets = np.zeros((self.dim, 2)), np.full(self.dim, np.inf)
         self._edges = 0
         self._polygon: Array | None = None
@@ -78,10 +78,10 @@ class CoMPolygonLimit(Limit):
             self.polygon = polygon
 
     @property
-    def _robot(self) -> Robot:
-        if self._bound_robot is None:
+    def _robot(self) -> Robot:  # type: ignore[override]
+        if self._bound is None:
             raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
-        return self._bound_robot
+        return self._bound
 
     @property
     def polygon(self) -> Array:
@@ -144,7 +144,7 @@ class CoMPolygonLimit(Limit):
             raise InputError(
                 f"limit '{self.name}' is of a robot that stands, '{robot.name}' is bolted to the world"
             )
-        self._bound_robot = robot
+        self._bound = robot
         gravity = robot.model.gravity.linear
         self._gravity = np.array(gravity[:2])
         time_constant, recovery = self._given_time, self._given_recovery
@@ -155,48 +155,29 @@ class CoMPolygonLimit(Limit):
                     f"limit '{self.name}' needs a time constant: the CoM of {robot!r} is above no sole"
                 )
             time_constant = math.sqrt(max(heights) / -gravity[2])
-        self._time_constant = time_constant
-        self._recovery = 0.5 * self._margin / time_constant**2 if recovery is None else recovery
+        self._time = time_constant
+        self._back = 0.5 * self._margin / time_constant**2 if recovery is None else recovery
         self._base_rotation = robot.data.oMi[1].rotation
         if self._of_soles:
             self.use_soles()
 
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill one row for each edge; see `Limit.write`."""
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        """Fill one row for each edge; see `Barrier.measure`."""
         robot, used = self._robot, slice(0, self._edges)
         normals = self._normals[used]
-        distance = self._offsets[used] - np.dot(normals, robot.com[:2])
-        bound = (distance / self._time_constant - np.dot(normals, robot.com_velocity[:2])) / dt
-        demand = np.maximum(distance, 0.0)
-        # At the speed distance / time constant towards the edge, the CoM needs the deceleration distance / time
-        # constant², and a little more because a period passes before the bound reacts.
-        demand *= (1.0 + 2.0 * dt / self._time_constant) / self._time_constant**2
-        demand += self._recovery
-        np.maximum(bound, -demand, out=bound)
-        # Acceleration of the CoM at zero generalised acceleration: the force on the base rows of the bias, less weight.
+        below[:] = np.inf
+        rows[used] = np.dot(normals, robot.com_jacobian[:2])
+        above[used] = self._offsets[used] - np.dot(normals, robot.com[:2])
+        rows[self._edges :] = 0.0
+        above[self._edges :] = np.inf
+
+    def drift(self) -> Array:
+        """Return the accelerations towards the edges: the force on the base rows of the bias, less weight."""
+        robot = self._robot
         drift = np.dot(self._base_rotation[:2], robot.bias[:3])
         drift /= robot.mass
         drift += self._gravity
-        lower[:] = -np.inf
-        rows[used] = np.dot(normals, robot.com_jacobian[:2])
-        np.subtract(bound, np.dot(normals, drift), out=upper[used])
-        rows[self._edges :] = 0.0
-        upper[self._edges :] = np.inf
-
-    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill one row for each edge; see `Limit.write_step`."""
-        robot, used = self._robot, slice(0, self._edges)
-        normals = self._normals[used]
-        lower[:] = -np.inf
-        rows[used] = np.dot(normals, robot.com_jacobian[:2])
-        upper[used] = self._offsets[used] - np.dot(normals, robot.com[:2])
-        rows[self._edges :] = 0.0
-        upper[self._edges :] = np.inf
-
-    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the largest velocity of the CoM towards each edge; see `Limit.write_velocity`."""
-        self.write_step(rows, lower, upper)
-        upper /= max(dt, self._time_constant)
+        return np.asarray(self._normals.dot(drift))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', edges={self._edges})"

@@ -1,8 +1,4 @@
-"""Limits on a frame: its position along directions, its speed, and the direction of one of its axes.
-
-Each keeps something from falling below zero: at a room c it may fall at c / time constant at most, and from outside it
-is brought back by an acceleration of `RECOVERY` at most.
-"""
+"""Limits on a frame: its position along directions, its speed, and the direction of one of its axes."""
 
 from __future__ import annotations
 
@@ -17,19 +13,16 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only
 from wbc.base.settings import Positive
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import Barrier, Limit
 from wbc.core.robot import Robot
 
 RECOVERY = 2.0
 """Greatest acceleration back from outside of a bound, m/s² or rad/s²."""
 
+FLAT = 0.1
+"""Sine of an angle below which the direction of its change turns faster than is followed."""
+
 _WORLD = pin.LOCAL_WORLD_ALIGNED
-
-
-def least_acceleration(room: Array, speed: Array, dt: float, time_constant: float) -> Array:
-    """Return the least acceleration of rooms that change at speeds, for a period, s, and a time constant, s."""
-    demand = -(room / time_constant + speed) / dt
-    return np.asarray(np.minimum(demand, np.maximum(room, 0.0) / time_constant**2 + RECOVERY))
 
 
 class FrameLimit(Limit):
@@ -41,10 +34,9 @@ class FrameLimit(Limit):
 
     reads = "kinematics"
 
-    def __init__(self, frame: str, what: str, dim: int, name: str | None, time_constant: float) -> None:
+    def __init__(self, frame: str, what: str, dim: int, name: str | None) -> None:
         """Describe the limit, by default named after frame and `what`."""
         self.frame, self.name, self.dim = frame, name or f"{frame} {what}", dim
-        self._time = time_constant
 
     @checked
     def bind(self, robot: Robot) -> None:
@@ -63,7 +55,7 @@ class FrameLimit(Limit):
         return velocity, pin.getFrameClassicalAcceleration(model, data, self._id, _WORLD).vector
 
 
-class FramePositionLimit(FrameLimit):
+class FramePositionLimit(FrameLimit, Barrier):
     """Limit that keeps the origin of a frame inside bounds along directions of the world: in a box, or behind a plane.
 
     FramePositionLimit("hand", lower=(0.2, -0.5, 0.1))
@@ -99,7 +91,8 @@ class FramePositionLimit(FrameLimit):
                 f"directions of the limit of '{frame}' must be vectors, shape (n, 3), got {axes}"
             )
         self._axes = axes / lengths[:, None]
-        super().__init__(frame, "bounds", len(axes), name, time_constant)
+        super().__init__(frame, "bounds", len(axes), name)
+        self._time, self._back = time_constant, RECOVERY
         self._lower, self._upper = np.full(self.dim, -np.inf), np.full(self.dim, np.inf)
         self._take(lower, upper)
 
@@ -140,28 +133,16 @@ class FramePositionLimit(FrameLimit):
     def upper(self, value: ArrayLike) -> None:
         self._take(None, value)
 
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill a row for each direction; see `Limit.write`."""
-        place, (velocity, drift) = self._axes @ self._placement.translation, self._motion()
-        speed, drift = self._axes @ velocity[:3], self._axes @ drift[:3]
-        rows[:] = self._axes @ self._jacobian()[:3]
-        lower[:] = least_acceleration(place - self._lower, speed, dt, self._time) - drift
-        upper[:] = -least_acceleration(self._upper - place, -speed, dt, self._time) - drift
-        crossed = lower > upper  # from outside of narrow bounds at speed
-        lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
-
-    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill a row for each direction; see `Limit.write_step`."""
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        """Fill a row for each direction; see `Barrier.measure`."""
         place = self._axes @ self._placement.translation
         rows[:] = self._axes @ self._jacobian()[:3]
-        np.subtract(self._lower, place, out=lower)
-        np.subtract(self._upper, place, out=upper)
+        np.subtract(place, self._lower, out=below)
+        np.subtract(self._upper, place, out=above)
 
-    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill a row for each direction; see `Limit.write_velocity`."""
-        self.write_step(rows, lower, upper)
-        lower /= max(dt, self._time)
-        upper /= max(dt, self._time)
+    def drift(self) -> Array:
+        """Return the accelerations along the directions; see `Barrier.drift`."""
+        return np.asarray(self._axes @ self._motion()[1][:3])
 
 
 class FrameSpeedLimit(FrameLimit):
@@ -184,7 +165,7 @@ class FrameSpeedLimit(FrameLimit):
             angular: Largest component of the angular velocity, rad/s; unlimited by default.
             name: Name of the limit.
         """
-        super().__init__(frame, "speed", 6, name, 0.0)
+        super().__init__(frame, "speed", 6, name)
         self.speed = np.repeat([linear, angular], 3)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
@@ -206,7 +187,7 @@ class FrameSpeedLimit(FrameLimit):
         np.negative(self.speed, out=lower)
 
 
-class AxisConeLimit(FrameLimit):
+class AxisConeLimit(FrameLimit, Barrier):
     """Limit that keeps an axis of a frame inside a cone about a direction of the world, such as the axis of a full cup.
 
     The limit is a·d ≥ cos(angle), with the axis a and the direction d, both of length 1, along the world axes. The rate
@@ -228,7 +209,8 @@ class AxisConeLimit(FrameLimit):
 
         `angle` is half the opening of the cone, rad. `axis` and `direction` have shape (3,) and any length.
         """
-        super().__init__(frame, "cone", 1, name, time_constant)
+        super().__init__(frame, "cone", 1, name)
+        self._time, self._back = time_constant, RECOVERY
         if angle >= math.pi:
             raise InputError(f"angle of limit '{self.name}' must be below π rad, got {angle}")
         units = []
@@ -238,28 +220,36 @@ class AxisConeLimit(FrameLimit):
                 raise InputError(f"{what} of limit '{self.name}' must not be zero")
             units.append(given / np.linalg.norm(given))
         self._axis, self._direction = units
-        self._least = math.cos(angle)
+        self._angle, self._least = angle, math.cos(angle)
 
-    def _row(self, rows: Array) -> tuple[Array, float]:
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        """Fill the row; see `Barrier.measure`.
+
+        Where axis and direction are more than a right angle apart, the row is that of their angle, because a·d changes
+        the less the nearer they come to opposite directions.
+        """
         axis = self._placement.rotation @ self._axis
-        rows[0] = np.cross(axis, self._direction) @ self._jacobian()[3:]
-        return axis, float(axis @ self._direction) - self._least
+        turn, cosine = np.cross(axis, self._direction), float(axis @ self._direction)
+        self._turn, self._sine, below[0] = turn, 1.0, cosine - self._least
+        if cosine < 0.0:
+            sine = float(np.linalg.norm(turn))
+            below[0] = self._angle - math.atan2(sine, cosine)
+            if sine < ROUNDING:  # any way is a way back
+                turn, sine = np.cross(axis, np.eye(3)[np.abs(axis).argmin()]), 0.0
+            self._turn, self._sine = turn / np.linalg.norm(turn), max(sine, FLAT)
+        rows[0] = self._turn @ self._jacobian()[3:]
+        above[:] = np.inf
 
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the row; see `Limit.write`. The second derivative of a·d is α·(a × d) + (ω × (ω × a))·d."""
-        axis, room = self._row(rows)
+    def drift(self) -> Array:
+        """Return the acceleration of the row; see `Barrier.drift`.
+
+        The second derivative of a·d = cos θ is α·(a × d) + (ω × (ω × a))·d. That of −θ is (that + cos θ θ̇²) / sin θ.
+        """
+        axis = self._placement.rotation @ self._axis
         velocity, acceleration = self._motion()
-        spin, turn = velocity[3:], np.cross(axis, self._direction)
-        drift = acceleration[3:] @ turn + np.cross(spin, np.cross(spin, axis)) @ self._direction
-        lower[:] = least_acceleration(np.array([room]), spin @ turn, dt, self._time) - drift
-        upper[:] = np.inf
-
-    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the row; see `Limit.write_step`."""
-        _, room = self._row(rows)
-        lower[:], upper[:] = -room, np.inf
-
-    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the row; see `Limit.write_velocity`."""
-        self.write_step(rows, lower, upper)
-        lower /= max(dt, self._time)
+        spin, along = velocity[3:], float(acceleration[3:] @ self._turn)
+        bend = float(np.cross(spin, np.cross(spin, axis)) @ self._direction)
+        cosine = float(axis @ self._direction)
+        if cosine < 0.0:
+            bend = (bend + cosine * float(spin @ self._turn) ** 2) / self._sine
+        return np.array([along + bend])

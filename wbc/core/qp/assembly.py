@@ -31,7 +31,7 @@ import numpy as np
 from wbc.base.errors import UnknownNameError
 from wbc.base.numbers import Array
 from wbc.base.vectors import largest
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import ATTAINABLE, Attainable, Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
@@ -211,6 +211,9 @@ class Assembly:
         self._own_bounds = [(self._torque_lower, self._torque_upper)]  # bounds of single joints
         if n_joint:
             self._own_bounds.append(self._joint_rows[1:])
+        many, single = p.inequality[other_limits, :nv], self._joint_rows[1:] if n_joint else None
+        self._attainable = Attainable(many, p.lower[other_limits], p.upper[other_limits], single, ATTAINABLE)
+        p.yielding[other_limits], p.yielding[joints] = 1, 2
         self._acceleration_diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
         self.torque_rows = slice(soft_rows.stop, soft_rows.stop + na)
         units = {task.name: task.residual_unit for task in tasks}
@@ -222,6 +225,7 @@ class Assembly:
         """Place the hard tasks that are no motion, from an equality on."""
         for task in tasks:
             rows = self._places[task.name] = slice(at, at + task.dim)
+            self.problem.hard_tasks[rows] = True
             self.problem.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
 
@@ -288,6 +292,7 @@ class Assembly:
             else:
                 self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
             if task.hard:
+                p.hard_tasks[rows] = True
                 p.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
 
@@ -422,6 +427,7 @@ class Assembly:
                 low[released.index], high[released.index] = -np.inf, np.inf
         for limit, matrix, lower, upper in self._row_blocks:
             limit.write(dt, matrix, lower, upper)
+        self._attainable.cut()
 
     def _write_contact(self, slot: _ContactSlot) -> None:
         contact = slot.contact

@@ -152,7 +152,7 @@ class ActiveSet:
             self._x = x = work.shares.dot(work.scaled)
             self._values = values = p.rows.dot(x)
             if not n_eq:
-                return True
+                return math.isfinite(x.dot(x))
             short = np.subtract(self._hard_target, values[:n_eq], out=self._error)
             if short[short.argmax()] <= self._tolerance and short[short.argmin()] >= -self._tolerance:
                 return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import dataclass
 
 import daqp
 import numpy as np
@@ -13,14 +14,35 @@ from wbc.core.qp.solving.problem import Problem
 
 logger = logging.getLogger(__name__)
 
-EQUALITY, FREE, AT_UPPER, AT_LOWER = 5, 0, 1, 3
-"""Flags of DAQP's `sense`: an equality, an inequality, and inequalities that are guessed to be active."""
+EQUALITY, FREE, AT_UPPER, AT_LOWER, YIELDING = 5, 0, 1, 3, 8
+"""Flags of DAQP's `sense`: an equality, an inequality, those that are guessed to be active, and one with slack."""
 
 UNBOUNDED = 1e30
 """Bound that DAQP takes for none."""
 
 MAX_ITERATIONS = 1000
 """Changes of the active set after which DAQP gives up; a tick with a hundred rows takes 10 to 60."""
+
+
+SLACK = 1e-4
+"""Violation of an inequality that yields to the costs alone, as a share of what they would have of it."""
+
+Mask = np.ndarray[tuple[int], np.dtype[np.bool_]]
+
+
+@dataclass(frozen=True, slots=True)
+class Relaxed:
+    """Rows of a problem that are costs in place of constraints.
+
+    Attributes:
+        equalities: Mask, shape (n_eq,).
+        inequalities: Mask, shape (n_in,).
+        cost: Cost per squared violation of an equality.
+    """
+
+    equalities: Mask
+    inequalities: Mask
+    cost: float
 
 
 class DaqpSolver:
@@ -42,14 +64,13 @@ class DaqpSolver:
         self.iterations = 0
 
     def solve(
-        self, hessian: Array, gradient: Array, guess: Array, relaxation: float | None = None
+        self, hessian: Array, gradient: Array, guess: Array, relaxed: Relaxed | None = None
     ) -> tuple[Array, Array, Array] | None:
         """Solve the problem with its Hessian, shape (n, n), and gradient, shape (n,), from a guess of the active set.
 
         The guess are multipliers of the inequalities, shape (n_in,): those that are not zero are tried first.
-        `relaxation` is the cost per squared violation of all equalities but the physics; they are constraints when
-        None. Returned are the solution, and multipliers of the equalities and of the inequalities; None without a
-        solution.
+        All rows are constraints but those that are relaxed. Returned are the solution, and multipliers of the
+        equalities and of the inequalities; None without a solution.
         """
         p, n_eq = self._problem, self._problem.n_eq
         rows, upper, lower, sense = self._rows, self._upper, self._lower, self._sense
@@ -59,13 +80,15 @@ class DaqpSolver:
         sense[:n_eq], sense[n_eq:] = EQUALITY, FREE
         if p.empty is not None:  # rows 0 = 0, which DAQP would find dependent
             self._free(np.flatnonzero(p.empty))
-        if relaxation is not None:
-            soft, target = p.equality[p.n_physics :], p.equality_target[p.n_physics :]
-            hessian = hessian + relaxation * np.dot(soft.T, soft)
-            gradient = gradient - relaxation * np.dot(target, soft)
-            self._free(np.arange(p.n_physics, n_eq))
         active = guess.nonzero()[0]
         sense[n_eq:][active] = np.where(guess[active] > 0.0, AT_UPPER, AT_LOWER)
+        if relaxed is not None:
+            given = relaxed.equalities.nonzero()[0]
+            soft, target = p.equality[given], p.equality_target[given]
+            hessian = hessian + relaxed.cost * np.dot(soft.T, soft)
+            gradient = gradient - relaxed.cost * np.dot(target, soft)
+            self._free(given)
+            sense[n_eq:][relaxed.inequalities] = YIELDING
         x, _, flag, info = daqp.solve(
             hessian,
             gradient,
@@ -75,6 +98,7 @@ class DaqpSolver:
             sense,
             primal_tol=self._tolerance,
             iter_limit=MAX_ITERATIONS,
+            rho_soft=SLACK,
         )
         self.iterations = int(info["iterations"])
         if flag < 1:

@@ -32,6 +32,9 @@ class Problem:
         linear_and_rows: View of `linear` and, below it, equalities and soft rows, shape (1 + n_eq + n_soft, n).
         torque_bias: Part of the joint torques that does not depend on x, shape (na,): bias forces less outside forces.
         n_physics: Number of equalities, the first ones, that nothing may relax; all of them unless set otherwise.
+        hard_tasks: Mask of the equalities that are hard tasks, shape (n_eq,).
+        yielding: Order in which inequalities give way where not all can be satisfied, shape (n_in,): first 1, then 2,
+            and never 0, as all unless set otherwise.
         empty: Mask of equalities that are 0 = 0, shape (n_eq,): held in reserve, to keep the size fixed; None when
             there are none.
         lower: Lower bounds, shape (n_in,); −inf where there is none.
@@ -54,6 +57,7 @@ class Problem:
         self.inequality = self.rows[n_eq + n_soft :]
         self.target = np.zeros(n_eq + n_soft)
         self.n_physics = n_eq
+        self.hard_tasks, self.yielding = np.zeros(n_eq, dtype=bool), np.zeros(n_in, dtype=np.intp)
         self.empty: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None
         self.soft_weight = np.zeros(n_soft)
         self.diagonal, self.torque_bias = np.zeros(n), np.zeros(na)

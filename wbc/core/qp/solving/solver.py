@@ -2,10 +2,10 @@
 
 The ladder: active set of the last tick; DAQP, an exact active-set method, started from there; DAQP with costs that are
 all alike, for any point that satisfies the constraints. If there is one, DAQP solves without a guess, or with the small
-costs raised, or ProxQP, a method of another kind, gives a second opinion, which takes milliseconds; if there is none,
-DAQP solves a relaxed problem, if asked for, or nothing does. No solution is used unless its primal residual, computed
-here, is small: ProxQP has been seen to report PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT,
-proxsuite 0.7.2).
+costs raised, or ProxQP, a method of another kind, gives a second opinion, which takes milliseconds. If there is none,
+DAQP solves a relaxed problem: limits of the robot give way, and hard tasks and contact motion if asked for. No solution
+is used unless its primal residual, computed here, is small: ProxQP has been seen to report PROXQP_SOLVED with a
+residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
 """
 
 from __future__ import annotations
@@ -23,13 +23,16 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
 from wbc.base.vectors import largest
 from wbc.core.qp.solving.active_set import ActiveSet
-from wbc.core.qp.solving.other_solvers import DaqpSolver, solve_by_qpsolvers
+from wbc.core.qp.solving.other_solvers import DaqpSolver, Relaxed, solve_by_qpsolvers
 from wbc.core.qp.solving.problem import Problem
 
 logger = logging.getLogger(__name__)
 
 RAISED = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 """Least cost of a variable as shares of the greatest, from which on badly scaled problems are tried."""
+
+EVEN = (0.0, 1e-4, 1e-2)
+"""Costs of all variables, as shares of the greatest, with which a relaxed problem is tried."""
 
 COMPLEMENTARITY = 1e-3
 """Largest product of a multiplier and the distance to its bound that counts as zero, in units of the cost."""
@@ -51,9 +54,9 @@ class Status(enum.Enum):
     BADLY_SCALED = "badly scaled"
     """By DAQP with small costs raised: weights span too many decades, or friction is nearly zero."""
     RELAXED = "relaxed"
-    """By DAQP, with hard tasks and contact motion as costs: they could not all be satisfied."""
+    """By DAQP, with limits, hard tasks or contact motion as costs: they could not all be satisfied."""
     INFEASIBLE = "infeasible"
-    """None: hard constraints contradict each other."""
+    """None: hard constraints contradict each other, whatever limits give way."""
     REFUSED = "refused"
     """None: the QP has NaN or infinity in it."""
 
@@ -85,7 +88,7 @@ class SolverSettings:
         tolerance: Largest primal and dual residual of ProxQP, absolute: m/s², N and Nm. Below 1e-9 it shows outliers.
         residual_tolerance: Largest primal residual accepted of any solver.
         relaxation: Cost per squared violation of hard tasks and contact motion, when not all of them can be satisfied;
-            such a tick is "infeasible" when None. Dynamics and inequalities are always satisfied.
+            such a tick is "infeasible" when None. Dynamics, torque limits and wrench cones are always satisfied.
     """
 
     solver: str = "auto"
@@ -229,20 +232,44 @@ class QpSolver:
                     return Status.BADLY_SCALED
             if self.settings.solver != "proxqp" and self._solve_by_proxqp(hessian, gradient):
                 return Status.FALLBACK
-        relaxation = self.settings.relaxation
-        relaxed = relaxation is not None and p.n_physics < p.n_eq
-        if relaxed and self._by_daqp_alone(hessian, gradient, relaxation, p.n_physics):
+        if self._relax(hessian, gradient):
             self.counts["relaxed"] += 1
             return Status.RELAXED
         self.counts["failed"] += 1
         return Status.INFEASIBLE
 
-    def _by_daqp_alone(
-        self, hessian: Array, gradient: Array, relaxation: float | None = None, n_eq: int | None = None
-    ) -> bool:
+    def _relax(self, hessian: Array, gradient: Array) -> bool:
+        """Solve with as few rows as costs as there is a solution for; return True if there is one.
+
+        Limits give way last, but for those that ask for a way back from outside: hard tasks give way before them, and
+        contact motion after them. Limits of single joints give way after the others. Where hard tasks may not give way,
+        limits do not give way to them.
+        """
+        p, relaxation = self.problem, self.settings.relaxation
+        none, tasks, rest = np.zeros_like(p.hard_tasks), p.hard_tasks, np.arange(p.n_eq) >= p.n_physics
+        asking = (p.lower > 0.0) | (p.upper < 0.0)
+        first, any_asking, all_limits = asking & (p.yielding == 1), asking & (p.yielding > 0), p.yielding > 0
+        kept = np.zeros_like(asking)
+        if relaxation is None:
+            if tasks.any() and self._daqp.solve(hessian, gradient, self._no_guess, Relaxed(tasks, kept, 1.0)):
+                return False
+            steps = [(none, first), (none, any_asking), (none, all_limits)]
+        else:
+            steps = [(tasks, kept), (tasks, first)] if any_asking.any() else []
+            steps += [(rest, kept), (rest, first), (rest, any_asking), (rest, all_limits)]
+        different = {(rows.tobytes(), limits.tobytes()): (rows, limits) for rows, limits in steps}
+        different.pop((none.tobytes(), kept.tobytes()), None)
+        alike = float(hessian.diagonal().max()) * np.eye(p.diagonal.size)
+        return any(
+            self._by_daqp_alone(hessian + share * alike, gradient, Relaxed(rows, limits, relaxation or 0.0))
+            for share in EVEN
+            for rows, limits in different.values()
+        )
+
+    def _by_daqp_alone(self, hessian: Array, gradient: Array, relaxed: Relaxed | None = None) -> bool:
         """Solve with DAQP without a guess; return True if its solution is accepted."""
-        solution = self._daqp.solve(hessian, gradient, self._no_guess, relaxation)
-        return solution is not None and self._accept(solution[0], solution[2], n_eq)
+        solution = self._daqp.solve(hessian, gradient, self._no_guess, relaxed)
+        return solution is not None and self._accept(solution[0], solution[2], relaxed)
 
     def _finish(self, hessian: Array, gradient: Array) -> None:
         """Make a solution of ProxQP exact, from its active set or else by DAQP.
@@ -263,7 +290,7 @@ class QpSolver:
         quantum = 0.1 * self.settings.residual_tolerance
         fast, x = self._fast, quantum * np.rint(self.x / quantum)
         values = np.dot(self.problem.rows, x)
-        if self._room(values, self.problem.n_eq) is not None:
+        if self._room(values) is not None:
             fast.x, fast.values = x, values
         fast.multipliers = _cut(self.multipliers)
         self._guess[:] = fast.multipliers
@@ -274,20 +301,20 @@ class QpSolver:
         self._exact = self._fast.solve()
         return self._exact
 
-    def _accept(self, x: Array, z: Array, n_eq: int | None = None) -> bool:
+    def _accept(self, x: Array, z: Array, relaxed: Relaxed | None = None) -> bool:
         """Accept a solution if it is feasible and complementary: no multiplier belongs to a bound that is far away.
 
-        Only the first n_eq equalities have to be satisfied; all of them when None.
+        Rows that are relaxed need not be satisfied.
 
         ProxQP has been seen to keep multipliers of its guess and still report PROXQP_SOLVED: 8 of 1,499 random states
         of a humanoid, with accelerations off by up to 0.14 rad/s².
         """
         values = self.problem.rows.dot(x)
-        room = self._room(values, self.problem.n_eq if n_eq is None else n_eq)
+        room = self._room(values, relaxed)
         if room is None:
             return False
         active = z.nonzero()[0]
-        if active.size:
+        if active.size and relaxed is None:  # an exact solver's multipliers of rows that yield are great
             (above, below), force = room, z[active]
             distance = np.minimum(np.where(force > 0.0, above[active], below[active]), 1e3)
             if not largest(np.abs(force) * distance) <= COMPLEMENTARITY:
@@ -296,16 +323,24 @@ class QpSolver:
         fast.x, fast.values, fast.multipliers = x, values, z
         return True
 
-    def _room(self, values: Array, n_eq: int) -> tuple[Array, Array] | None:
+    def _room(self, values: Array, relaxed: Relaxed | None = None) -> tuple[Array, Array] | None:
         """Distances of the inequalities to both bounds, of all rows times a solution; None if it violates a row.
 
-        The first n_eq equalities have to be satisfied.
+        Rows that are relaxed need not be satisfied.
         """
         p, tolerance = self.problem, self.settings.residual_tolerance
-        error, bounded = values[:n_eq] - p.target[:n_eq], values[p.n_eq + p.n_soft :]
+        error, bounded = values[: p.n_eq] - p.equality_target, values[p.n_eq + p.n_soft :]
         above, below = p.upper - bounded, bounded - p.lower
-        feasible = np.abs(error).max(initial=0.0) <= tolerance and (
-            not above.size or (above[above.argmin()] >= -tolerance and below[below.argmin()] >= -tolerance)
+        if relaxed is not None:
+            error[relaxed.equalities] = 0.0
+            above[relaxed.inequalities] = below[relaxed.inequalities] = np.inf
+        feasible = (
+            math.isfinite(values.dot(values))
+            and np.abs(error).max(initial=0.0) <= tolerance
+            and (
+                not above.size
+                or (above[above.argmin()] >= -tolerance and below[below.argmin()] >= -tolerance)
+            )
         )
         return (above, below) if feasible else None
 
