@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 import importlib.util
 import json
 import subprocess
@@ -25,6 +27,11 @@ from wbc.app.view.marks import Mark, Picture, stiffness_colour
 from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
+from wbc.base.registry import run_code
+from wbc.feet import SoftFoot, register_foot
+from wbc.feet.soles import catalog
+from wbc.sim.terrain.families import base
+from wbc.sim.terrain.spec import terrain
 
 SIZE = (96, 72)
 
@@ -309,3 +316,75 @@ def test_a_replay_plays_in_a_browser(replay: Replay, tmp_path: Path) -> None:
         browser.wait('document.body.innerText.includes("touch-down")')
         assert not browser.errors
     player.close()
+
+
+# ---- grounds and feet of one's own ---------------------------------------------------------------------------------
+
+OWN = '''
+import numpy as np
+
+from wbc.sim import FieldFamily, ShapeFamily, dome, family, param
+from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, yaw_rotation
+
+
+@family("own solids")
+class Solids(ShapeFamily):
+    """One solid of each kind."""
+
+    smallest_feature = 0.05
+
+    def shapes(self, site):
+        h, (x, y) = site.amplitude, (site.x0 + 0.6, 0.0)
+        yield dome(x, y, 0.1, h)
+        yield Box(np.array([x + 0.4, y, 0.2 * h]), np.array([0.05, 0.08, 0.3 * h]), yaw_rotation(0.3))
+        yield Capsule(np.array([x + 0.8, y - 0.1, 0.0]), np.array([x + 0.8, y + 0.1, 0.0]), 0.4 * h)
+        yield Cylinder(np.array([x + 1.1, y - 0.1, 0.0]), np.array([x + 1.1, y + 0.1, 0.0]), 0.4 * h)
+        yield Ellipsoid(np.array([x + 1.4, y, 0.0]), np.array([0.1, 0.05, 0.7 * h]), yaw_rotation(0.5))
+        yield Pyramid(np.array([x + 1.8, y, 0.9 * h]), 0.0, 0.1, 0.2)
+
+
+@family("own heights")
+class Heights(FieldFamily):
+    """Waves both ways."""
+
+    smallest_feature, unidirectional = 0.2, False
+
+    def heights(self, site, x, y):
+        return np.sin(8.0 * x) * np.cos(7.0 * y)
+'''
+
+
+@pytest.mark.parametrize("ground", ["own solids", "own heights"])
+def test_a_log_holds_a_ground_of_ones_own(
+    ground: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where nobody knows its family, a replay has the same surface, to 1 µm."""
+    monkeypatch.setattr(base, "_FAMILIES", copy.copy(base._FAMILIES))
+    file = tmp_path / "own.py"
+    file.write_text(OWN)
+    run_code([file])
+    real = terrain(ground, amplitude=0.03, seed=2)
+    log = recorded_stand(tmp_path / "own.arrow", terrain=real)
+    del base._FAMILIES[ground]
+    shown = Replay(log).plant
+    assert shown is not None and shown.terrain.name == ground
+    x, y = np.random.default_rng(1).uniform((-1.0, -0.6), (4.0, 0.6), (2000, 2)).T
+    np.testing.assert_allclose(shown.terrain.height(x, y), real.height(x, y), atol=1e-6)
+    assert np.ptp(shown.terrain.height(x, y)) > 0.02
+
+
+def test_a_file_that_is_named_registers_the_feet_of_a_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(catalog, "_FEET", copy.copy(catalog._FEET))
+    file, log, out = tmp_path / "own.py", tmp_path / "own.arrow", tmp_path / "own.rrd"
+    file.write_text("from wbc.feet import SoftFoot, register_foot\nregister_foot('own', SoftFoot)\n")
+    pytest.importorskip("rerun")
+    own = dataclasses.make_dataclass("Own", [], bases=(SoftFoot,), frozen=True)
+    register_foot("own", own)
+    recorded_stand(log, foot=own())
+    del catalog._FEET["own"]
+    assert main(["view", str(log), "-o", str(out), "--json"]) == 0
+    assert "'own'" in json.loads(capsys.readouterr().out)["without_scene"]
+    assert main(["view", str(log), "-o", str(out), "--json", "--code", str(file)]) == 0
+    assert not json.loads(capsys.readouterr().out)["without_scene"]

@@ -7,7 +7,7 @@ import importlib.util
 import inspect
 import logging
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -60,6 +60,13 @@ def code_of(*values: Any) -> Iterator[str]:
 def allow_code(*values: Any) -> None:
     """Let the files of code that values name, or are the paths of, be run where data name them, too."""
     _allowed.update(str(Path(file).expanduser().resolve()) for file in code_of(*values))
+
+
+def run_code(files: Sequence[Path]) -> None:
+    """Run Python files that a user has named, for what they register; each once."""
+    allow_code(files)
+    for path in files:
+        _module(str(path.expanduser().resolve()), file_hash(path.expanduser())[:HASH_LENGTH])
 
 
 class Registry(dict[str, T]):

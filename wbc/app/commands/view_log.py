@@ -15,6 +15,7 @@ from wbc.app.live import Port
 from wbc.app.log.reader import Log
 from wbc.app.output import Output, Report, progress_console, reports
 from wbc.base.errors import InputError
+from wbc.base.registry import run_code
 from wbc.base.settings import Count, Positive, settings
 
 EXPORTS = (".mp4", ".rrd")
@@ -30,6 +31,7 @@ class ViewOptions:
         rate: Pictures a second of a file.
         speed: Speed of the film: seconds of the run in one second of the film.
         size: Width and height of the film, pixels.
+        code: Python file that registers the feet of the log, where they are your own; it is run.
     """
 
     out: Annotated[Path | None, Parameter(alias="-o")] = None
@@ -37,6 +39,7 @@ class ViewOptions:
     rate: Annotated[Positive, "pictures a second"] = 30.0
     speed: Positive = 1.0
     size: tuple[Count, Count] = (960, 720)
+    code: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         ending = None if self.out is None else self.out.suffix.lower()
@@ -64,6 +67,7 @@ def view(
     from wbc.app.replay.replay import Replay  # noqa: PLC0415 - slow
 
     out = options.out
+    run_code(options.code)
     if out is not None:
         (check_conversion if out.suffix.lower() == ".rrd" else check_film)(out, [log])
     opened = Log.open(log)

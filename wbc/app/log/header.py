@@ -9,8 +9,8 @@ title, seed     of the run
 control_period  s; null for a controller of one's own
 robot           name, mass_kg, soles (name, length_m, width_m), torque_limit_Nm (joint → limit)
 spec            the specification of the run as plain values; null if there was none
-plant           parts of the plant: description, foot (name, parameters), terrain (family, parameters, track), physics,
-                noise, scene; null without a plant
+plant           parts of the plant: description, foot (name, parameters), terrain (family, parameters, track, and of a
+                family of one's own its surface), physics, noise, scene; null without a plant
 description     the robot of another loop; null with a plant, or if only its model is known
 """
 
@@ -27,13 +27,15 @@ from wbc._version import __version__
 from wbc.app.log.signals import Tick
 from wbc.base.errors import InputError, shown, unknown_name
 from wbc.base.settings import Period, from_json, to_json
-from wbc.feet.soles.catalog import foot, foot_name
+from wbc.feet import Foot
+from wbc.feet.soles.catalog import foot, foot_name, foot_names
 from wbc.robots import RobotDescription
 from wbc.sim import Plant
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.image import GreyMap
+from wbc.sim.terrain.recorded import Recorded, plain_ground
 from wbc.sim.terrain.spec import Terrain
 
 FORMAT = 1
@@ -149,7 +151,7 @@ def _plant_parts(plant: Plant) -> dict[str, Any]:
     return {
         "description": to_json(plant.description),
         "foot": {"name": foot_name(plant.foot), "parameters": to_json(plant.foot)},
-        "terrain": {"family": plant.terrain.name, **ground},
+        "terrain": {"family": plant.terrain.name, **ground, **_surface(plant.terrain)},
         "physics": to_json(plant.physics),
         "noise": to_json(plant.noise),
         "timestep": plant.timestep,
@@ -158,21 +160,41 @@ def _plant_parts(plant: Plant) -> dict[str, Any]:
     }
 
 
+def _foot_class(name: str) -> type[Foot]:
+    if name not in foot_names():
+        raise InputError(
+            f"foot '{name}' is not known here: register it before the log is replayed, or name the file that does with "
+            f"--code; known are {', '.join(foot_names())}"
+        )
+    return type(foot(name))
+
+
+def _surface(ground: Terrain) -> dict[str, Any]:
+    """Return the surface of a ground whose family is not of this library, and which readers may not know."""
+    known = type(ground.parameters).__module__.partition(".")[0] == "wbc"
+    return {} if known else {"surface": plain_ground(ground.surface)}
+
+
 def read_description(plain: Any) -> RobotDescription:
     """Return the robot that a header describes."""
     return from_json(RobotDescription, plain)
 
 
 def read_plant(header: dict[str, Any]) -> Plant:
-    """Return the plant of a header, without sensor errors; feet and families of one's own must be registered."""
+    """Return the plant of a header, without sensor errors; feet of one's own must be registered."""
     parts = header["plant"]
     ground = dict(parts["terrain"])
-    name, families = ground.pop("family"), terrain_families()
-    family = families.get(name) or unknown_name("terrain", name, families)
+    name, surface = ground.pop("family"), ground.pop("surface", None)
+    if surface is not None:
+        ground["parameters"] = Recorded.of(name, surface)
+    else:
+        families = terrain_families()
+        family = families.get(name) or unknown_name("terrain", name, families)
+        ground["parameters"] = from_json(family, ground["parameters"])
     return Plant(
         read_description(parts["description"]),
-        foot=from_json(type(foot(parts["foot"]["name"])), parts["foot"]["parameters"]),
-        terrain=Terrain(**ground | {"parameters": from_json(family, ground["parameters"])}),
+        foot=from_json(_foot_class(parts["foot"]["name"]), parts["foot"]["parameters"]),
+        terrain=Terrain(**ground),
         physics=from_json(PhysicsSettings, parts["physics"]),
         timestep=float(parts["timestep"]),
         control_period=float(header["control_period"]),
