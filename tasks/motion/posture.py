@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
-from wbc.base.numbers import Array, non_negative, read_only
+from wbc.base.numbers import Array, non_negative
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import GainOptions, SelectionTask
 from wbc.core.robot import Robot
@@ -23,7 +22,7 @@ class PostureTask(JointTask, SelectionTask):
     default the weight is 0.1 and the stiffness 20 1/s².
     """
 
-    __slots__ = ("_cost", "_factor", "_factors", "_positions", "columns")
+    __slots__ = ("_factor", "_factors", "_positions", "columns")
     unit = "rad"
     reads = "kinematics"
     usual = {"weight": 0.1, "stiffness": 20.0}
@@ -65,7 +64,7 @@ class PostureTask(JointTask, SelectionTask):
             for joint, value in self._factors.items():
                 factor[self._row(joint)] = value
             self._factor = factor
-            self._weigh(self._cost * factor)
+            self._act()
 
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
         """Return a copy of targets, shape (dim,), rad (or m), after a check of the ranges of their joints."""
@@ -77,15 +76,12 @@ class PostureTask(JointTask, SelectionTask):
         """Return the present joint positions, shape (dim,), rad (or m)."""
         return np.array(robot.q[self._columns + (robot.nq - robot.nv)])
 
-    @property
-    def weight(self) -> Array:
-        """Cost per squared residual without the factors of the joints, shape (dim,), read-only; assign one."""
-        return read_only(np.broadcast_to(self._cost, (self.dim,)))
-
-    @weight.setter
-    def weight(self, value: ArrayLike) -> None:
-        self._cost = self._checked_gain("weight", value)
-        self._weigh(self._cost if self._factor is None else self._cost * self._factor)
+    def _act(self) -> None:
+        """Write the weight that acts, with the factors of the joints."""
+        super()._act()
+        if self._factor is not None:
+            self._rows.weight *= self._factor
+            self.idle = not (self._hard or self._rows.weight.any())
 
     def _coordinates(self) -> Coordinates:
         return _Joints(self.target, self.checked)

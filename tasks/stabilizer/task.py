@@ -69,7 +69,7 @@ class StabilizerTask(CoMTask):
 
     __slots__ = (
         "_aim", "_applied", "_away", "_contacts", "_gains", "_given", "_places", "_seen", "_settings", "_sole_ids",
-        "_soles", "_stabilizer", "_torque", "_wrench_weight", "_yaw", "output", "parts",
+        "_soles", "_stabilizer", "_torque", "_yaw", "output", "parts",
     )  # fmt: skip
 
     @checked
@@ -114,7 +114,6 @@ class StabilizerTask(CoMTask):
         self.parts: tuple[WrenchTask, ...] = ()
         if self._torque:
             self.parts = tuple(WrenchTask(contact, weight=wrench_weight) for contact in contacts)
-        self._wrench_weight = np.full(6, wrench_weight)
         self._gains, self._settings, self._given = gains, distribution or DistributionSettings(), estimate
         self.output: StabilizerOutput | None = None
         self._stabilizer: Stabilizer | None = None
@@ -324,11 +323,11 @@ class StabilizerTask(CoMTask):
 
     def _weigh_moments(self, side: int, contact: tuple[bool, bool], output: StabilizerOutput) -> None:
         """Weigh the moments of a desired wrench by the inverse square of the foot's load over the sum."""
-        weight, (left, right) = self._wrench_weight.copy(), output.feet.wrenches[:, 2].tolist()
+        scale, (left, right) = np.ones(6), output.feet.wrenches[:, 2].tolist()
         if all(contact):
             share = max((left, right)[side] / max(left + right, 1.0), LEAST_SHARE)
-            weight[3:] *= (0.5 / share) ** 2
-        self.parts[side].weight = weight
+            scale[3:] = (0.5 / share) ** 2
+        self.parts[side].scale = scale
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
         self._aim = np.array(target), np.array(velocity), np.array(acceleration)

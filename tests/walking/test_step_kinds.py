@@ -218,6 +218,8 @@ def test_what_a_user_has_set_holds_in_both_kinds_of_steps() -> None:
     assert not np.array_equal(own["planned"], own["free"])
     walking.controller.task("pelvis").weight = 55.0
     walking.controller.task("posture").damping = 9.0
+    walking.controller.task("left_foot swing").weight = 7.0
+    walking.controller.task("com").weight = (0.0, 0.0, 500.0)
     stabilizer = walking.stabilizer
     assert stabilizer is not None
     stabilizer.gains = replace(stabilizer.gains, dcm_p=3.21)
@@ -227,11 +229,48 @@ def test_what_a_user_has_set_holds_in_both_kinds_of_steps() -> None:
         assert walking.step_kind == kind
         np.testing.assert_array_equal(walking.controller.task("pelvis").weight, [55.0] * 3)
         np.testing.assert_array_equal(walking.tasks.posture.damping, np.full(robot.na, 9.0))
+        np.testing.assert_array_equal(walking.controller.task("left_foot swing").weight, np.full(6, 7.0))
+        np.testing.assert_array_equal(walking.controller.task("com").weight, (0.0, 0.0, 500.0))
         np.testing.assert_array_equal(walking.tasks.posture.stiffness, own[kind])
         assert walking.stabilizer is stabilizer and stabilizer.gains == gains
         inertial = walking.control.observer.inertial.settings
         assert (inertial.velocity_time_constant, inertial.tilt_time_constant) == (0.03, 3.0)
         assert inertial.yaw_time_constant == (1000.0 if kind == "free" else 1.0)
+
+
+GAINS = ("weight", "stiffness", "damping")
+
+
+def gains_of(walking: WalkingControl) -> dict[str, list[Any]]:
+    return {task.name: [getattr(task, gain).copy() for gain in GAINS] for task in walking.controller.tasks}
+
+
+@pytest.mark.parametrize("mode", ["torque", "position"])
+def test_gains_of_tasks_stay_as_they_are_set_whatever_the_robot_does(mode: Any) -> None:
+    """The walk lets them act by ratios of its own: nothing is assigned at changes of phases, hands and gaze."""
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"), control_period=0.004)
+    walking = WalkingControl(plant.description.robot(), None, 0.004, WalkingControlSettings(mode=mode))
+    hand = walking.arms["left_hand"]
+    hand.reach([0.2, 0.3, 0.0], "pelvis")
+    walking.body.look_at([2.0, 1.0, 1.0])
+    run(plant, walking, 0.1)
+    for task in walking.controller.tasks:
+        for gain in GAINS:
+            setattr(task, gain, 1.1 * getattr(task, gain))
+    asked, scales = gains_of(walking), set()
+    walking.velocity = (0.1, 0.0, 0.0)
+    for seconds in (0.4, 1.6):
+        end = plant.time + seconds
+        while plant.time < end:
+            plant.step(walking.command(plant.measure()))
+            scales.add(tuple(walking.controller.task("left_foot swing").scale.tolist()))
+        hand.release()
+        walking.body.look_at(None)
+        walking.body.turn = 0.1
+    assert walking.steps_done >= 1 and len(scales) > 1 and walking.fallen is None
+    for name, gains in gains_of(walking).items():
+        np.testing.assert_equal(gains, asked[name], name)
+    assert walking.controller.task("left_hand").idle
 
 
 @pytest.mark.slow

@@ -132,7 +132,7 @@ class Body:
         self._nominal, self._reaching = com_height, reaching
         self._now[0] = self._rate[0] = 0.0
         if self._gaze is not None and not self._gaze.idle:
-            self._gaze.weight = GAZE_WEIGHT / reaching
+            self._gaze.scale = 1.0 / reaching
 
     # ---- set-points -------------------------------------------------------------------------------------------------
 
@@ -208,7 +208,7 @@ class Body:
         """
         if point is None:
             if self._gaze is not None:
-                self._gaze.weight = 0.0
+                self._gaze.scale = 0.0
             elif self._point is not None:
                 self.turn = 0.0
             return
@@ -218,7 +218,7 @@ class Body:
             return
         if self._gaze is None:
             self._gaze = self._controller.add(_gaze_task(self._robot, place))
-        self._gaze.target, self._gaze.weight = place, GAZE_WEIGHT / self._reaching
+        self._gaze.target, self._gaze.scale = place, 1.0 / self._reaching
 
     @property
     def reached(self) -> bool:

@@ -178,7 +178,6 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
         held=_halves(HELD, HELD_TURN * turn),
         firm=_halves(HELD, STANDING_TURN * turn),
         yielding=YIELDING,
-        com=(np.array([0.0, 0.0, weight]), np.full(3, weight)),
         shift=_com_gains(law.shift_gains, height_gains),
         stand=_com_gains((law.stand_gain * square, (1.0 + law.stand_gain) * omega), height_gains),
         law=law,

@@ -15,7 +15,7 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import GainOptions
+from wbc.core.qp.task import GainOptions, Task
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
@@ -36,6 +36,9 @@ UP = np.array([0.0, 0.0, 1.0])
 
 UNLOADED = 1e-3
 """Least bound of the force of a foot in contact, over the greatest force of a foot."""
+
+ONE_FOOT, BOTH_FEET = np.array([0.0, 0.0, 1.0]), np.ones(3)
+"""Ratios by which the weight of the CoM acts in steps that balance: its height alone, and its place as well."""
 
 GAINS = ("weight", "stiffness", "damping")
 """Gains of a task that a user may set at any tick."""
@@ -84,12 +87,8 @@ class WalkTasks:
         robot, self._controller = controller.robot, controller
         com, contacts, swing, trunk, posture, twist, self._stance, rise, self.reaching, self._torque = table
         self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
-        self._calm = self._swing_weight = np.array(swing["weight"], dtype=float)
-        self._urgency = 0.0
-        self._swings = [
-            PoseTask(sole.frame, **_named(f"{sole.name} swing", {**swing, "weight": 0.0}))
-            for sole in robot.soles
-        ]
+        self._urgency, self._swing_scale = 0.0, np.ones(6)
+        self._swings = [PoseTask(sole.frame, **_named(f"{sole.name} swing", swing)) for sole in robot.soles]
         parts = [("pelvis", robot.base_frame), ("torso", robot.torso_frame)]
         if robot.torso_frame == robot.base_frame:
             parts.pop()
@@ -103,8 +102,7 @@ class WalkTasks:
             self._twist = OrientationTask(
                 robot.torso_frame, axes=("yaw",), joints=waist, **_named("torso turn", twist)
             )
-            self._twist_weight = np.array(self._twist.weight)
-            self._twist.weight = 0.0
+            self._twist.scale = 0.0
         limits = [JointLimits(), TorqueLimits(), *(() if rise is None else (rise,))]
         turning = () if self._twist is None else (self._twist,)
         self._all: list[Any] = [
@@ -116,10 +114,12 @@ class WalkTasks:
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_yaws = [heading(tilt) for tilt in self._trunk_tilts]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
-        self._tuned = *self._trunk, self.posture
+        self._tuned = *self._swings, *self._trunk, self.posture
         self._own_gains = {
-            task.name: {gain: np.array(getattr(task, gain)) for gain in GAINS} for task in self._tuned
+            task.name: {gain: np.array(getattr(task, gain)) for gain in GAINS} for task in (com, *self._tuned)
         }
+        for swing_task in self._swings:
+            swing_task.scale = 0.0
         com.held_by = (
             "walking.body.com_height for its height, walking.velocity or walking.go_to for its place"
         )
@@ -135,12 +135,13 @@ class WalkTasks:
     def enter(self, before: WalkTasks | None) -> None:
         """Put all back, on both feet, and go on with what a user has set of the tasks that have left, if any have.
 
-        That is the posture, with a move that is under way, and the gains of trunk and posture.
+        That is the posture, with a move that is under way, the gains of swings, trunk and posture, and the weight of
+        the CoM, whose other gains mean another law.
         """
         for contact in self.contacts:
             contact.active = True
         for swing in self._swings:
-            swing.weight = 0.0
+            swing.scale = 0.0
         if self._stance is not None:
             self._stance.forget()
         self._trunk_target = (None, UPRIGHT)
@@ -150,30 +151,43 @@ class WalkTasks:
             return
         self.posture.go_on_from(before.posture)
         for task, other in zip(self._tuned, before._tuned, strict=True):
-            for gain, own in before._own_gains[other.name].items():
-                now = np.array(getattr(other, gain))
-                if not np.array_equal(now, own):
-                    setattr(task, gain, now)
+            for gain in GAINS:
+                if before._is_set(other, gain):
+                    setattr(task, gain, getattr(other, gain))
+        if before._is_set(before.com, "weight"):
+            self.com.weight = before.com.weight
+
+    def _is_set(self, task: Task, gain: str) -> bool:
+        """Return True if a user has set a gain of a task."""
+        return not np.array_equal(getattr(task, gain), self._own_gains[task.name][gain])
+
+    def hold_com(self, scale: Array, stiffness: Array, damping: Array) -> None:
+        """Let the weight of the CoM act by a ratio, with gains of this phase where the user has set none."""
+        self.com.scale = scale
+        set_ = [self._is_set(self.com, gain) for gain in GAINS[1:]]
+        for gain, value, is_set in zip(GAINS[1:], (stiffness, damping), set_, strict=True):
+            if not is_set:
+                setattr(self.com, gain, value)
+                self._own_gains[self.com.name][gain] = value
 
     def switch(self, side: int, contact: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground, or take it off."""
         self.contacts[side].active = contact
-        self._swings[side].weight = 0.0 if contact else self._swing_weight
+        self._swings[side].scale = 0.0 if contact else self._swing_scale
 
     def swing(self, side: int) -> None:
         """Let a foot follow its motion in the air that still carries a part of its load."""
-        self._swings[side].weight = self._swing_weight
+        self._swings[side].scale = self._swing_scale
 
     def hurry(self, urgency: float, urgent: Array, hurled: float) -> None:
         """Let the swing foot cost more, by ratios of shape (6,) for an urgency of 1, or less by a ratio for −1."""
         if urgency == self._urgency:
             return
         self._urgency = urgency
-        ratio = hurled if urgency < 0.0 else 1.0 + urgency * (urgent - 1.0)
-        self._swing_weight = self._calm * ratio
+        self._swing_scale = hurled * np.ones(6) if urgency < 0.0 else 1.0 + urgency * (urgent - 1.0)
         for swing in self._swings:
             if not swing.idle:
-                swing.weight = self._swing_weight
+                swing.scale = self._swing_scale
 
     def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist = UNTWISTED) -> None:
         """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, `UNTWISTED` no twist."""
@@ -240,7 +254,7 @@ class WalkTasks:
     def _turn_waist(self, task: OrientationTask, turn: Twist) -> None:
         """Let the waist turn the torso where the gains of the trunk leave its heading free."""
         if turn.by_waist == task.idle:
-            task.weight = self._twist_weight if turn.by_waist else 0.0
+            task.scale = float(turn.by_waist)
         if turn.by_waist:
             target: Array = self._trunk[1].target
             task.follow(target, np.array([turn.rate]), np.array([turn.acceleration]))
@@ -255,8 +269,6 @@ class StanceContacts:
     held: Array  # cost of the motion of a foot that stands, shape (6,)
     firm: Array  # the same on both feet
     yielding: float  # ratio of these costs for a foot that is unloaded, or waits to take over
-    # Cost of the CoM's height alone, and of its place as well on both feet, shape (3,) each.
-    com: tuple[Array, Array]
     # Stiffness and damping of the CoM, shape (3,) each, while the weight shifts, and in a stand.
     shift: tuple[Array, Array]
     stand: tuple[Array, Array]
@@ -280,8 +292,7 @@ class StanceContacts:
             return
         before, self._state[:] = self._state[:2], state
         if before != state[:2]:
-            tasks.com.weight = self.com[balanced]
-            tasks.com.stiffness, tasks.com.damping = self.stand if standing else self.shift
+            tasks.hold_com(BOTH_FEET if balanced else ONE_FOOT, *(self.stand if standing else self.shift))
             length, width = law.standing_box if balanced else law.box
             for contact in tasks.contacts:
                 contact.set_box(length, width, (0.0 if standing else law.carrying, 0.0))

@@ -94,7 +94,7 @@ def status_table(
     lines.append(f"{'task':<24}{'rows':>5}  {'weight':>9}  {'error':>12}  {'residual':>14}")
     residuals = {} if solution is None else solution.residuals
     for task in tasks:
-        weight = "hard" if task.hard else f"{task.weight.max():.3g}"
+        weight = "hard" if task.hard else f"{(task.weight * task.scale).max():.3g}"
         error = f"{np.abs(task.error).max():.3g} {task.unit}"
         residual = (
             f"{np.abs(residuals[task.name]).max():.3g} {task.residual_unit}"

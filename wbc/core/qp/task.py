@@ -114,12 +114,12 @@ class Task(Targeted):
             for all.
         reads: Part of the robot's state that the rows of the class need in inverse kinematics.
         spared_acceleration: Expected accelerations of the coordinates in `spared`, shape (n,).
-        idle: True while the weight is zero; the rows are then not evaluated, and cost no time.
+        idle: True while no weight acts; the rows are then not evaluated, and cost no time.
     """
 
     __slots__ = (
-        "_full", "_hard", "_keep", "_linear_rows", "_n_rows", "_only_joints", "_others", "_spared", "dim", "idle",
-        "spared_acceleration",
+        "_full", "_hard", "_keep", "_linear_rows", "_n_rows", "_only_joints", "_others", "_scale", "_spared", "_weight",
+        "dim", "idle", "spared_acceleration",
     )  # fmt: skip
 
     usual: ClassVar[MotionOptions] = {}
@@ -161,6 +161,7 @@ class Task(Targeted):
         self._hard = self.idle = False
         super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
         self.rate = given.pop("rate", RATE)
+        self._weight, self._scale = np.ones(self.dim), np.ones(self.dim)
         self.weight = given.pop("weight", 1.0)
         self.hard = given.pop("hard", False)
         bound = given.pop("error_bound", None)
@@ -187,7 +188,7 @@ class Task(Targeted):
     @property
     def weight(self) -> Array:
         """Cost per squared residual unit, shape (dim,), read-only; assign a scalar or an array."""
-        return read_only(self._rows.weight)
+        return read_only(self._weight)
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
@@ -195,7 +196,26 @@ class Task(Targeted):
 
     def _weigh(self, weight: Array) -> None:
         """Take a weight over, scalar or shape (dim,)."""
-        self._rows.weight[:] = weight
+        self._weight[:] = weight
+        self._act()
+
+    @property
+    def scale(self) -> Array:
+        """Ratio by which the weight acts at present, shape (dim,), read-only; assign a scalar or an array, ≥ 0.
+
+        It is for who uses the task for a time, such as a walk that lets a foot swing and stand: the weight stays as it
+        was set.
+        """
+        return read_only(self._scale)
+
+    @scale.setter
+    def scale(self, value: ArrayLike) -> None:
+        self._scale[:] = self._checked_gain("scale", value)
+        self._act()
+
+    def _act(self) -> None:
+        """Write the weight that acts."""
+        np.multiply(self._weight, self._scale, out=self._rows.weight)
         self.revision += 1
         self.idle = not (self._hard or self._rows.weight.any())
 
@@ -389,6 +409,7 @@ class Task(Targeted):
         """Change the number of rows before the task is attached, keeping uniform gains."""
         old, self._rows = self._rows, Rows.zeros(dim)
         self.dim = self._n_rows = dim
+        self._weight, self._scale = np.resize(self._weight, dim), np.resize(self._scale, dim)
         for field in ("weight", "stiffness", "damping", "rate", "bound"):
             values = getattr(old, field)
             if values.size != dim and not (values == values[0]).all():

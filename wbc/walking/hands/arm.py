@@ -109,12 +109,12 @@ class Arm:
             self.frame,
             name=name,
             admittance=(0.0, 0.0),  # a hand that reaches yields to nothing
-            weight=0.0,
+            weight=settings.weight,
             stiffness=STIFFNESS,
             error_bound=np.repeat(ERROR_BOUND, 3),
             time_constant=SMOOTHING,
         )
-        self.task.spared = self._spared
+        self.task.spared, self.task.scale = self._spared, 0.0
         self.task.held_by = f"walking.arms['{name}'].reach(…)"
         self._added = self.pressing = False
         self.within = WORLD
@@ -348,8 +348,8 @@ class Arm:
 
     def _weigh(self) -> None:
         """Give the task its weight, in part while it is blended in or out."""
-        weight = self._settings.weight * self._blend.value
-        self.task.weight = (*[weight] * 3, *[self._turn * weight] * 3)
+        share = self._blend.value
+        self.task.scale = (*[share] * 3, *[self._turn * share] * 3)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 

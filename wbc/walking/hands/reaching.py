@@ -59,7 +59,6 @@ class Arms:
         self._swung = 0.0  # swing in the last tick, m/m
         self._swings = self._rest  # target of the posture by the swing
         self._spared: tuple[Arm, ...] = ()
-        self._held = np.zeros(robot.na)  # weight of the posture while no hand is active
 
     def follow(self, tasks: WalkTasks) -> None:
         """Go on with these tasks of the CoM and of all joints."""
@@ -140,13 +139,11 @@ class Arms:
         """Keep the balance from using the arms of active hands, and the posture from holding them back."""
         com, posture = self._tasks.com, self._tasks.posture
         if active != self._spared:
-            if not self._spared:
-                self._held = posture.weight.copy()
             self._spared = active
             joints = [*dict.fromkeys(joint for hand in active for joint in hand.joints)]
-            weight = self._held.copy()
-            weight[joints] *= self._tasks.reaching
-            posture.weight = weight
+            scale = np.ones(posture.dim)
+            scale[joints] = self._tasks.reaching
+            posture.scale = scale
             com.spared = np.array(joints, dtype=np.intp) + BASE_DOF
         solution = self._controller.solution
         if solution is not None and active:
