@@ -249,6 +249,22 @@ def test_a_page_drives_a_robot_that_stands_and_sets_gains_and_stops() -> None:
     assert "drive" not in LiveControls(plant, planned).offered
 
 
+def test_a_driven_robot_comes_to_a_stand_when_its_last_page_goes() -> None:
+    """Nobody is left who could stop it; a robot that its program drives walks on."""
+    description = wbc.load_robot("hrp4_class")
+    robot = description.robot()
+    plant, walking = wbc.Plant(description), WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
+    with Workbench(plant, walking, port=0) as view:
+        walking.velocity = (0.1, 0.0, 0.0)
+        view.update()
+        assert walking.velocity == (0.1, 0.0, 0.0)
+        view.controls.apply({"do": "drive", "forward": 0.2, "left": 0.0, "turn": 0.0})
+        assert walking.velocity == (0.2, 0.0, 0.0) and view.pages == 0
+        plant.step(walking.command(plant.measure()))
+        view.update()
+        assert walking.velocity is None
+
+
 @pytest.mark.slow
 def test_soles_take_a_stiffness_in_their_next_swing() -> None:
     in_time = (("stiffness.early_landing", 0.0),)  # these swings are too short to be sure of more

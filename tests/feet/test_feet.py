@@ -149,6 +149,16 @@ def test_range_noise_dropouts_and_resolution_have_the_asked_size() -> None:
         RangeSampler(sensor, seed=-1)
 
 
+def test_a_reading_stays_in_the_range_of_its_sensor_whatever_the_noise() -> None:
+    sensor = RangeSensor(least=0.1, greatest=0.5, noise=0.05)
+    for true, end in ((0.1, sensor.least), (0.5, sensor.greatest)):
+        sampler = RangeSampler(sensor, seed=2)
+        readings = np.array([sampler.sample(0.01 * i, true) for i in range(400)])
+        assert np.isfinite(readings).all()
+        assert readings.min() >= sensor.least and readings.max() <= sensor.greatest
+        assert np.mean(readings == end) == pytest.approx(0.5, abs=0.1)  # half of a symmetric noise is beyond
+
+
 def test_range_readings_are_held_between_samples() -> None:
     sampler = RangeSampler(RangeSensor(rate=100.0))
     fresh = 0

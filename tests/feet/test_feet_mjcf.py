@@ -233,6 +233,21 @@ def test_a_stiffness_set_at_run_time_equals_one_compiled_in(before: float, after
     np.testing.assert_array_equal(compiled.data.qvel, changed.data.qvel)
 
 
+def test_the_damping_of_all_hinges_goes_with_the_stiffness() -> None:
+    stand = Stand(foot("variable", stiffness=10.0), "nothing")
+    dofs = [stand.model.joint(name).dofadr[0] for name in stand.foot.sole_joints]
+    own = stand.model.dof_damping[dofs].copy()
+    fixed = SoleStiffness(stand.model, stand.foot)
+    fixed.step(40.0, 0.0)
+    np.testing.assert_array_equal(stand.model.dof_damping[dofs], own)  # without a law it stays
+    sole = SoleStiffness(stand.model, stand.foot, damping=lambda stiffness: 0.02 * stiffness)
+    for stiffness in (20.0, 80.0):
+        sole.step(stiffness, 0.0)
+        np.testing.assert_allclose(stand.model.dof_damping[dofs], 0.02 * stiffness)
+    sole.reset()
+    np.testing.assert_allclose(stand.model.dof_damping[dofs], 0.02 * sole.actual)
+
+
 def test_stiffness_follows_its_actuator_and_is_reported() -> None:
     stand = Stand(foot("variable", stiffness=10.0), "nothing")
     actuator = StiffnessActuator(rate_limit=4.0, time_constant=0.05)

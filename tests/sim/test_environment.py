@@ -10,6 +10,7 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402 - an extra
 
+from wbc.core.estimation.falls import FallReason  # noqa: E402 - after an extra
 from wbc.sim.environment import WbcEnv  # noqa: E402 - an extra
 
 
@@ -28,6 +29,24 @@ def test_an_episode_that_is_stopped_is_cut_short_and_costs_nothing() -> None:
     env.trial.stop()
     _, reward, terminated, truncated, info = env.step(np.zeros(4))
     assert (terminated, truncated, info["fall"]) == (False, True, None) and reward > -0.5
+
+
+def test_a_fall_costs_one() -> None:
+    """Of two episodes from the same state the one that ends with a fall has a reward that is lower by one."""
+    rewards = []
+    for falls in (False, True):
+        env = WbcEnv("stand", seconds=1.0, noise="none")
+        env.reset(seed=0)
+        assert env.trial is not None
+        env.step(np.zeros(4))
+        trial = env.trial
+        if falls:
+            trial.true_fall = lambda: FallReason.TILT
+        _, reward, terminated, truncated, info = env.step(np.zeros(4))
+        assert (terminated, truncated) == (falls, False) and (info["fall"] is not None) == falls
+        over = np.linalg.norm(env._over_feet()[:2])
+        rewards.append(reward + over)
+    assert rewards == pytest.approx([0.0, -1.0], abs=1e-12)
 
 
 @pytest.mark.slow

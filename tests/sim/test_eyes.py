@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from wbc.base.errors import InputError
+from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.robots import load
@@ -89,6 +90,18 @@ def test_toes_see_the_ground_under_them() -> None:
         assert points.shape == (3, 3)
         assert np.abs(points[:, 2]).max() < 1e-3
         assert np.ptp(points[:, 1]) == pytest.approx(plant.feet[0].fit.sole.width, abs=1e-3)
+
+
+def test_the_errors_of_both_toes_are_independent() -> None:
+    sensor = RangeSensor(noise=0.005)
+    plant = Plant(ROBOT, foot="variable", range_sensor=sensor)
+    readings = []
+    for _ in range(200):
+        plant.step(plant.hold())
+        readings.append(plant.measure().sole_range)
+    left, right = (np.diff(each) for each in np.array(readings).T)
+    assert np.std(left) == pytest.approx(math.sqrt(2.0) * sensor.noise, rel=0.2)
+    assert abs(np.corrcoef(left, right)[0, 1]) < 0.3
 
 
 def test_a_camera_looks_at_any_model_with_a_robot_in_it() -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -186,6 +188,33 @@ def test_a_push_acts_where_it_is_told() -> None:
     momentum = pin.computeCentroidalMomentum(robot.model, robot.model.createData(), truth.q, truth.v)
     np.testing.assert_allclose(momentum.linear, force * 1e-3, rtol=1e-4, atol=1e-7)
     np.testing.assert_allclose(momentum.angular, np.cross(point - com, force) * 1e-3, rtol=2e-3, atol=1e-6)
+
+
+def test_a_load_moves_the_centre_of_mass_of_all_bodies_above_it() -> None:
+    """MuJoCo's centre of mass of a subtree is the mean of its bodies, whose masses have changed, weighted by mass."""
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    model, data = plant.model, plant.data
+    before = model.body_subtreemass.copy()
+    plant.load("torso", 5.0, at=[0.1, 0.0, 0.2])
+    plant.load("left_hand", 2.0)
+    plant.step(plant.hold())
+    mujoco.mj_forward(model, data)
+    parents = model.body_parentid
+    for root in range(model.nbody):
+        below = [body for body in range(model.nbody) if _is_below(body, root, parents)]
+        masses = model.body_mass[below]
+        assert model.body_subtreemass[root] == pytest.approx(masses.sum(), rel=1e-12)
+        if masses.sum() > 0.0:
+            np.testing.assert_allclose(
+                data.subtree_com[root], masses @ data.xipos[below] / masses.sum(), atol=1e-9
+            )
+    assert model.body_subtreemass[0] - before[0] == pytest.approx(7.0)
+
+
+def _is_below(body: int, root: int, parents: Any) -> bool:
+    while body not in (root, 0):
+        body = parents[body]
+    return body == root
 
 
 def test_control_period_changes_nothing_but_the_rhythm() -> None:

@@ -164,6 +164,15 @@ def test_heights_grow_along_the_ramp_and_are_those_of_the_family_behind_it(name:
     assert at_last <= 0.5 * at_once
 
 
+@pytest.mark.parametrize("length", [0.4, 1.0])
+def test_heights_of_a_field_grow_in_proportion_over_the_length_of_the_ramp(length: float) -> None:
+    ramped, sharp = terrain("random", seed=1, ramp=length), terrain("random", seed=1, ramp=0.0)
+    field = ramped.surface.field
+    x = np.linspace(field.x0, field.x1, field.z.shape[1])
+    share = np.clip((x - ramped.start) / length, 0.0, 1.0)
+    np.testing.assert_allclose(field.z, sharp.surface.field.z * share, atol=1e-12)
+
+
 def test_equal_terrains_are_one_key_and_survive_a_pickle() -> None:
     a, b = terrain("stones", 0.03, 5, density=70.0), terrain("stones", 0.03, 5, density=70.0)
     assert a == b and hash(a) == hash(b) and len({a, b, terrain("stones", 0.03, 6)}) == 2

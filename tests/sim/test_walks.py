@@ -6,6 +6,7 @@ import json
 import math
 import threading
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,14 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from wbc.base.errors import InputError
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.falls import FallReason
+from wbc.core.robot import GRAVITY
 from wbc.sim.plant.settings import Machine
 from wbc.sim.trial.loop import StageError, TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
+from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.contact import Event
@@ -28,6 +31,8 @@ from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.settings import Kind
 
 TWO_STEPS = WalkPlan(distance=0.1)
+EXAMPLE = Path(__file__).parents[2] / "examples" / "biped.xml"
+DROP = TrialSettings().falls.drop
 QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)
 SPEC = WalkSpec(plan=TWO_STEPS, seed=3, gait=QUICK)
 
@@ -103,6 +108,36 @@ def test_a_push_after_the_end_is_refused_or_told() -> None:
     result = walk(late)
     assert result.outcome == "completed" and len(result.notes) == 1
     assert f"{0.5 * (ends + limit):g} s" in result.notes[0]
+
+
+def test_cost_of_transport_is_the_work_of_every_joint_over_weight_and_way() -> None:
+    """The work of a joint counts whether it drives or brakes: ∑ |τ q̇| T, not the work that all do together."""
+
+    class Work(TrialHook):
+        work = together = 0.0
+
+        def after(self, trial: WalkTrial) -> None:
+            powers = trial.plant.joint_torque * trial.plant.joint_velocity * trial.spec.period
+            self.work += float(np.abs(powers).sum())
+            self.together += abs(float(powers.sum()))
+
+    hook = Work()
+    result = walk(replace(SPEC, plan=WalkPlan(distance=0.3)), hooks=[hook])
+    weight = WalkTrial(SPEC).plant.robot.mass * GRAVITY
+    way = math.hypot(result.distance, result.drift)
+    assert result.cost_of_transport == pytest.approx(hook.work / (weight * way), rel=1e-9)
+    assert hook.work > 1.2 * hook.together
+
+
+def test_the_drop_of_a_fall_is_in_proportion_to_the_robots_size() -> None:
+    for robot, size in (("g1", 1.0), (str(EXAMPLE), 0.922)):
+        trial = WalkTrial(WalkSpec(robot=robot, plan=TWO_STEPS, noise="none", foot="flat"))
+        plant = trial.plant
+        assert plant.robot.length_scale == pytest.approx(size, abs=1e-3)
+        height = plant.com_height
+        for share, fallen in ((0.96, None), (1.04, FallReason.HEIGHT)):
+            plant.data.subtree_com[plant.places.root, 2] = height - share * DROP * plant.robot.length_scale
+            assert trial.true_fall() is fallen, (robot, share)
 
 
 def test_walks_the_plan(plain: WalkResult) -> None:
