@@ -134,6 +134,38 @@ def test_what_disappears_is_forgotten_and_what_appears_is_there_at_once():
     assert world.at(places)[0] == pytest.approx([0.06] * 3, abs=0.01)
 
 
+@pytest.mark.parametrize("late", [0.05, 0.2, 0.45])
+def test_a_late_frame_is_worth_less_and_contradicts_nothing_newer(late):
+    """Two cameras of different latency: what both see is known as well as the time between them allows."""
+    flat = lambda x, y: 0.0 * x  # noqa: E731 - a ground
+    both, alone = HeightMap(), HeightMap()
+    for k in range(12):
+        points, std = frame(flat, k)
+        for world in (both, alone):
+            world.add(points, std, 1.0 + k / 30.0)
+    now = 1.0 + 11.0 / 30.0
+    points, std = frame(flat, 99)
+    points[:, 2] += (
+        0.01  # the estimate has sunk meanwhile: the frame is shifted to the map, not the map to it
+    )
+    assert both.add(points, std, now - late) is None
+    (one, before), (other, after) = both.known(), alone.known()
+    assert np.isfinite(both.std[np.isfinite(both.heights)]).all() and (both.std > 0.0).all()
+    assert np.abs(one[:, 2]).max() < 6.0 * NOISE and abs(np.median(one[:, 2])) < 0.5e-3
+    assert len(one) == len(other) and before.max() <= after.max() + 1e-12
+    # A box that has come since is in the map, and a frame from before does not take it away, nor one that has gone.
+    box = lambda x, y: np.where(np.hypot(x, y) < 0.1, 0.05, 0.0)  # noqa: E731
+    both.add(*frame(box, 7), now + 0.03)
+    both.add(*frame(flat, 8), now - late)
+    there, _ = both.at(np.array([0.0 + 0.0j]))
+    assert there[0] == pytest.approx(0.05, abs=3.0 * NOISE)
+    for k in range(8):
+        both.add(*frame(flat, 20 + k), now + 0.1 + 0.03 * k)
+    both.add(*frame(box, 9), now + 0.3 - late)
+    there, _ = both.at(np.array([0.0 + 0.0j]))
+    assert there[0] == pytest.approx(0.0, abs=3.0 * NOISE)
+
+
 def test_the_grid_rolls_with_the_robot():
     world = HeightMap()
     for k in range(40):

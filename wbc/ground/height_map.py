@@ -102,6 +102,7 @@ class HeightMap:
         self._code = np.full(SIDE * SIDE, NOBODY, np.int64)
         self.heights, self.std = np.full(SIDE * SIDE, np.nan), np.full(SIDE * SIDE, np.inf)
         self._refreshed = -math.inf  # time at which all cells were, s
+        self._time = -math.inf  # of the newest frame, s
 
     @checked
     def add(
@@ -112,13 +113,17 @@ class HeightMap:
     ) -> float | None:
         """Fuse the points of one frame.
 
+        A frame may come late, after newer ones. The ground may have changed since, so its heights count as less exact
+        by the time in between. It is shifted to the map, and replaces nothing that has been seen since.
+
         Args:
             points: Points in the world, shape (n, 3), m.
             std: Standard deviations of their heights, shape (n,), m.
             time: Time at which they were seen, s.
 
         Returns:
-            Height by which the map is shifted to agree with the frame, m; None if they overlap too little.
+            Height by which the map is shifted to agree with the frame, m; None if they overlap too little, or the frame
+            is late.
 
         Raises:
             InputError: A number is not finite, or the shapes do not fit.
@@ -132,9 +137,23 @@ class HeightMap:
             )
         s = self.settings
         slot, code, z, r = self._frame(points, std)
-        var = self._var[slot] + s.wander**2 * (time - self._seen[slot])
-        var[self._code[slot] != code] = np.inf
-        shift = self._register(slot, z, var)
+        late = time < self._time
+        if late:  # slots that now belong to other places stay
+            owner = self._code[slot]
+            mine = (owner == code) | (owner == NOBODY) | (self._seen[slot] <= time)
+            slot, code, z, r = slot[mine], code[mine], z[mine], r[mine]
+        self._time = now = max(time, self._time)
+        age = time - self._seen[slot]
+        foreign = self._code[slot] != code
+        age[foreign] = 0.0
+        var = self._var[slot] + s.wander**2 * np.maximum(age, 0.0)
+        var[foreign] = np.inf
+        r += s.wander**2 * np.maximum(-age, 0.0)
+        shift = self._difference(slot, z, var)
+        if late:
+            z, shift = z - (shift or 0.0), None
+        elif shift is not None:
+            self._z += shift
         old = self._z[slot]
         step = z - old
         # A higher surface replaces what is there at once; a lower one only when it has been seen again and again.
@@ -143,10 +162,14 @@ class HeightMap:
         below = ~fresh & (step < -gate)
         var[fresh] = 0.0
         gain = np.where(fresh, 1.0, np.where(below, 0.0, var / (var + r)))
+        variance = np.where(fresh, r, np.where(below, 1.5 * var + 1e-5, (1.0 - gain) * var))
+        if late:
+            newer = (age < 0.0) & (fresh | below)
+            gain[newer], variance[newer] = 0.0, self._var[slot[newer]]
         self._z[slot] = old + gain * step
-        self._var[slot] = np.where(fresh, r, np.where(below, 1.5 * var + 1e-5, (1.0 - gain) * var))
-        self._code[slot], self._seen[slot] = code, time
-        self._refresh(time, slot, shift is not None)
+        self._var[slot] = variance
+        self._code[slot], self._seen[slot] = code, np.where(foreign, time, np.maximum(self._seen[slot], time))
+        self._refresh(now, slot, shift is not None)
         return shift
 
     @checked
@@ -159,7 +182,7 @@ class HeightMap:
     def rewind(self, time: Annotated[Number, "s"]) -> None:
         """Set the time at which all heights were seen to a time, s, when the clock starts again."""
         np.minimum(self._seen, time, out=self._seen)
-        self._refreshed = -math.inf
+        self._refreshed, self._time = -math.inf, time
 
     def at(self, places: Places) -> tuple[Array, Array]:
         """Return heights (NaN where unknown) and standard deviations, m, at places x + iy, complex, shape (n,), m."""
@@ -207,14 +230,12 @@ class HeightMap:
         two = spread > 4.0 * np.sqrt(r) + self.settings.gate
         return slot[first], code[first], np.where(two, top, mean), r / np.where(two, tops, count)
 
-    def _register(self, slot: Index, z: Array, var: Array) -> float | None:
-        """Shift the map to a frame by the median difference of the cells that both know well."""
+    def _difference(self, slot: Index, z: Array, var: Array) -> float | None:
+        """Return the median difference of a frame to what is known well, m, times `follow`; None of too few cells."""
         shared = np.flatnonzero(var < (1.4 * self.settings.known) ** 2)
         if shared.size < self.settings.shared:
             return None
-        shift = self.settings.follow * float(np.median(z[shared] - self._z[slot[shared]]))
-        self._z += shift
-        return shift
+        return self.settings.follow * float(np.median(z[shared] - self._z[slot[shared]]))
 
     def _refresh(self, time: float, slot: Index, moved: bool) -> None:
         """Compute what is known now: of all cells when they have moved or grown old, else of those just seen."""

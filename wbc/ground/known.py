@@ -272,22 +272,24 @@ class KnownGround:
             self.doubts.pop(what, None)
 
     def _fuse(self, clouds: list[PointCloud]) -> None:
-        """Fuse clouds as one frame, without those that cannot be used."""
-        placed, why = [], ""
+        """Fuse clouds, without those that cannot be used: the newest as one frame, after those that came late."""
+        newest, why = max(cloud.time for cloud in clouds), ""
         total = sum(len(cloud.points) for cloud in clouds)
+        frames: dict[bool, list[tuple[float, Array]]] = {True: [], False: []}  # late, and not
         for cloud in clouds:
             points, doubt = self._placed(cloud, len(cloud.points) / max(total, 1))
             why = doubt or why
             if len(points):
-                placed.append(points)
+                frames[cloud.time < newest - FUSED].append((cloud.time, points))
         self._doubt("cloud", why)
-        if not placed:
-            return
-        points = np.concatenate(placed)
-        shift = self.map.add(points[:, :3], points[:, 3], max(cloud.time for cloud in clouds))
-        if shift is not None:
-            self._moved = True
-            self._raised += shift
+        for frame in frames.values():
+            if not frame:
+                continue
+            points = np.concatenate([part for _, part in frame])
+            shift = self.map.add(points[:, :3], points[:, 3], max(time for time, _ in frame))
+            if shift is not None:
+                self._moved = True
+                self._raised += shift
 
     def _placed(self, cloud: PointCloud, share: float) -> tuple[Array, str]:
         """Return the points of a cloud near the robot, with their standard deviations, in the world, shape (n, 4), m.
