@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 
@@ -28,6 +29,12 @@ FULL_LEG = 6
 
 NARROW = 0.2
 """Greatest range of the joints of a leg below which it seems to be in another unit, rad."""
+
+SOLVED, AT_LIMIT = 1e-6, 1e-3
+"""Greatest error of half-sitting that was solved for, m and rad; distance at which a joint is at its limit, rad."""
+
+SPREAD = math.radians(30.0)
+"""Distance of a second start of the search from the first, towards the middle of the joints' ranges, rad."""
 
 CLOSED = 1e-5
 """Greatest gap of a closed chain in half-sitting, m and rad."""
@@ -256,14 +263,20 @@ def _solve(
     free: list[int],
     stance_width: float,
 ) -> Array:
-    """Solve for the free joints by least squares; the residual vanishes for legs of six joints."""
+    """Solve for the free joints by least squares; the residual vanishes for legs of six joints.
+
+    The feet are as far apart as at zero positions. Where no such posture is found, the search goes on with the feet
+    under the hips, and as near as they may be, and from other positions of the legs: at zero they may be spread.
+    """
     data = model.createData()
     frames = [model.getFrameId(frame) for frame in soles]
     lower, upper = _limits(model)
     knees = [_knee(model, data, leg, frame) for leg, frame in zip(legs, frames, strict=True)]
     q = np.array(start)
     pin.framesForwardKinematics(model, data, q)
-    width = max(stance_width, float(data.oMf[frames[0]].translation[1] - data.oMf[frames[1]].translation[1]))
+    apart_at = [data.oMf[frames[0]].translation[1] - data.oMf[frames[1]].translation[1]]
+    apart_at.append(data.oMi[legs[0][0]].translation[1] - data.oMi[legs[1][0]].translation[1])
+    widths = [max(stance_width, float(width)) for width in (*apart_at, 0.0)]
     bent = [(7 + _index(model, joint), sign) for joint, sign in knees]
     for i, sign in bent:
         if i - 7 in free:
@@ -273,7 +286,7 @@ def _solve(
     # Legs without an ankle roll cannot shift the centre of mass sideways on flat soles: it stays where it is.
     sideways = 1.0 if all(len(leg) >= FULL_LEG for leg in legs) else 0.0
 
-    def residual(x: Array) -> Array:
+    def residual(x: Array, width: float) -> Array:
         q[solved_for] = x
         com = pin.centerOfMass(model, data, q)
         pin.updateFramePlacements(model, data)
@@ -291,18 +304,55 @@ def _solve(
             ]
         )
 
-    bounds = (lower[free], upper[free])
-    margin = 1e-6 * np.nan_to_num(bounds[1] - bounds[0], posinf=1.0)
-    x0 = np.clip(q[solved_for], bounds[0] + margin, bounds[1] - margin)
-    solution = least_squares(residual, x0, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
-    error = residual(solution.x)
-    if np.abs(error[:11]).max() > 1e-6:
-        raise ModelError(
-            "no half-sitting within the joint limits has flat, level soles with the centre of mass above them "
-            f"(largest residual {np.abs(error[:11]).max():.3g}); pass half_sitting with the leg joints"
-            + _unit_of_ranges(upper[free] - lower[free])
+    low, high = lower[free], upper[free]
+    margin = 1e-6 * np.nan_to_num(high - low, posinf=1.0)
+    first = np.clip(q[solved_for], low + margin, high - margin)
+    middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
+    starts = (first, np.clip(middle, low + margin, high - margin))
+    best: tuple[float, Array, Array] | None = None
+    for width, x0 in itertools.product(dict.fromkeys(widths), starts):
+        solution = least_squares(
+            residual, x0, bounds=(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200, args=(width,)
         )
-    return np.array(q[7:])
+        error = residual(solution.x, width)[:11]
+        largest = float(np.abs(error).max())
+        if largest <= SOLVED:
+            return np.array(q[7:])
+        if best is None or largest < best[0]:
+            best = largest, error, solution.x
+    assert best is not None
+    raise ModelError(
+        f"no half-sitting within the joint limits was found: {_left(best[1], soles)}"
+        + _at_limits([driven_names(model)[i] for i in free], best[2], low, high)
+        + "; pass half_sitting with the leg joints, or correct their limits"
+        + _unit_of_ranges(high - low)
+    )
+
+
+def _left(error: Array, soles: tuple[str, ...]) -> str:
+    """Return what is wrong with the best posture that a search has found, the largest part first."""
+    tilts = [float(np.linalg.norm(error[i : i + 3])) for i in (0, 3)]
+    away, apart = float(np.linalg.norm(error[6:8])), float(np.linalg.norm(error[8:11]))
+    parts = [
+        *(
+            (tilt, f"sole '{name}' is turned by {math.degrees(tilt):.2g}°")
+            for tilt, name in zip(tilts, soles, strict=True)
+        ),
+        (away, f"the centre of mass is {1e3 * away:.2g} mm beside the middle of the soles"),
+        (apart, f"the soles are {1e3 * apart:.2g} mm from level and side by side"),
+    ]
+    return " and ".join(text for size, text in sorted(parts, reverse=True)[:2] if size > SOLVED)
+
+
+def _at_limits(names: Sequence[str], values: Array, low: Array, high: Array) -> str:
+    """Return which joints of a posture are at their limits; empty for none."""
+    near = [
+        f"{name} at {limit:.3g} rad"
+        for name, value, limits in zip(names, values, zip(low, high, strict=True), strict=True)
+        for limit in limits
+        if abs(value - limit) < AT_LIMIT
+    ]
+    return f"; at their limits: {', '.join(near)}" if near else ""
 
 
 def _unit_of_ranges(ranges: Array) -> str:

@@ -234,6 +234,26 @@ def key(name: str, bend: float, arm: float = 0.3) -> str:
     return f'<keyframe><key name="{name}" qpos="{qpos}"/></keyframe>'
 
 
+@pytest.mark.parametrize("turn", [(24, -23, -5), (9, -2, 29), (20, 46, 18), (16, -40, 20)])
+def test_half_sitting_is_found_where_legs_are_spread_at_zero(turn: tuple[int, int, int]) -> None:
+    """Ankles that roll by 12° cannot hold the feet flat as far apart as spread legs have them; nearer they can."""
+    xml = biped().replace('axis="1 0 0" range="-30 30"', 'axis="1 0 0" range="-12 12"')
+    for side, sign in (("left", 1), ("right", -1)):
+        euler = f"{sign * turn[0]} {turn[1]} {sign * turn[2]}"
+        xml = xml.replace(f'<body name="{side}_hip" pos', f'<body name="{side}_hip" euler="{euler}" pos')
+    description = RobotDescription.from_mjcf(xml)
+    robot = description.robot()
+    low, high = description.position_limits
+    joints = [description.half_sitting[name] for name in description.joint_names]
+    assert (joints >= low).all() and (joints <= high).all()
+    places = [robot.placement(sole.frame) for sole in robot.soles]
+    middle = 0.5 * (places[0].translation + places[1].translation)
+    np.testing.assert_allclose(robot.com[:2], middle[:2], atol=1e-6)
+    for place in places:
+        np.testing.assert_allclose(place.rotation[2], [0.0, 0.0, 1.0], atol=1e-5)
+        assert abs(place.translation[2]) < 1e-5
+
+
 def test_half_sitting_is_a_keyframe_in_which_the_robot_stands() -> None:
     stands = RobotDescription.from_mjcf(biped(extra=key("stand", 0.6)))
     assert "half-sitting: keyframe 'stand'" in stands.derived

@@ -526,7 +526,7 @@ OPTIONS: list[tuple[dict[str, Any], type[Exception], str]] = [
     ({"left_sole": "trunk"}, ModelError, "root"),
     ({"sole_size": (200, 100)}, InputError, "length"),
     ({"half_sitting": {"l_knee": 3.0}}, InputError, "l_knee"),
-    ({"position_limits": {"l_ankle_pitch": (0.5, 0.8)}}, ModelError, "half-sitting"),
+    ({"position_limits": {"l_ankle_pitch": (0.5, 0.8)}}, ModelError, "l_ankle_pitch at 0.5 rad"),
     ({"armature": -0.1}, InputError, "armature"),
     ({"torque_limits": {"l_knee": 0.0}}, InputError, "torque"),
     ({"position_limits": {"l_knee": (1.0, 0.0)}}, InputError, "l_knee"),
