@@ -118,7 +118,8 @@ def draw_kinematics(path: Path) -> None:
     description = wbc.load_robot("panda")
     robot = description.robot()
     ik = wbc.InverseKinematics(robot, dt=0.01)
-    ik.add(wbc.JointLimits(), wbc.PostureTask(weight=1e-3))
+    ik.add(wbc.JointLimits())
+    ik.add(wbc.PostureTask(), level=1)
     hand = ik.add(wbc.PositionTask("panda_hand"))
     start = hand.target.copy()
     middle, radius = start + [0.02, 0.0, -0.2], 0.08

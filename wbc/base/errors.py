@@ -41,6 +41,10 @@ class MeasurementError(WbcError):
     """A measurement that cannot be used, such as one with NaN in it."""
 
 
+class NoSolutionError(WbcError):
+    """A problem without a solution; the message names what is in its way."""
+
+
 LONGEST = 80
 """Longest text of a value in a message, characters."""
 

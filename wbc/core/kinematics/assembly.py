@@ -36,6 +36,7 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.assembly import saturated
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
+from wbc.core.qp.diagnosis import groups_not_finite
 from wbc.core.qp.motion import Rows, has_first_order
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.task import SelectionTask, Task
@@ -388,6 +389,17 @@ class VelocityAssembly:
         return {
             slot.contact.name: _pull(slot.jacobian, slot.values.error) for slot in self._slots if slot.engaged
         }
+
+    def not_finite(self) -> dict[str, float]:
+        """Return what has NaN or infinity in it: name of a task or of a group of constraints → NaN."""
+        first = [task for task in self._tasks if self.places[task.name].stop <= self.problem.target.size]
+        found = groups_not_finite(self.problem, first, self.places)
+        for task in self._tasks:
+            rows, n_first = self.places[task.name], self.problem.target.size
+            values = self._lower_matrix[max(rows.start - n_first, 0) : max(rows.stop - n_first, 0)]
+            if not (np.isfinite(self._targets[rows]).all() and np.isfinite(values).all()):
+                found[f"{'hard ' * task.hard}task '{task.name}'"] = float("nan")
+        return found
 
     def violated(self, tolerance: float) -> dict[str, str]:
         """Return the limits whose rows are violated by more than a tolerance → by how much."""

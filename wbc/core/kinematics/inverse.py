@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
-from wbc.base.numbers import Array, whole_number
+from wbc.base.errors import InputError, NoSolutionError
+from wbc.base.numbers import Array, finite_array, whole_number
 from wbc.base.settings import Count, NonNegative, Period, Positive, Seed
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.levels import solve_levels
@@ -37,11 +37,13 @@ class InverseKinematics(Items):
         while not hand.reached:
             ik.step()
 
+    Whoever moves the robot calls `solve` and `update` in place of `step`.
+
     A task asks for the velocity of its target plus `rate` times its error. Contacts do not move. Limits hold for
     positions, for velocities and, if given, for accelerations. `wbc.core.kinematics.assembly` states the QP.
 
     Attributes:
-        robot: The robot. Its configuration is read by all methods, and changed by `step` and `update`.
+        robot: The robot. All methods read its configuration and its velocity; `step` and `update` change them.
     """
 
     _noun = "solver of inverse kinematics"
@@ -68,6 +70,7 @@ class InverseKinematics(Items):
         self._regularisation, self._damping = regularisation, damping
         self._levels: dict[int, int] = {}  # id of a task → its level, where it is not the first
         self._solution: VelocitySolution | None = None
+        self._asked = False  # the robot is where it was solved last
         self._close_chains()
         self._rebuild()
 
@@ -126,10 +129,10 @@ class InverseKinematics(Items):
                     f"{type(item).__name__} has no `write_step`, which bounds a step of the configuration"
                 )
 
-    def _rebuild(self) -> None:
-        """Make QP and solver of what there is now."""
-        order = sorted({0, *self._levels.values()})
-        levels = [[task for task in self._tasks if self._levels.get(id(task), 0) == level] for level in order]
+    def _rebuild(self, tasks: Sequence[Task] | None = None) -> None:
+        """Make QP and solver of what there is now, of all tasks or of some."""
+        order, tasks = sorted({0, *self._levels.values()}), self._tasks if tasks is None else tasks
+        levels = [[task for task in tasks if self._levels.get(id(task), 0) == level] for level in order]
         self._assembly = VelocityAssembly(
             self.robot, levels, self._contacts, self._limits, self._regularisation, self._damping
         )
@@ -140,12 +143,28 @@ class InverseKinematics(Items):
 
     # ---- steps --------------------------------------------------------------------------------------------------
 
-    def update(self, q: Array) -> None:
-        """Set the configuration, shape (nq,), and update frames, the CoM and their Jacobians, but no dynamics."""
-        self._move(self.robot.check_configuration("configuration", q))
+    def update(self, q: Array, v: Array | None = None) -> None:
+        """Set the state of the robot, and update frames, the CoM and their Jacobians, but no dynamics.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,), m/s and rad/s: limits of accelerations start from it. When None, it is that of the
+                last `solve` if the robot has moved by it for one period, within half of the way, and zero otherwise.
+        """
+        robot = self.robot
+        q = robot.check_configuration("configuration", q)
+        if v is not None:
+            v = finite_array("velocity", v, (robot.nv,))
+        elif self._asked and self._solution is not None:
+            asked = self._dt * self._solution.velocities
+            off = np.abs(pin.difference(robot.model, robot.q, q) - asked).max()
+            v = self._solution.velocities if off <= 0.5 * np.abs(asked).max() else None
+        robot.v[:] = 0.0 if v is None else v
+        self._move(q)
 
     def _move(self, q: Array) -> None:
         self.robot.q[:] = q
+        self._asked = False
         if self._dirty:
             self._rebuild()
         else:
@@ -161,7 +180,8 @@ class InverseKinematics(Items):
     def solve(self) -> Array:
         """Return the velocities at the present configuration, shape (nv,): base (in the base frame), then joints.
 
-        No error is raised if contacts and hard tasks contradict each other: check `solution`, and call `diagnose`.
+        No error is raised if there is no solution, or if limits, contacts and hard tasks contradict each other: check
+        `solution`, and call `diagnose`. Without a solution the velocities are zero.
         """
         if self._dirty:
             self._rebuild()
@@ -175,26 +195,41 @@ class InverseKinematics(Items):
         self._solution = VelocitySolution(
             status, velocities, achieved, multipliers, assembly.places, assembly.names
         )
+        self._asked = True
         return velocities
 
     def _solve(self) -> tuple[Array, Array, Status]:
         """Solve the QP that is written; return variables, multipliers and status."""
         assembly, solver = self._assembly, self._solver
         status = solver.solve()
+        x, multipliers = solver.x, solver.multipliers
+        if assembly.lower and status.ok:
+            x, multipliers, failed = solve_levels(assembly.problem, x, assembly.lower, assembly.damping)
+            status = failed or status
         if not status.ok:
             return np.zeros(self.robot.nv), np.zeros(len(assembly.names)), status
-        x, multipliers = solver.x, solver.multipliers
-        if assembly.lower:
-            x, multipliers = solve_levels(assembly.problem, x, assembly.lower, assembly.damping)
         return x, multipliers, status
 
-    def step(self) -> Array:
-        """Solve, move the robot by one period, and return the velocities, shape (nv,)."""
+    def step(self, *, hold: bool = False) -> Array:
+        """Solve, move the robot by one period, and return the velocities, shape (nv,).
+
+        Args:
+            hold: Stand still where there is no solution, in place of an error.
+
+        Raises:
+            NoSolutionError: There is no solution; the robot has not moved.
+        """
         velocities = self.solve()
+        if self._solution is not None and not self._solution.ok and not hold:
+            raise NoSolutionError(self._failure(self._solution.status))
         robot = self.robot
         robot.v[:] = velocities
         self._move(pin.integrate(robot.model, robot.q, self._dt * velocities))
         return velocities
+
+    def _failure(self, status: Status) -> str:
+        named = ", ".join(self.diagnose()) or "nothing by name"
+        return f"inverse kinematics has no solution, it is {status.value} by {named}: step(hold=True) stands still"
 
     @checked
     def reach(
@@ -208,8 +243,8 @@ class InverseKinematics(Items):
         """Search for a configuration in which all targets are reached; the robot's configuration stays as it is.
 
         The search takes Gauss-Newton steps with Levenberg-Marquardt damping, within the position limits. Rates,
-        velocity limits and acceleration limits have no effect. The search ends when all errors are within the
-        tolerance, or when no step reduces the weighted errors any more.
+        velocity limits, acceleration limits and tasks on a velocity have no effect. The search ends when all errors are
+        within the tolerance, or when no step reduces the weighted errors any more.
 
         Args:
             tolerance: Largest error of a task that counts as reached, m and rad.
@@ -222,19 +257,28 @@ class InverseKinematics(Items):
             The configuration with the smallest cost, the tasks that it does not reach, and the limits that are active
             in it.
         """
-        if self._dirty:
-            self._rebuild()
         robot = self.robot
-        before = robot.q.copy()
+        before, velocity, asked = robot.q.copy(), robot.v.copy(), self._asked
+        tasks = [task for task in self._tasks if not task.of_velocity]
+        robot.v[:] = 0.0
+        if self._dirty or len(tasks) < len(self._tasks):
+            self._rebuild(tasks)
+        elif self._reads_all:
+            self._refresh()
         try:
-            found = Search(robot, self._tasks, self._assembly, self._solve, self._move, tolerance)
+            found = Search(robot, tasks, self._assembly, self._solve, self._move, tolerance)
             return found.run(iterations, starts, seed)
         finally:
+            robot.v[:], self._dirty = velocity, len(tasks) < len(self._tasks)
             self._move(before)
+            self._asked = asked
 
     def diagnose(self) -> dict[str, float]:
-        """Return contacts, hard tasks and limits that contradict each other: name → violation, largest first."""
+        """Return contacts, hard tasks and limits that contradict each other: name → violation, largest first.
+
+        If tasks or constraints contain NaN or infinity, the result is NaN for these.
+        """
         if self._dirty:
             self._rebuild()
             self._assembly.write(self._dt)
-        return violated_groups(self._assembly.problem)
+        return self._assembly.not_finite() or violated_groups(self._assembly.problem)

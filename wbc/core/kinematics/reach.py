@@ -52,7 +52,7 @@ class Search:
 
     Attributes:
         robot: The robot, whose configuration moves.
-        tasks: All tasks.
+        tasks: All tasks that are on a configuration.
         assembly: Assembly of the QP.
         solve: Solves the QP that is written: variables, multipliers and status.
         update: Sets the configuration of the robot.
@@ -75,7 +75,7 @@ class Search:
                 break
             self.update(self._random_configuration(start, random))
             found, result = self._descend(iterations, number)
-            if result.reached or found < cost:
+            if result.reached or not found >= cost:  # or the one before is none
                 cost, best = found, result
         return best
 
@@ -92,7 +92,7 @@ class Search:
         best, astray = robot.q.copy(), False
         cost = least = assembly.write_step()
         damping = max(min(FIRST_DAMPING, SHARE * cost), LEAST_DAMPING)
-        iteration = 0
+        iteration, status = 0, Status.SOLVED
         for iteration in range(1, iterations + 1):  # noqa: B007 (its last value counts)
             assembly.damp(damping)
             step, _, status = self.solve()
@@ -121,7 +121,10 @@ class Search:
         assembly.write_step()
         missed = self._missed()
         held: tuple[str, ...] = ()
-        if missed:  # the multipliers of a step that is damped as much as errors are left
+        if not status.ok:
+            held = tuple(assembly.not_finite()) or ("the search",)
+            missed = missed or dict.fromkeys(held, status.value)
+        elif missed:  # the multipliers of a step that is damped as much as errors are left
             assembly.damp(max(least, FIRST_DAMPING))
             _, multipliers, _ = self.solve()
             held = assembly.holding(multipliers, self.tolerance) or tuple(assembly.violated(self.tolerance))
@@ -135,12 +138,12 @@ class Search:
         for task in self.tasks:
             if _counts(task):
                 parts = zip(task._parts(), task._sizes(task.error), strict=True)
-                far = [f"{size:.3g} {unit}" for (unit, _), size in parts if size > self.tolerance]
+                far = [f"{size:.3g} {unit}" for (unit, _), size in parts if not size <= self.tolerance]
                 if far:
                     missed[task.name] = ", ".join(far)
         for name, sizes in self.assembly.contact_errors().items():
             both = zip(sizes, ("m", "rad"), strict=True)
-            far = [f"{size:.3g} {unit}" for size, unit in both if size > self.tolerance]
+            far = [f"{size:.3g} {unit}" for size, unit in both if not size <= self.tolerance]
             if far:
                 missed[f"contact {name}"] = ", ".join(far)
         return missed | self.assembly.violated(self.tolerance)
@@ -162,4 +165,4 @@ class Search:
 
 def _counts(task: Task) -> bool:
     """Return true for a task whose target is to be reached: not for postures, which only choose."""
-    return task.hard or (not isinstance(task, SelectionTask) and not task.idle and not task.of_velocity)
+    return task.hard or (not isinstance(task, SelectionTask) and not task.idle)

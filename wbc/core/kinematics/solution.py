@@ -64,8 +64,8 @@ class VelocitySolution:
     """Result of one step; owns its arrays.
 
     Attributes:
-        status: Step of the solver's ladder that succeeded; `RELAXED` where contacts and hard tasks could not all be
-            kept. When `ok` is False the velocities are zero.
+        status: Step of the solver's ladder that succeeded; `RELAXED` where limits, contacts and hard tasks could not
+            all be kept. When `ok` is False the velocities are zero.
         velocities: Generalised velocities: base (in its own frame), then joints, shape (nv,), m/s and rad/s.
         achieved: Velocities of all rows, and the wanted ones.
         multipliers: Multipliers of the inequalities, positive where the upper bound is active.
@@ -108,7 +108,8 @@ class ReachResult:
         configuration: The configuration, shape (nq,).
         reached: True if every task on a motion, every hard task and every contact is within the tolerance, and no limit
             is violated. Postures, unless they are hard, choose among configurations and do not count.
-        errors: Name of a task → length of its error, in each unit of it: (m,), (rad,), or (m, rad) for a pose.
+        errors: Name of a task → length of its error, in each unit of it: (m,), (rad,), or (m, rad) for a pose. Tasks on
+            a velocity, such as a momentum, have none: a search does not move.
         missed: What is beyond the tolerance → by how much, such as "0.12 m, 0.3 rad".
         held_by: Names of the limits that hold the configuration where it is, or that are violated. Where no limit is
             either, names of the tasks and contacts that pull against what is missed, or of missed ones that pull
