@@ -10,20 +10,23 @@ of the centre of mass and the lean and turn of the trunk in "wbc/Stand-v0", in w
 
 from __future__ import annotations
 
-from typing import Any
+import copy
+from collections.abc import Sequence
+from typing import Annotated, Any
 
 import gymnasium
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.errors import InputError, choose
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array
 from wbc.base.settings import Positive
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
-from wbc.sim.plant.robot import DivergedError
+from wbc.sim.trial.loop import TrialHook
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.walks.plans import WalkPlan
@@ -56,6 +59,11 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
     **Reward**: "walk": displacement of the feet along the world's x, m; "stand": minus the distance of the CoM from the
     middle of the feet, m. A fall costs 1 and ends the episode, which is truncated after its time, or by `trial.stop()`.
+    A simulation that diverges ends the episode as a fall does, with the observation before it: `info["diverged"]` has
+    the reason.
+
+    A copy, by `copy` or by a pickle, has made the same episode: it is begun anew and the actions are repeated, in the
+    time that they take.
 
     Attributes:
         trial: The present episode; None before `reset`.
@@ -63,13 +71,15 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
     metadata: dict[str, Any] = {"render_modes": []}
 
+    @checked
     def __init__(
         self,
         task: str = "walk",
         *,
-        period: Positive = 0.1,
-        seconds: Positive = 20.0,
+        period: Annotated[Positive, "s"] = 0.1,
+        seconds: Annotated[Positive, "s"] = 20.0,
         robot: str | RobotDescription = "hrp4_class",
+        render_mode: str | None = None,
         **fields: Any,
     ) -> None:
         """Choose robot, ground and feet.
@@ -79,15 +89,22 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             period: Time for which an action holds, s; rounded to control periods.
             seconds: Length of an episode, s.
             robot: Name of the robot, or its description.
+            render_mode: None: the environment draws nothing. A hook of `reset` records or shows an episode.
             **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode.
         """
+        if render_mode is not None:
+            raise InputError(
+                f"the environment draws nothing, got render_mode={shown(render_mode)}: film a recorded episode, "
+                "env.reset(options={'hooks': [wbc.app.Recorder('episode.arrow')]}), by `wbc replay`"
+            )
+        self.render_mode = render_mode
         self._task = choose("task of the environment", task, TASKS)
         for name in ("seed", "plan", "pushes"):
             if name in fields:
                 raise InputError(f"{name} is set by the environment; leave it out")
         self._fields = {"robot": robot, **fields}
         first = self._spec(0, ())
-        self._ticks = max(1, round(period / first.period))
+        self._ticks = max(1, round(min(period, seconds) / first.period))
         self._seconds = seconds
         joints = first.prepare().robot().na
         bounds = np.array(VELOCITY if task == "walk" else POSTURE)
@@ -95,12 +112,24 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self.action_space = gymnasium.spaces.Box(low, bounds, dtype=np.float64)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (14 + 2 * joints,), dtype=np.float64)
         self.trial: WalkTrial | None = None
+        self._actions: list[Array] = []  # of the present episode
+        self._last: Array | None = None  # observation
+        self._hooks: Sequence[TrialHook] = ()  # of the present episode, until its end
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode: another ground, other sensor errors and pushes for each seed, or for each call."""
+        """Begin an episode: another ground, other sensor errors and pushes for each seed, or for each call.
+
+        Args:
+            seed: Seed; None for the next random draws.
+            options: "hooks" may be a list of hooks (`wbc.sim.TrialHook`) of the episode, such as a `wbc.app.Recorder`.
+        """
+        hooks = dict(options or {})
+        for name in hooks:
+            choose("option of an episode", name, ("hooks",))
         super().reset(seed=seed)
+        self.close()
         pushes: tuple[WalkPush, ...] = ()
         if self._task == "stand":
             pushes = tuple(
@@ -111,46 +140,82 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
                 )
                 for time in np.arange(2.0, self._seconds, 2.0)
             )
-        self.trial = WalkTrial(self._spec(int(self.np_random.integers(2**31)), pushes), visuals=False)
-        self._height = self.trial.walking.body.com_height
+        return self._begin(
+            self._spec(int(self.np_random.integers(2**31)), pushes), hooks.get("hooks", ())
+        ), {}
+
+    def _begin(self, spec: WalkSpec, hooks: Sequence[TrialHook] = ()) -> Array:
+        """Begin an episode, and return its first observation."""
+        self.trial, self._hooks = WalkTrial(spec, visuals=bool(hooks)), hooks
+        self._height, self._actions = self.trial.walking.body.com_height, []
         with one_thread():  # sums of several threads depend on their number
-            self.trial.start()
+            self.trial.start(hooks)
             self.trial.step()
         self._reached = self._progress()
-        return self._observation(), {}
+        self._last = self._observation()
+        return self._last.copy()  # it belongs to the caller
+
+    def close(self) -> None:
+        """End the hooks of the present episode, as its end does."""
+        hooks, self._hooks = self._hooks, ()
+        for hook in hooks:
+            hook.end(None)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what makes the same episode: its spec, the actions, and the observation to which they lead."""
+        state = {name: value for name, value in vars(self).items() if name not in ("trial", "_hooks")}
+        state["_np_random"] = copy.deepcopy(self._np_random)
+        return {**state, "episode": None if self.trial is None else self.trial.spec}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the same episode; an `InputError` if it was not made by the actions alone."""
+        state = dict(state)
+        spec, actions, last = state.pop("episode"), state["_actions"], state["_last"]
+        self.__dict__.update(state)
+        self.trial, self._hooks = None, ()
+        if spec is None:
+            return
+        self._begin(spec)
+        for action in actions:
+            self.step(action)
+        assert self._last is not None
+        if not np.array_equal(self._last, last):
+            raise InputError(
+                "an environment is copied by a reset with its spec and by its actions, and something else has acted on "
+                "this episode, such as a push: reset another one with the same seed, and repeat all of it"
+            )
 
     def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Let an action hold for a period; see the class for actions, observations and rewards.
-
-        Raises:
-            DivergedError: The simulation has diverged.
-        """
+        """Let an action hold for a period; see the class for actions, observations and rewards."""
         trial = self.trial
         if trial is None:
             raise InputError("reset the environment before its first step")
-        self._order(trial, np.clip(finite_array("action", action, self.action_space.shape), *self._bounds))
+        action = finite_array("action", action, self.action_space.shape)
+        self._actions.append(action)
+        self._order(trial, np.clip(action, *self._bounds))
         alive = True
         with one_thread():
             for _ in range(self._ticks):
                 alive = trial.step()
                 if not alive:
                     break
+        info = {"time": trial.plant.time, "fall": None, "diverged": trial.diverged}
         if trial.diverged is not None:
-            raise DivergedError(trial.diverged)
+            assert self._last is not None
+            self.close()
+            return self._last.copy(), -1.0, True, False, info
         place = self._progress()
         reward = (
             place - self._reached if self._task == "walk" else -float(np.linalg.norm(self._over_feet()[:2]))
         )
         self._reached = place
-        info = {"time": trial.plant.time, "fall": None if trial.fall is None else trial.fall.value}
+        info["fall"] = None if trial.fall is None else trial.fall.value
+        self._last = self._observation()
         over = trial.stopped or trial.plant.time >= self._seconds - ROUNDING
-        return (
-            self._observation(),
-            float(reward) - trial.fallen,
-            trial.fallen,
-            over and not trial.fallen,
-            info,
-        )
+        if over or trial.fallen:
+            self.close()
+        reward = float(reward) - trial.fallen
+        return self._last.copy(), reward, trial.fallen, over and not trial.fallen, info
 
     @property
     def _bounds(self) -> tuple[Array, Array]:

@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
+import copy
+import math
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,6 +17,8 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402 - an extra
 
+from wbc.app import Log, Recorder  # noqa: E402 - after an extra
+from wbc.base.errors import InputError  # noqa: E402 - after an extra
 from wbc.core.estimation.falls import FallReason  # noqa: E402 - after an extra
 from wbc.sim.environment import WbcEnv  # noqa: E402 - an extra
 
@@ -47,6 +56,78 @@ def test_a_fall_costs_one() -> None:
         over = np.linalg.norm(env._over_feet()[:2])
         rewards.append(reward + over)
     assert rewards == pytest.approx([0.0, -1.0], abs=1e-12)
+
+
+def test_a_divergence_ends_one_of_several_episodes_with_its_reason() -> None:
+    env = gymnasium.make_vec(
+        "wbc.sim.environment:wbc/Stand-v0", num_envs=2, vectorization_mode="sync", seconds=2.0, noise="none"
+    )
+    env.reset(seed=0)
+    first, _ = env.envs
+    plant = first.unwrapped.trial.plant
+    plant.data.qvel[plant.places.joint_dof[0]] = np.nan
+    for _ in range(3):  # the next step begins anew the one that has ended
+        observations, rewards, terminated, truncated, info = env.step(np.zeros((2, 4)))
+        assert np.isfinite(observations).all() and np.isfinite(rewards).all() and not truncated.any()
+        if terminated.any():
+            break
+    assert terminated.tolist() == [True, False] and rewards[0] == -1.0
+    assert "diverged" in info["diverged"][0] and info["diverged"][1] is None and info["fall"][0] is None
+    *_, terminated, truncated, _ = env.step(np.zeros((2, 4)))
+    assert not terminated.any() and not truncated.any()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_is_in_the_same_episode_and_goes_its_own_way(copied: Callable[[Any], Any]) -> None:
+    env = WbcEnv("walk", seconds=1.0)
+    assert copied(env).trial is None
+    env.reset(seed=3)
+    for action in ([0.2, 0.0, 0.1], [0.1, 0.05, 0.0]):
+        env.step(action)
+    twin = copied(env)
+    for _ in range(2):
+        np.testing.assert_array_equal(twin.step([0.3, 0.0, 0.0])[0], env.step([0.3, 0.0, 0.0])[0])
+    assert not np.array_equal(twin.step([0.0, 0.1, 0.0])[0], env.step([0.3, 0.0, 0.0])[0])
+    np.testing.assert_array_equal(twin.reset()[0], env.reset()[0])
+    assert env.trial is not None
+    env.trial.plant.push("torso", [40.0, 0.0, 0.0], 0.1)
+    env.step([0.0, 0.0, 0.0])
+    with pytest.raises(InputError, match="environment"):
+        copied(env)
+
+
+def test_an_episode_is_recorded_by_a_hook_to_its_end(tmp_path: Path) -> None:
+    env = WbcEnv("stand", seconds=0.2)
+    for name in ("one.arrow", "other.arrow"):
+        env.reset(seed=0, options={"hooks": [Recorder(tmp_path / name)]})
+        env.step(np.zeros(4))
+    assert len(Log.open(tmp_path / "one.arrow")) == 21, "the next reset has ended it"
+    assert env.step(np.zeros(4))[3]
+    assert len(Log.open(tmp_path / "other.arrow")) == 41, "one tick of the reset, and 0.2 s at 5 ms"
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"seconds": -1.0}, r"seconds of WbcEnv \(s\)"),
+        ({"seconds": math.nan}, r"seconds of WbcEnv \(s\)"),
+        ({"seconds": "20"}, r"seconds of WbcEnv \(s\)"),
+        ({"period": 0.0}, r"period of WbcEnv \(s\)"),
+        ({"period": math.nan}, r"period of WbcEnv \(s\)"),
+        ({"period": math.inf}, r"period of WbcEnv \(s\)"),
+        ({"task": "run"}, "task of the environment"),
+        ({"render_mode": "rgb_array"}, "draws nothing"),
+        ({"render_mode": "human"}, "wbc replay"),
+        ({"terain": "stones"}, "terrain"),
+        ({"seed": 3}, "seed"),
+    ],
+)
+def test_what_an_environment_cannot_be_made_of_is_refused(values: dict[str, Any], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        WbcEnv(**values)
+    if not {"task", "render_mode"} & set(values):  # of these gymnasium says something of its own
+        with pytest.raises(InputError, match=named):
+            gymnasium.make("wbc.sim.environment:wbc/Walk-v0", **values)
 
 
 @pytest.mark.slow
