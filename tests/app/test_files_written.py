@@ -60,6 +60,7 @@ WRITERS: dict[str, list[str]] = {
     "table.csv": ["study", "table", *STUDY_WORDS],
     "signals.png": ["plot", "log.arrow", "com/estimated", "-o"],
     "ground.svg": IMAGE,
+    "scene.rrd": ["view", "log.arrow", "-o"],
     "spec.json": ["study", "run", "--journal", "journal.jsonl", "--key", "KEY", "-o"],
 }
 """File to write → command that writes it."""
@@ -69,7 +70,7 @@ def words_for(name: str) -> list[str]:
     return [next(iter(read_journal("journal.jsonl"))) if word == "KEY" else word for word in WRITERS[name]]
 
 
-@pytest.mark.parametrize("name", by_default(WRITERS, "table.csv", "signals.png", "spec.json"))
+@pytest.mark.parametrize("name", by_default(WRITERS, "table.csv", "signals.png", "spec.json", "scene.rrd"))
 def test_a_full_disk_leaves_the_old_file_and_one_line(folder: Path, name: str, capsys: Captured) -> None:
     Path(name).write_text("old")
     before = sorted(os.listdir())

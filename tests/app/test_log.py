@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -237,6 +239,49 @@ def test_of_two_recordings_of_one_log_the_second_is_refused(log_file: Path, tick
     assert len(Log.open(log_file)) == ticks and Log.open(log_file).broken is None
     LogWriter(log_file).close()
     assert len(list(log_file.parent.iterdir())) == 1
+
+
+def put_link(beside: Path, victim: Path) -> None:
+    beside.symlink_to(victim)
+
+
+def put_hard_link(beside: Path, victim: Path) -> None:
+    beside.hardlink_to(victim)
+
+
+def put_pipe(beside: Path, victim: Path) -> None:
+    del victim
+    os.mkfifo(beside)
+
+
+@pytest.mark.parametrize("put", [put_link, put_hard_link, put_pipe])
+def test_what_has_the_name_of_the_new_file_is_not_written(
+    put: Callable[[Path, Path], None], log_file: Path
+) -> None:
+    first = LogWriter(log_file)
+    (beside,) = (path for path in log_file.parent.iterdir() if path != log_file)
+    first.close()
+    victim = log_file.with_name("victim")
+    victim.write_text("years of work")
+    put(beside, victim)
+    write(log_file, 5).close()
+    assert victim.read_text() == "years of work" and len(Log.open(log_file)) == 5
+    assert sorted(path.name for path in log_file.parent.iterdir()) == [log_file.name, victim.name]
+
+
+@pytest.mark.parametrize("ticks", [10, ROWS + 10])
+def test_a_forked_process_leaves_the_log_of_its_parent(ticks: int, log_file: Path) -> None:
+    """Whether the child ends the recording, or Python ends it with the child."""
+    writer = write(log_file, ticks)
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            writer.close()
+            writer._place._finalizer()
+        os._exit(0)
+    os.waitpid(child, 0)
+    writer.close()
+    assert writer.loss is None and len(Log.open(log_file)) == ticks and Log.open(log_file).broken is None
 
 
 @pytest.mark.slow

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import re
 import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -65,6 +67,38 @@ def test_a_full_disk_leaves_the_old_file(old: Path) -> None:
     with limited_file_size(100), pytest.raises(FileError, match="write"):
         write_text(old, 1000 * "x")
     assert old.read_text() == OLD and names(old.parent) == [old.name]
+
+
+def forked(block: Callable[[], object]) -> None:
+    """Run a block in a forked process, which then ends as Python programs do, but runs no other test."""
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            block()
+        os._exit(0)
+    os.waitpid(child, 0)
+
+
+def test_a_forked_process_leaves_the_file_of_its_parent(old: Path) -> None:
+    writing = replacing(old)
+    new = writing.__enter__()
+    new.write_text("whole")
+    forked(lambda: writing.__exit__(SystemExit, SystemExit(), None))
+    writing.__exit__(None, None, None)
+    assert old.read_text() == "whole" and names(old.parent) == [old.name]
+
+
+def test_the_new_file_of_a_killed_program_goes_with_the_next_one_and_no_other(old: Path) -> None:
+    killed = replacing(old)
+    forked(killed.__enter__)
+    other = old.with_name(f"{BESIDE}pipe.csv")
+    os.mkfifo(other)
+    assert len(names(old.parent)) == 3
+    with replacing(old) as new:
+        new.write_text("first")
+        write_text(old, "second")  # leaves what is being written
+        assert new.exists()
+    assert old.read_text() == "first" and names(old.parent) == [other.name, old.name]
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")

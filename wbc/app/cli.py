@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import io
 import os
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
@@ -64,6 +67,22 @@ def _prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection)
     prepare(app, commands, arguments)
 
 
+@contextlib.contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """Let signals that end a program leave all blocks: files that are half written are removed."""
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is signal.SIG_DFL:
+                before[number] = signal.signal(number, _end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@_ended_by_signals()
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line, the words after `wbc` (those of the process when None), and return the exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
@@ -105,6 +124,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("wbc: internal failure; please report it with the lines above", file=sys.stderr)
         return FAILED
     return RAN
+
+
+def _end(number: int, frame: object) -> None:
+    """End with the exit code of a program that a signal ends."""
+    del frame
+    raise SystemExit(128 + number)
 
 
 def _one_line(error: BaseException) -> str:

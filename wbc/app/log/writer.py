@@ -8,6 +8,7 @@ break, which `Log.open` reads. Two programs cannot write one log: the second is 
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import hashlib
 import logging
@@ -24,7 +25,7 @@ from pyarrow import ipc
 from wbc.app.log.header import KEY, encode
 from wbc.app.log.signals import Kind, Signals
 from wbc.base.errors import InputError
-from wbc.base.files import BESIDE, FileError, check_target, parsing
+from wbc.base.files import BESIDE, FileError, check_target, open_own, parsing
 from wbc.base.numbers import Array
 
 ROWS = 256
@@ -81,7 +82,8 @@ class LogWriter:
         self._attempt(self._open)
 
     def _open(self) -> None:
-        self._file = pa.output_stream(str(self._place.beside), compression=None, buffer_size=1 << 20)
+        # Not by its name, which may lead elsewhere meanwhile.
+        self._file = open(self._place.file, "wb", buffering=1 << 20, closefd=False)  # noqa: SIM115
         options = ipc.IpcWriteOptions(compression="lz4", use_threads=False)
         self._out = ipc.new_file(self._file, self._schema, options=options)
         self._file.flush()
@@ -100,7 +102,7 @@ class LogWriter:
             self._flush()
 
     def _flush(self) -> None:
-        if self._failure is None and self._objects:
+        if self._failure is None and self._objects and self._place.is_own:
             self._attempt(self._write)
         self._objects = []
 
@@ -140,6 +142,8 @@ class LogWriter:
         if self.ended:
             return
         self.ended = True
+        if not self._place.is_own:  # the file is that of another process
+            return
         self._flush()
         for part in (self._out, self._file):
             if part is not None:
@@ -153,15 +157,20 @@ class _Place:
     """Place of a file that one program at a time writes: beside the old file until it takes that one's place.
 
     The lock is on the new file itself and goes with it, so that a program that is killed leaves none.
+
+    Attributes:
+        beside: The new file.
+        file: Its descriptor.
     """
 
     def __init__(self, path: Path) -> None:
         self._target = path.resolve()
         name = hashlib.sha256(os.fsencode(self._target.name)).hexdigest()[:16]  # no longer than a name may be
         self.beside = self._target.parent / f"{BESIDE}{name}{path.suffix}"
-        self._lock = self._locked()
+        self._process = os.getpid()
+        self.file = self._locked()
         self._taken = False
-        self._finalizer = weakref.finalize(self, _leave, self._lock, self.beside)
+        self._finalizer = weakref.finalize(self, _leave, self._process, self.file, self.beside)
         try:
             old = os.open(self._target, os.O_RDONLY | os.O_CLOEXEC)
         except OSError:  # there is none as a rule
@@ -174,11 +183,22 @@ class _Place:
         finally:
             os.close(old)
 
+    @property
+    def is_own(self) -> bool:
+        """True in the process that has begun the file; False in one that was forked from it."""
+        return os.getpid() == self._process
+
     def _locked(self) -> int:
         """Return the new file, empty and locked; one that a killed program has left is used again."""
         while True:
             try:
-                file = os.open(self.beside, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                try:
+                    file = open_own(self.beside, create=True)
+                except OSError as error:
+                    if error.errno not in (errno.ELOOP, errno.EEXIST, errno.ENXIO):
+                        raise
+                    self.beside.unlink()  # a link, a pipe or a file of somebody else that was put there
+                    continue
             except OSError as error:
                 raise InputError(f"cannot write the log {self._target}: {error.strerror or error}") from error
             try:
@@ -197,19 +217,19 @@ class _Place:
         if self._taken:
             return
         with contextlib.suppress(FileNotFoundError):
-            os.fchmod(self._lock, self._target.stat().st_mode & 0o777)
+            os.fchmod(self.file, self._target.stat().st_mode & 0o777)
         os.replace(self.beside, self._target)
         self._taken = True
         self._finalizer.detach()
-        self._finalizer = weakref.finalize(self, _leave, self._lock, None)
+        self._finalizer = weakref.finalize(self, _leave, self._process, self.file, None)
 
     def leave(self) -> None:
         """Let other programs write; a file that has not taken its place is removed."""
         self._finalizer()
 
 
-def _leave(lock: int, beside: Path | None) -> None:
-    if beside is not None:
+def _leave(process: int, lock: int, beside: Path | None) -> None:
+    if beside is not None and os.getpid() == process:
         with contextlib.suppress(OSError):
             beside.unlink()
     os.close(lock)

@@ -70,7 +70,7 @@ def convert_log(
             groups.setdefault(name.rpartition("/")[0] or name, []).append(signal)
     with replacing(target) as new:
         stream: Any = rr.RecordingStream("wbc", default_enabled=True)
-        stream.save(new)
+        content = stream.binary_stream()  # a full disk is no error of a stream that writes a file
         stream.send_recording_name(_plain(str(log.header.get("title") or log.path.stem)))
         for name, signals in progress(list(groups.items())):
             _write_numbers(rr, stream, log, _plain(name), signals)
@@ -79,6 +79,7 @@ def convert_log(
                     _write_texts(rr, stream, log, signal.name)
         if replay is not None:
             _write_scene(rr, stream, replay, rate)
+        new.write_bytes(content.read())
         stream.disconnect()
     return reason
 
