@@ -81,14 +81,15 @@ def test_collision_rows_are_the_derivative_of_the_distance(name: str, make: obje
         q, v = random_state(robot, rng)
         robot.update(q, v)
         rows, lower, upper = rows_of(limit, robot)
-        assert np.isfinite(lower).all()
+        pairs = slice(len(limit.distances))  # the rows of corners come behind them
+        assert np.isfinite(lower[pairs]).all()
         assert np.isinf(upper).all()
         ends = []
         for step in (STEP, -STEP):
             robot.update(pin.integrate(robot.model, q, step * v), v)
             rows_of(limit, robot)
             ends.append(np.array(list(limit.distances.values())))
-        np.testing.assert_allclose(rows @ v, (ends[0] - ends[1]) / (2 * STEP), atol=1e-6)
+        np.testing.assert_allclose(rows[pairs] @ v, (ends[0] - ends[1]) / (2 * STEP), atol=1e-6)
 
 
 def test_collision_bounds_are_filled_in_whatever_arrays_are_given() -> None:

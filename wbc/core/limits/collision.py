@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +20,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
+from wbc.core.limits.facing import POINTS, Facing
 from wbc.core.limits.heights import Columns
 from wbc.core.limits.separation import YZX, ZXY, Separation
 from wbc.core.limits.shapes import ENDLESS, SHAPES, CollisionHeights, Obstacle, Shape, geometry_of
@@ -32,6 +34,15 @@ SAMPLES = 200
 
 NEAR = 0.1
 """Distance beyond the margin from which on pairs count among velocities, m: in a period a link comes less far."""
+
+TURNING = 5.0
+"""Speed up to which points of a shape come nearer by its turn, m/s: further away corners are left out of velocities."""
+
+MOST_CORNERS = 64
+"""Rows for corners of faces that a limit has at most."""
+
+DEEP = 1e-3
+"""Depth of a collision from which on its corners have no rows, m: the nearest points lead out of it."""
 
 SUDDEN = 100.0
 """Acceleration up to which a distance may shrink in a tick before its row must be there, m/s²."""
@@ -58,8 +69,8 @@ def _xml(source: str | Path, what: str) -> ET.Element:
         raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
 
 
-Kept = tuple[float, float, float, float, float, float, float, float, float, float, float]
-"""Distance of a pair and how fast it grows, normal, its moment and the nearest point of the first shape."""
+Kept = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
+"""Distance of a pair, room, growth, normal, its moment and the nearest point of the first shape."""
 
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -82,15 +93,19 @@ class _Near:
     """Pairs that are near.
 
     Attributes:
-        rows: Their rows.
+        rows: Their rows, those of the nearest points of pairs first.
+        pairs: The pair of each row.
         distances: Their distances, m.
+        room: Distances beyond the margin, m; those of corners beyond the distance of their pair if that is less.
         growth: Speeds at which the distances grow, m/s.
         levers: [n, p₁ × n] of the normals n from the first shape to the second one, shape (n, 6).
         points: Nearest points p₁ of the first shape in the world, shape (n, 3), m.
     """
 
     rows: NDArray[np.intp]
+    pairs: NDArray[np.intp]
     distances: Array
+    room: Array
     growth: Array
     levers: Array
     points: Array
@@ -278,8 +293,8 @@ class CollisionLimit(Limit):
                 for i in objects[link]:
                     self._add_row(link, place.obstacle.name, i, place.index, place.obstacle)
             place.rows = slice(first_row, len(self._rows))
-        self.dim = len(self._rows)
-        if self.dim == 0:
+        self._n_pairs = len(self._rows)
+        if self._n_pairs == 0:
             raise InputError(f"limit '{self.name}' has no pair that can touch: give the pairs")
         self._geometry_data = geometry.createData()
         for request in self._geometry_data.distanceRequests:
@@ -288,7 +303,16 @@ class CollisionLimit(Limit):
             item.geometry.computeLocalAABB()
         self._grounds = [grounds.get(pair.second) for pair in geometry.collisionPairs]
         self._changing = np.array([ground is not None for ground in self._grounds])  # measured at every tick
-        self._separation = Separation(geometry, self._geometry_data)
+        self._facing = Facing(geometry, self._geometry_data)
+        corners = [
+            has and ground is None
+            for has, ground in zip(self._facing.has_corners, self._grounds, strict=True)
+        ]
+        self._facing.has_corners = corners
+        self._separation = Separation(geometry, self._geometry_data, np.array(corners))
+        self._spread = self._separation.spread.tolist()
+        self.dim = self._n_pairs + min(POINTS * sum(corners), MOST_CORNERS)
+        self._owners = np.arange(self.dim)  # the pair of each row
         self._leaders = _leaders(robot)
         # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
         carried = {joint: _carrying(robot, joint) for row in self._rows for joint in row[:2]}
@@ -299,9 +323,9 @@ class CollisionLimit(Limit):
         self._filled = _NO_ROWS  # those that are not zero
         self._written: Array | None = None  # the array that they are in
         pin.updateGeometryPlacements(robot.model, robot.data, geometry, self._geometry_data)
-        distances = np.array([self._distance_of(row) for row in range(self.dim)])
+        distances = np.array([self._distance_of(row) for row in range(self._n_pairs)])
         self._separation.distances()
-        self._separation.measured(np.arange(self.dim), distances)
+        self._separation.measured(np.arange(self._n_pairs), distances)
         self._check_obstacles(distances)
 
     def _links_near_obstacles(self, robot: Robot) -> list[str]:
@@ -396,9 +420,9 @@ class CollisionLimit(Limit):
         needed *= self._time
         needed += self._margin
         np.minimum(needed, self._influence, out=needed)
-        near = self._measure((bounds <= needed).nonzero()[0], self._influence, twists, dt)
+        near = self._measure((bounds <= needed).nonzero()[0], self._influence, self._influence, twists, dt)
         if near is not None:
-            room, moving = near.distances - self._margin, self._jacobians(near)
+            room, moving = near.room, self._jacobians(near)
             demand = -(room / self._time + near.growth) / dt
             demand = np.minimum(demand, np.maximum(room, 0.0) / self._time**2 + self._recovery)
             demand -= self._drift(near)
@@ -409,24 +433,27 @@ class CollisionLimit(Limit):
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill how far each pair may approach, or must separate; see `Limit.write_step`."""
         self._clear(rows, lower, upper)
-        near = self._measure((self._bounds() <= self._influence).nonzero()[0], self._influence)
+        near = self._measure(
+            (self._bounds() <= self._influence).nonzero()[0], self._influence, self._margin + NEAR
+        )
         if near is not None:
-            moving, demand = self._jacobians(near), self._margin - near.distances
+            moving, demand = self._jacobians(near), -near.room
             self._put(rows, lower, near, moving, np.minimum(demand, np.abs(moving).sum(axis=1)))
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the smallest rate of each distance; see `Limit.write_velocity`."""
         self._clear(rows, lower, upper)
         influence = min(self._influence, self._margin + NEAR)
-        near = self._measure((self._bounds() <= influence).nonzero()[0], influence, self._beside())
+        corners = min(influence, self._margin + TURNING * dt)
+        near = self._measure((self._bounds() <= influence).nonzero()[0], influence, corners, self._beside())
         if near is not None:
             moving = self._jacobians(near)
-            demand = (self._margin - near.distances) / max(self._time, dt) - near.growth
+            demand = -near.room / max(self._time, dt) - near.growth
             self._put(rows, lower, near, moving, np.minimum(demand, np.abs(moving).sum(axis=1)))
 
     def violation(self, row: int, size: float) -> str:
         """Return by how much the margin of a pair is violated, and which pair it is."""
-        one, other = self._names[row]
+        one, other = self._names[self._owners[row]]
         return f"{size:.3g} m ('{one}' and '{other}')"
 
     def _clear(self, rows: Array, lower: Array, upper: Array) -> None:
@@ -456,18 +483,18 @@ class CollisionLimit(Limit):
         return bounds
 
     def _twists(self) -> Array:
-        """Return velocities of the second bodies against the first at the world's origin, shape (6, dim)."""
+        """Return velocities of the second bodies against the first at the world's origin, shape (6, pairs)."""
         v = self._robot.v if self._leaders is None else self._leaders.dot(self._robot.v)
         np.multiply(self._moves.T, v[:, None], out=self._motions)
         twists, beside = self._robot.data.J.dot(self._motions), self._beside()
         return np.asarray(twists if beside is None else twists + beside)
 
     def _beside(self) -> Array | None:
-        """Return the velocities of obstacles at the origin of the world, shape (6, dim); None where none moves."""
+        """Return the velocities of obstacles at the origin of the world, shape (6, pairs); None where none moves."""
         twists = None
         for place in self._places:
             if place.obstacle.moving:
-                twists = np.zeros((6, self.dim)) if twists is None else twists
+                twists = np.zeros((6, self._n_pairs)) if twists is None else twists
                 twists[:, place.rows] = place.twist()[:, None]
         return twists
 
@@ -479,7 +506,7 @@ class CollisionLimit(Limit):
         [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
         moving = near.levers.dot(self._robot.data.J)
-        moving *= self._moves[near.rows]
+        moving *= self._moves[near.pairs]
         return np.asarray(moving if self._leaders is None else moving.dot(self._leaders))
 
     def _drift(self, near: _Near) -> Array:
@@ -487,10 +514,10 @@ class CollisionLimit(Limit):
 
         Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
         """
-        normals, (inner, outer) = near.levers[:, :3], self._round[near.rows].T[..., None]
+        normals, (inner, outer) = near.levers[:, :3], self._round[near.pairs].T[..., None]
         first = near.points - inner * normals
         second = near.points + (near.distances[:, None] + outer) * normals
-        joints, of_end = np.unique(self._ends[near.rows].T.ravel(), return_inverse=True)
+        joints, of_end = np.unique(self._ends[near.pairs].T.ravel(), return_inverse=True)
         bodies = np.array([_body(self._robot, joint) for joint in joints.tolist()])[of_end]
         normal, spin = np.concatenate((normals, normals)), bodies[:, 3:6]
         arm = np.concatenate((first, second)) - bodies[:, :3]
@@ -501,18 +528,32 @@ class CollisionLimit(Limit):
         return np.asarray(along[len(near.rows) :] - along[: len(near.rows)])
 
     def _measure(
-        self, asked: NDArray[np.intp], within: float, twists: Array | None = None, dt: float | None = None
+        self,
+        asked: NDArray[np.intp],
+        within: float,
+        corners: float,
+        twists: Array | None = None,
+        dt: float | None = None,
     ) -> _Near | None:
-        """Measure some pairs; return those that are within a distance, m, if any.
+        """Measure some pairs; return those that are within a distance, m, if any, and the corners of their faces.
 
         With a control period dt, s, those are left out whose bodies move with twists at which nothing but an
         acceleration above `SUDDEN` makes them too fast for their distance.
+
+        Args:
+            asked: The pairs.
+            within: Distance up to which pairs count, m.
+            corners: Distance up to which corners count, m.
+            twists: Velocities of the second bodies against the first ones, see `_twists`; None if they are zero.
+            dt: Control period, s; None if the twists are those of obstacles alone.
         """
         if not asked.size:
             return None
-        geometry, data = self._geometry, self._geometry_data
+        geometry, data, facing = self._geometry, self._geometry_data, self._facing
         time, free = (0.0, np.inf) if dt is None else (self._time, self._margin + self._time * dt * SUDDEN)
+        turning = min(free, corners)
         distances, near, kept = list[float](), list[int](), list[Kept]()
+        faces = list[tuple[Kept, int]]()
         moving = itertools.repeat(AT_REST) if twists is None else twists.T[asked].tolist()
         for row, (vx, vy, vz, wx, wy, wz) in zip(asked.tolist(), moving, strict=False):
             ground = self._grounds[row]
@@ -523,18 +564,36 @@ class CollisionLimit(Limit):
                 continue
             distance = result.min_distance
             distances.append(distance)
-            if distance <= within:
-                (nx, ny, nz), (x, y, z) = result.normal.tolist(), result.getNearestPoint1().tolist()
-                mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
-                growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-                if distance + time * growth < free:
-                    near.append(row)
-                    kept.append((distance, growth, nx, ny, nz, mx, my, mz, x, y, z))
+            if distance > within:
+                continue
+            normal, point = result.normal, result.getNearestPoint1()
+            (nx, ny, nz), (x, y, z) = normal.tolist(), point.tolist()
+            mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+            growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
+            room = distance - self._margin
+            if distance + time * growth < free:
+                near.append(row)
+                kept.append((distance, room, growth, nx, ny, nz, mx, my, mz, x, y, z))
+            if not facing.has_corners[row] or distance < -DEEP:
+                continue
+            turn = self._spread[row] * math.sqrt(wx * wx + wy * wy + wz * wz) if time else 0.0
+            if distance + time * (growth - turn) < turning:
+                least = min(room, 0.0)  # what has come too close may not come closer
+                for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(row, normal, point, corners):
+                    growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
+                    if gap + time * growth < free:
+                        room = gap - self._margin - least
+                        faces.append(((gap, room, growth, nx, ny, nz, mx, my, mz, x, y, z), row))
         self._separation.measured(asked, np.array(distances))
-        if not near:
+        if len(faces) > self.dim - self._n_pairs:
+            faces = sorted(faces)[: self.dim - self._n_pairs]
+        if not near and not faces:
             return None
-        values = np.array(kept)
-        return _Near(np.array(near), values[:, 0], values[:, 1], values[:, 2:8], values[:, 8:])
+        values = np.array(kept + [corner for corner, _ in faces])
+        pairs = np.array(near + [row for _, row in faces])
+        rows = np.concatenate((pairs[: len(near)], self._n_pairs + np.arange(len(faces))))
+        self._owners[rows] = pairs
+        return _Near(rows, pairs, values[:, 0], values[:, 1], values[:, 2], values[:, 3:9], values[:, 9:])
 
     def _check_separable(self) -> None:
         """Refuse a pair that is in collision in half-sitting, or closer than the margin wherever its joints are."""

@@ -37,15 +37,28 @@ class Separation:
     """Lower bounds on distances, and upper bounds on closing speeds, of pairs of shapes.
 
     The pairs are the last axis of all arrays, on which NumPy is quick.
+
+    Attributes:
+        spread: Largest distance of points in which two shapes face each other, of each pair, m.
     """
 
-    def __init__(self, geometry: pin.GeometryModel, data: pin.GeometryData) -> None:
-        """Follow the placements in the data of the pairs of a geometry, whose shapes have known boxes."""
+    def __init__(
+        self, geometry: pin.GeometryModel, data: pin.GeometryData, corners: NDArray[np.bool_] | bool = False
+    ) -> None:
+        """Follow the placements in the data of the pairs of a geometry, whose shapes have known boxes.
+
+        Args:
+            geometry: Shapes and pairs.
+            data: Their placements.
+            corners: Whether the speeds are those of corners, too, for each pair.
+        """
         pairs = np.array([(p.first, p.second) for p in geometry.collisionPairs], dtype=np.intp).T
         cores = np.array([_core(item.geometry) for item in geometry.geometryObjects])[pairs]
         n = pairs.shape[1]
         self._turning = cores / np.sqrt(2.0)
         self._least_core, self._both_cores = cores.min(axis=0), np.sqrt(2.0) * cores.sum(axis=0)
+        self.spread = 2.0 * self._least_core
+        self._least_core = np.where(corners, 3.0, 1.0) * self._least_core
         pivots = pairs[cores.argmin(axis=0), np.arange(n)]
         self._coordinates = _placements(data)  # a view that follows the placements
         # Places among the coordinates: rotations of both shapes, origins of both, and factors of a cross product.

@@ -1,0 +1,201 @@
+"""Points in which two shapes face each other, and their distances.
+
+Between flat faces the nearest points of two shapes jump from corner to corner. A limit on these alone leaves all other
+corners free. What can come nearest when a shape turns a little are corners: those of the face of either shape that
+looks at the other shape, and the crossings of the edges of both faces, seen along the common normal. Each of these is
+a point of one shape, and its distance to the whole other shape is at least that of the shapes. The distance of a point
+to a convex shape is a convex function of the place of the point: its linearisation is never too large.
+
+Source of the idea: E. Coumans, "Contact generation between 3D convex meshes", GDC 2010 (contact manifolds of engines).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from wbc.base.numbers import Array
+
+POINTS = 8
+"""Corners of a pair that count besides its nearest points: those with the least distances."""
+
+RIM = np.exp(0.25j * np.pi * np.arange(POINTS))
+"""Directions of points on the rim of a cylinder that stands on its end."""
+
+CONE = 0.1 * np.stack((RIM.real, RIM.imag))
+"""Turns up to which vertices of a hull count, rad: those that are outermost after one of them."""
+
+STANDS = math.sqrt(0.5)
+"""Component of the axis of a cylinder along the normal from which on it stands on its end."""
+
+SAME = 1e-6
+"""Distance up to which points are one, m."""
+
+Corner = tuple[float, float, float, float, float, float, float, float, float, float]
+"""Distance of a corner, normal from the first shape to the second, its moment, and the point of the first shape."""
+
+Face = Callable[[Array, Array, Array], Array]
+"""Corners in the world of the face of a shape that looks along a unit vector, of its rotation and origin."""
+
+
+class Facing:
+    """Corners of pairs of shapes of a geometry, at the placements in its data."""
+
+    def __init__(self, geometry: pin.GeometryModel, data: pin.GeometryData) -> None:
+        """Find out of each shape how its faces are found."""
+        self._shapes = [item.geometry for item in geometry.geometryObjects]
+        self._faces = [_face_of(shape) for shape in self._shapes]
+        self._radii = [float(s.radius) if isinstance(s, coal.Capsule) else 0.0 for s in self._shapes]
+        self._spins = [isinstance(shape, coal.Cylinder) for shape in self._shapes]
+        self._pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
+        self._data = data
+        self._point, self._at = coal.Sphere(0.0), coal.Transform3s()
+        self._request, self._result = coal.DistanceRequest(True, True), coal.DistanceResult()
+        #: Whether a pair has corners: a ball has none, and its nearest point is all that counts.
+        self.has_corners = [
+            not any(isinstance(self._shapes[i], coal.Sphere) for i in pair) for pair in self._pairs
+        ]
+
+    def corners(self, pair: int, normal: Array, nearest: Array, within: float) -> list[Corner]:
+        """Return the corners of a pair that are within a distance, m, but for its nearest point; nearest ones first.
+
+        Args:
+            pair: Number of the pair.
+            normal: Common normal from the first shape to the second, shape (3,).
+            nearest: Nearest point of the first shape, shape (3,), m.
+            within: Distance up to which corners count, m.
+        """
+        first, second = self._pairs[pair]
+        places = self._data.oMg
+        one, other = self._corners_of(first, normal), self._corners_of(second, -normal)
+        if len(one) > 1 and len(other) > 1 and len(one) + len(other) > 4:
+            crossings = _crossings(one, other, normal)
+            if crossings:
+                one = np.concatenate((one, crossings))
+        found: list[Corner] = []
+        beside = nearest.tolist()
+        for points, item, target, side in ((one, first, second, 1.0), (other, second, first, -1.0)):
+            shape, radius, place = self._shapes[target], self._radii[item], places[target]
+            there = coal.Transform3s(place.rotation, place.translation)
+            axis = places[item].rotation[:, 2].tolist() if self._spins[item] else None
+            cx, cy, cz = places[item].translation.tolist()
+            for point in points:
+                self._at.setTranslation(point)
+                self._result.clear()
+                gap = coal.distance(self._point, self._at, shape, there, self._request, self._result) - radius
+                if gap > within:
+                    continue
+                x, y, z = point.tolist()
+                nx, ny, nz = (side * self._result.normal).tolist()
+                mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+                if axis is not None:  # a cylinder that spins about its axis stays where it is
+                    ax, ay, az = axis
+                    spin = ax * (mx - cy * nz + cz * ny) + ay * (my - cz * nx + cx * nz)
+                    spin += az * (mz - cx * ny + cy * nx)
+                    mx, my, mz = mx - spin * ax, my - spin * ay, mz - spin * az
+                away = radius if side > 0.0 else -radius - gap
+                x, y, z = x + away * nx, y + away * ny, z + away * nz
+                if max(abs(x - beside[0]), abs(y - beside[1]), abs(z - beside[2])) > SAME:
+                    found.append((gap, nx, ny, nz, mx, my, mz, x, y, z))
+        found.sort()
+        return found[:POINTS]
+
+    def _corners_of(self, item: int, normal: Array) -> Array:
+        place = self._data.oMg[item]
+        return self._faces[item](place.rotation, place.translation, normal)
+
+
+def _face_of(shape: coal.CollisionGeometry) -> Face:
+    """Return what finds the corners of the faces of a shape; of one without an end there are none."""
+    if isinstance(shape, coal.Capsule):
+        ends = float(shape.halfLength) * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+        return lambda rotation, origin, normal: origin + ends.dot(rotation.T)
+    if isinstance(shape, coal.Cylinder):
+        return _of_cylinder(float(shape.radius), float(shape.halfLength))
+    if isinstance(shape, coal.Box):
+        return _of_box(np.array(shape.halfSide).ravel())
+    if isinstance(shape, coal.ConvexBase):
+        return _of_hull(np.array(shape.points()))
+    return lambda rotation, origin, normal: np.zeros((0, 3))
+
+
+def _of_box(half: Array) -> Face:
+    around = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    faces = np.zeros((3, 2, 4, 3))  # by axis and side
+    for axis in range(3):
+        for side, sign in enumerate((1.0, -1.0)):
+            faces[axis, side] = np.insert(around, axis, sign, axis=1) * half
+
+    def face(rotation: Array, origin: Array, normal: Array) -> Array:
+        along = normal.dot(rotation)
+        axis = np.abs(along).argmax()
+        return np.asarray(origin + faces[axis, int(along[axis] < 0.0)].dot(rotation.T))
+
+    return face
+
+
+def _of_cylinder(radius: float, half: float) -> Face:
+    ends = half * np.array([[-1.0], [1.0]])
+
+    def face(rotation: Array, origin: Array, normal: Array) -> Array:
+        axis = rotation[:, 2]
+        along = float(axis.dot(normal))
+        if abs(along) < STANDS:
+            aside = normal - along * axis
+            return np.asarray(origin + ends * axis + aside * (radius / math.sqrt(1.0 - along * along)))
+        # The points of the rim do not spin with the cylinder.
+        x, y = _across(axis)
+        return np.asarray(
+            origin
+            + math.copysign(half, along) * axis
+            + radius * (RIM.real[:, None] * x + RIM.imag[:, None] * y)
+        )
+
+    return face
+
+
+def _of_hull(vertices: Array) -> Face:
+    def face(rotation: Array, origin: Array, normal: Array) -> Array:
+        x, y = _across(normal)
+        tilted = normal[:, None] + x[:, None] * CONE[0] + y[:, None] * CONE[1]
+        outermost = vertices.dot(rotation.T.dot(tilted)).argmax(axis=0).tolist()
+        return np.asarray(origin + vertices[list(dict.fromkeys(outermost))].dot(rotation.T))
+
+    return face
+
+
+def _across(axis: Array) -> tuple[Array, Array]:
+    """Return two unit vectors across a unit vector, and across each other."""
+    a, b, c = axis.tolist()
+    if abs(a) < 0.7:
+        length = math.hypot(b, c)
+        return np.array([0.0, c, -b]) / length, np.array([-b * b - c * c, a * b, a * c]) / length
+    length = math.hypot(a, c)
+    return np.array([-c, 0.0, a]) / length, np.array([a * b, -a * a - c * c, b * c]) / length
+
+
+def _crossings(one: Array, other: Array, normal: Array) -> list[Array]:
+    """Return the points of the edges of one face at which edges of another face cross them, seen along the normal."""
+    across = np.stack(_across(normal), axis=1)
+    here, there = one.dot(across).tolist(), other.dot(across).tolist()
+    corners = list(one)
+    if len(here) > 2:
+        here, corners = [*here, here[0]], [*corners, corners[0]]
+    if len(there) > 2:
+        there.append(there[0])
+    found = []
+    for (cx, cy), (dx, dy) in pairwise(there):
+        vx, vy = dx - cx, dy - cy
+        sides = [vx * (y - cy) - vy * (x - cx) for x, y in here]
+        for i, (s, t) in enumerate(pairwise(sides)):
+            if s * t < 0.0:
+                (ax, ay), (bx, by) = here[i], here[i + 1]
+                ux, uy = bx - ax, by - ay
+                if (ux * (cy - ay) - uy * (cx - ax)) * (ux * (dy - ay) - uy * (dx - ax)) < 0.0:
+                    found.append(corners[i] + (s / (s - t)) * (corners[i + 1] - corners[i]))
+    return found
