@@ -35,8 +35,11 @@ SAMPLES = 200
 NEAR = 0.1
 """Distance beyond the margin from which on pairs count among velocities, m: in a period a link comes less far."""
 
-TURNING = 5.0
-"""Speed up to which points of a shape come nearer by its turn, m/s: further away corners are left out of velocities."""
+TURNING = 10.0
+"""Angular velocity up to which shapes turn against each other in inverse kinematics, rad/s.
+
+Corners count that such a turn may bring to the margin in a period; rows of nearest points hold all other motion.
+"""
 
 MOST_CORNERS = 64
 """Rows for corners of faces that a limit has at most."""
@@ -420,7 +423,14 @@ class CollisionLimit(Limit):
         needed *= self._time
         needed += self._margin
         np.minimum(needed, self._influence, out=needed)
-        near = self._measure((bounds <= needed).nonzero()[0], self._influence, self._influence, twists, dt)
+        near = self._measure(
+            (bounds <= needed).nonzero()[0],
+            self._influence,
+            self._influence,
+            self._time * dt * ATTAINABLE,
+            twists,
+            dt,
+        )
         if near is not None:
             room, moving = near.room, self._jacobians(near)
             demand = -(room / self._time + near.growth) / dt
@@ -434,7 +444,7 @@ class CollisionLimit(Limit):
         """Fill how far each pair may approach, or must separate; see `Limit.write_step`."""
         self._clear(rows, lower, upper)
         near = self._measure(
-            (self._bounds() <= self._influence).nonzero()[0], self._influence, self._margin + NEAR
+            (self._bounds() <= self._influence).nonzero()[0], self._influence, self._margin + NEAR, np.inf
         )
         if near is not None:
             moving, demand = self._jacobians(near), -near.room
@@ -444,8 +454,8 @@ class CollisionLimit(Limit):
         """Fill the smallest rate of each distance; see `Limit.write_velocity`."""
         self._clear(rows, lower, upper)
         influence = min(self._influence, self._margin + NEAR)
-        corners = min(influence, self._margin + TURNING * dt)
-        near = self._measure((self._bounds() <= influence).nonzero()[0], influence, corners, self._beside())
+        asked = (self._bounds() <= influence).nonzero()[0]
+        near = self._measure(asked, influence, influence, TURNING * dt, self._beside())
         if near is not None:
             moving = self._jacobians(near)
             demand = -near.room / max(self._time, dt) - near.growth
@@ -532,6 +542,7 @@ class CollisionLimit(Limit):
         asked: NDArray[np.intp],
         within: float,
         corners: float,
+        turning: float,
         twists: Array | None = None,
         dt: float | None = None,
     ) -> _Near | None:
@@ -544,6 +555,8 @@ class CollisionLimit(Limit):
             asked: The pairs.
             within: Distance up to which pairs count, m.
             corners: Distance up to which corners count, m.
+            turning: Distance beyond the margin that a turn may take from corners in a period, for each metre between
+                them.
             twists: Velocities of the second bodies against the first ones, see `_twists`; None if they are zero.
             dt: Control period, s; None if the twists are those of obstacles alone.
         """
@@ -551,7 +564,6 @@ class CollisionLimit(Limit):
             return None
         geometry, data, facing = self._geometry, self._geometry_data, self._facing
         time, free = (0.0, np.inf) if dt is None else (self._time, self._margin + self._time * dt * SUDDEN)
-        turning = min(free, corners)
         distances, near, kept = list[float](), list[int](), list[Kept]()
         faces = list[tuple[Kept, int]]()
         moving = itertools.repeat(AT_REST) if twists is None else twists.T[asked].tolist()
@@ -577,11 +589,15 @@ class CollisionLimit(Limit):
             if not facing.has_corners[row] or distance < -DEEP:
                 continue
             turn = self._spread[row] * math.sqrt(wx * wx + wy * wy + wz * wz) if time else 0.0
-            if distance + time * (growth - turn) < turning:
+            late = self._margin + turning * self._spread[row]
+            reach = min(late + time * (turn - growth), corners)  # a corner beyond it is slow for its distance
+            if distance < reach:
                 least = min(room, 0.0)  # what has come too close may not come closer
-                for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(row, normal, point, corners):
+                for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(
+                    row, distance, normal, point, reach
+                ):
                     growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-                    if gap + time * growth < free:
+                    if gap + time * growth < late:
                         room = gap - self._margin - least
                         faces.append(((gap, room, growth, nx, ny, nz, mx, my, mz, x, y, z), row))
         self._separation.measured(asked, np.array(distances))

@@ -27,7 +27,8 @@ POINTS = 8
 RIM = np.exp(0.25j * np.pi * np.arange(POINTS))
 """Directions of points on the rim of a cylinder that stands on its end."""
 
-CONE = 0.1 * np.stack((RIM.real, RIM.imag))
+AROUND = np.stack((RIM.real, RIM.imag))
+CONE = 0.1 * AROUND
 """Turns up to which vertices of a hull count, rad: those that are outermost after one of them."""
 
 STANDS = math.sqrt(0.5)
@@ -39,8 +40,11 @@ SAME = 1e-6
 Corner = tuple[float, float, float, float, float, float, float, float, float, float]
 """Distance of a corner, normal from the first shape to the second, its moment, and the point of the first shape."""
 
-Face = Callable[[Array, Array, Array], Array]
-"""Corners in the world of the face of a shape that looks along a unit vector, of its rotation and origin."""
+Face = Callable[[Array, Array, Array, float], Array]
+"""Corners in the world of the face of a shape that looks along a unit vector, of its rotation and its origin.
+
+Those may be left out that are less far along the unit vector than the last argument, m.
+"""
 
 
 class Facing:
@@ -61,67 +65,81 @@ class Facing:
             not any(isinstance(self._shapes[i], coal.Sphere) for i in pair) for pair in self._pairs
         ]
 
-    def corners(self, pair: int, normal: Array, nearest: Array, within: float) -> list[Corner]:
+    def corners(
+        self, pair: int, distance: float, normal: Array, nearest: Array, within: float
+    ) -> list[Corner]:
         """Return the corners of a pair that are within a distance, m, but for its nearest point; nearest ones first.
 
         Args:
             pair: Number of the pair.
+            distance: Distance of the shapes, m.
             normal: Common normal from the first shape to the second, shape (3,).
             nearest: Nearest point of the first shape, shape (3,), m.
             within: Distance up to which corners count, m.
         """
         first, second = self._pairs[pair]
         places = self._data.oMg
-        one, other = self._corners_of(first, normal), self._corners_of(second, -normal)
-        if len(one) > 1 and len(other) > 1 and len(one) + len(other) > 4:
-            crossings = _crossings(one, other, normal)
+        one, other = places[first], places[second]
+        # The other shape lies behind the plane through its nearest point: what is far from this plane is far from it.
+        height = float(normal.dot(nearest))
+        slack = within - distance
+        inside = height - self._radii[first] - slack
+        outside = height + distance + self._radii[second] + slack
+        points = self._faces[first](one.rotation, one.translation, normal, inside)
+        others = self._faces[second](other.rotation, other.translation, -normal, -outside)
+        if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
+            crossings = _crossings(points, others, normal)
             if crossings:
-                one = np.concatenate((one, crossings))
+                points = np.concatenate((points, crossings))
         found: list[Corner] = []
-        beside = nearest.tolist()
-        for points, item, target, side in ((one, first, second, 1.0), (other, second, first, -1.0)):
-            shape, radius, place = self._shapes[target], self._radii[item], places[target]
-            there = coal.Transform3s(place.rotation, place.translation)
+        x0, y0, z0 = nearest.tolist()
+        for corners, item, target, lowest, side in (
+            (points, first, second, inside, 1.0),
+            (others, second, first, -outside, -1.0),
+        ):
+            shape, radius, there = self._shapes[target], self._radii[item], None
             axis = places[item].rotation[:, 2].tolist() if self._spins[item] else None
-            cx, cy, cz = places[item].translation.tolist()
-            for point in points:
+            if not len(corners):
+                continue
+            for i in (corners.dot(normal) * side >= lowest).nonzero()[0].tolist():
+                point = corners[i]
+                if there is None:
+                    there = coal.Transform3s(places[target].rotation, places[target].translation)
                 self._at.setTranslation(point)
                 self._result.clear()
                 gap = coal.distance(self._point, self._at, shape, there, self._request, self._result) - radius
                 if gap > within:
                     continue
                 x, y, z = point.tolist()
-                nx, ny, nz = (side * self._result.normal).tolist()
+                nx, ny, nz = self._result.normal.tolist()
+                if side < 0.0:
+                    nx, ny, nz = -nx, -ny, -nz
                 mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
                 if axis is not None:  # a cylinder that spins about its axis stays where it is
-                    ax, ay, az = axis
+                    (ax, ay, az), (cx, cy, cz) = axis, places[item].translation.tolist()
                     spin = ax * (mx - cy * nz + cz * ny) + ay * (my - cz * nx + cx * nz)
                     spin += az * (mz - cx * ny + cy * nx)
                     mx, my, mz = mx - spin * ax, my - spin * ay, mz - spin * az
                 away = radius if side > 0.0 else -radius - gap
                 x, y, z = x + away * nx, y + away * ny, z + away * nz
-                if max(abs(x - beside[0]), abs(y - beside[1]), abs(z - beside[2])) > SAME:
+                if max(abs(x - x0), abs(y - y0), abs(z - z0)) > SAME:
                     found.append((gap, nx, ny, nz, mx, my, mz, x, y, z))
         found.sort()
         return found[:POINTS]
-
-    def _corners_of(self, item: int, normal: Array) -> Array:
-        place = self._data.oMg[item]
-        return self._faces[item](place.rotation, place.translation, normal)
 
 
 def _face_of(shape: coal.CollisionGeometry) -> Face:
     """Return what finds the corners of the faces of a shape; of one without an end there are none."""
     if isinstance(shape, coal.Capsule):
         ends = float(shape.halfLength) * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-        return lambda rotation, origin, normal: origin + ends.dot(rotation.T)
+        return lambda rotation, origin, normal, least: origin + ends.dot(rotation.T)
     if isinstance(shape, coal.Cylinder):
         return _of_cylinder(float(shape.radius), float(shape.halfLength))
     if isinstance(shape, coal.Box):
         return _of_box(np.array(shape.halfSide).ravel())
     if isinstance(shape, coal.ConvexBase):
         return _of_hull(np.array(shape.points()))
-    return lambda rotation, origin, normal: np.zeros((0, 3))
+    return lambda rotation, origin, normal, least: np.zeros((0, 3))
 
 
 def _of_box(half: Array) -> Face:
@@ -131,7 +149,7 @@ def _of_box(half: Array) -> Face:
         for side, sign in enumerate((1.0, -1.0)):
             faces[axis, side] = np.insert(around, axis, sign, axis=1) * half
 
-    def face(rotation: Array, origin: Array, normal: Array) -> Array:
+    def face(rotation: Array, origin: Array, normal: Array, least: float) -> Array:
         along = normal.dot(rotation)
         axis = np.abs(along).argmax()
         return np.asarray(origin + faces[axis, int(along[axis] < 0.0)].dot(rotation.T))
@@ -142,46 +160,46 @@ def _of_box(half: Array) -> Face:
 def _of_cylinder(radius: float, half: float) -> Face:
     ends = half * np.array([[-1.0], [1.0]])
 
-    def face(rotation: Array, origin: Array, normal: Array) -> Array:
+    def face(rotation: Array, origin: Array, normal: Array, least: float) -> Array:
         axis = rotation[:, 2]
         along = float(axis.dot(normal))
         if abs(along) < STANDS:
             aside = normal - along * axis
             return np.asarray(origin + ends * axis + aside * (radius / math.sqrt(1.0 - along * along)))
         # The points of the rim do not spin with the cylinder.
-        x, y = _across(axis)
-        return np.asarray(
-            origin
-            + math.copysign(half, along) * axis
-            + radius * (RIM.real[:, None] * x + RIM.imag[:, None] * y)
-        )
+        around = _across(axis).dot(AROUND).T
+        return np.asarray(origin + math.copysign(half, along) * axis + radius * around)
 
     return face
 
 
 def _of_hull(vertices: Array) -> Face:
-    def face(rotation: Array, origin: Array, normal: Array) -> Array:
-        x, y = _across(normal)
-        tilted = normal[:, None] + x[:, None] * CONE[0] + y[:, None] * CONE[1]
-        outermost = vertices.dot(rotation.T.dot(tilted)).argmax(axis=0).tolist()
-        return np.asarray(origin + vertices[list(dict.fromkeys(outermost))].dot(rotation.T))
+    def face(rotation: Array, origin: Array, normal: Array, least: float) -> Array:
+        along = normal.dot(rotation)
+        corners = vertices[vertices.dot(along) >= least - normal.dot(origin)]
+        if len(corners) > 1:
+            tilted = _across(along).dot(CONE)
+            tilted += along[:, None]
+            outermost = corners.dot(tilted).argmax(axis=0).tolist()
+            corners = corners[list(dict.fromkeys(outermost))]
+        return np.asarray(origin + corners.dot(rotation.T))
 
     return face
 
 
-def _across(axis: Array) -> tuple[Array, Array]:
-    """Return two unit vectors across a unit vector, and across each other."""
+def _across(axis: Array) -> Array:
+    """Return two unit vectors across a unit vector, and across each other, as columns, shape (3, 2)."""
     a, b, c = axis.tolist()
     if abs(a) < 0.7:
-        length = math.hypot(b, c)
-        return np.array([0.0, c, -b]) / length, np.array([-b * b - c * c, a * b, a * c]) / length
-    length = math.hypot(a, c)
-    return np.array([-c, 0.0, a]) / length, np.array([a * b, -a * a - c * c, b * c]) / length
+        length = math.sqrt(b * b + c * c)
+        return np.array(((0.0, -length), (c / length, a * b / length), (-b / length, a * c / length)))
+    length = math.sqrt(a * a + c * c)
+    return np.array(((-c / length, a * b / length), (0.0, -length), (a / length, b * c / length)))
 
 
 def _crossings(one: Array, other: Array, normal: Array) -> list[Array]:
     """Return the points of the edges of one face at which edges of another face cross them, seen along the normal."""
-    across = np.stack(_across(normal), axis=1)
+    across = _across(normal)
     here, there = one.dot(across).tolist(), other.dot(across).tolist()
     corners = list(one)
     if len(here) > 2:
