@@ -282,7 +282,7 @@ class ComplianceTask(FrameTask):
         difference -= self._translation
         turn = np.dot(rotation.T, np.dot(goal, self._offset_rotation))
         np.dot(difference, rotation, out=error[:3])
-        error[3:] = pin.log3(turn)
+        error[3:] = -self._turn(turn.T)  # from the target to the frame, along the axes of the frame
         jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, local).vector
         if self._still:

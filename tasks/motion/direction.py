@@ -40,10 +40,7 @@ def _turning(task: FrameTask, axis: Array, direction: Array, jacobian: Array, er
     rate = pin.getFrameClassicalAcceleration(model, data, frame, world).angular
     a = task._rotation @ axis
     np.subtract(full, np.outer(a, a @ full), out=jacobian)
-    turn = np.cross(a, direction)
-    if turn @ turn > 1e-12 or a @ direction < 0.0:  # closer, the sine is the angle
-        turn = least_turn(a, direction)
-    error[:] = turn
+    error[:] = least_turn(a, direction)
     return np.asarray(rate - a * (a @ rate) - np.cross(spin, a) * (a @ spin))
 
 
@@ -129,7 +126,10 @@ class LookAtTask(FrameTask):
 
     @property
     def target(self) -> Array:
-        """Point in the world, shape (3,), m, read-only; assign a point, or a frame of the robot to follow."""
+        """Point in the world, shape (3,), m, read-only; assign a point, or a frame of the robot to follow.
+
+        The point of a frame that is followed may be assigned as it is read: the frame is followed on.
+        """
         if self._followed_id is not None:
             return read_only(self._data.oMf[self._followed_id].translation)
         point: Array = super().target
@@ -138,7 +138,10 @@ class LookAtTask(FrameTask):
     @target.setter
     def target(self, value: ArrayLike | str) -> None:
         if isinstance(value, str):
-            self._followed, self._followed_id = value, self.robot.frame_id(value)
+            self._followed_id = None if self._robot is None else self._robot.frame_id(value)
+            self._followed = value
+            return
+        if self._followed_id is not None and np.may_share_memory(value, self.target):
             return
         FrameTask.target.fset(self, value)  # type: ignore[attr-defined]
         self._followed = self._followed_id = None

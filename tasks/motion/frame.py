@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -13,6 +14,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
 from wbc.core.qp.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
+from wbc.core.qp.move import least_turn
 from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot
 
@@ -50,16 +52,39 @@ def pose(what: str, value: pin.SE3) -> pin.SE3:
     )
 
 
+def turn_about(rotation: Array, axes: Sequence[int]) -> Array:
+    """Return the part of a rotation about two axes, or about one, rad, shape (3,), whatever it is about the others.
+
+    About two axes, it is the least turn after which only one about the third axis is left: of roll and pitch, the
+    tilt. About one axis, it is the angle by which the rotation twists about it: of yaw, the heading.
+
+    Args:
+        rotation: Rotation matrix, shape (3, 3).
+        axes: Numbers of the axes.
+    """
+    if len(axes) == 2:
+        free = 3 - sum(axes)
+        return least_turn(rotation[free], np.eye(3)[free])
+    turn, axis = np.zeros(3), axes[0]
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    turn[axis] = math.atan2(rotation[j, i] - rotation[i, j], rotation[i, i] + rotation[j, j])
+    return turn
+
+
 class FrameTask(Task):
     """Base of tasks on a frame, whose target is a pose unless a task says otherwise.
 
-    Weight 1 and stiffness 30 1/s² by default; the weight is a cost per (m/s²)² and (rad/s²)².
+    Weight 1 and stiffness 30 1/s² by default; the weight is a cost per (m/s²)² and (rad/s²)². With `axes` of a part of
+    a rotation, the error is that of this part, wherever the frame has turned about the others: with roll and pitch, the
+    tilt, whatever the heading.
 
     Attributes:
         frame: Frame of the robot.
     """
 
-    __slots__ = ("_data", "_id", "_model", "_placement", "_rotation", "_translation", "_world", "frame")
+    __slots__ = (
+        "_data", "_id", "_model", "_placement", "_rotation", "_translation", "_turned", "_world", "frame",
+    )  # fmt: skip
     usual = {"stiffness": 30.0}
     reads = "kinematics"
 
@@ -69,8 +94,15 @@ class FrameTask(Task):
         """Describe the task, by default named after frame and `what`; see `Task`."""
         self.frame = frame
         super().__init__(f"{frame} {what}", rows, **options)
+        chosen = np.array(rows)[self._keep]
+        self._turned = [axis for axis, name in enumerate(ROTATION_AXES) if name in chosen]
         if target is not None:
             self.target = target
+
+    def _turn(self, rotation: Array) -> Array:
+        """Return the rotation vector of a rotation matrix about the axes of the task, rad, shape (3,)."""
+        axes = self._turned
+        return turn_about(rotation, axes) if 0 < len(axes) < 3 else np.asarray(pin.log3(rotation))
 
     def bind(self, robot: Robot) -> None:
         """Resolve frame and joints."""
@@ -86,7 +118,7 @@ class FrameTask(Task):
 
     def checked(self, value: Any) -> Any:
         """Return a pose after a check, as a copy."""
-        if type(value) is pin.SE3 and _is_pose(value):
+        if isinstance(value, pin.SE3) and _is_pose(value):
             return pin.SE3(value)
         return pose(f"target of task '{self.name}'", value)
 
@@ -125,7 +157,8 @@ class PositionTask(FrameTask):
 class OrientationTask(FrameTask):
     """Task that turns a frame, such as the pelvis or the torso, to an orientation in the world.
 
-    The error is the rotation vector from the present to the target orientation, along the chosen world axes, rad.
+    The error is the rotation vector from the present to the target orientation, along the chosen world axes, rad; see
+    `FrameTask` for what it is with some axes alone.
     """
 
     __slots__ = ()
@@ -157,7 +190,7 @@ class OrientationTask(FrameTask):
     def first_order(self, jacobian: Array, error: Array) -> None:
         """Fill the rows without the drift; see `Task.first_order`."""
         jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._world)[3:]
-        error[:] = pin.log3(np.dot(self._target.value, self._rotation.T))
+        error[:] = self._turn(np.dot(self._target.value, self._rotation.T))
 
 
 class PoseTask(FrameTask):
@@ -183,7 +216,7 @@ class PoseTask(FrameTask):
         target = self._target.value
         jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
         np.subtract(target.translation, self._translation, out=error[:3])
-        error[3:] = pin.log3(np.dot(target.rotation, self._rotation.T))
+        error[3:] = self._turn(np.dot(target.rotation, self._rotation.T))
 
 
 class RelativeFrameTask(FrameTask):
@@ -253,4 +286,4 @@ class RelativeFrameTask(FrameTask):
 
         target = self._target.value
         np.subtract(target.translation, np.dot(back, offset), out=error[:3])
-        error[3:] = pin.log3(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))
+        error[3:] = self._turn(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, read_only
 from wbc.base.settings import settings
 
 Triple: TypeAlias = tuple[float, float, float]
@@ -24,6 +24,35 @@ def pose_of(rotation: Array, translation: Array) -> pin.SE3:
     placed = pin.SE3.Identity()
     placed.rotation, placed.translation = rotation, translation
     return placed
+
+
+class FixedPose(pin.SE3):  # type: ignore[misc]  # it has no stubs
+    """Pose that cannot be written: what is assigned to its owner is checked, an element that is written is not.
+
+    Its `copy()` can be written.
+    """
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation matrix, shape (3, 3), read-only."""
+        return read_only(super().rotation)
+
+    @property
+    def translation(self) -> Array:
+        """Origin, shape (3,), m, read-only."""
+        return read_only(super().translation)
+
+    def copy(self) -> pin.SE3:
+        """Return a pose that can be written."""
+        return pin.SE3(self)
+
+    def setIdentity(self) -> None:  # noqa: N802 (Pinocchio's name)
+        """Refuse; see `setRandom`."""
+        self.setRandom()
+
+    def setRandom(self) -> None:  # noqa: N802 (Pinocchio's name)
+        """Refuse, as an assignment to a part does."""
+        raise AttributeError("this pose is read-only: assign another one to its owner, or change a copy()")
 
 
 SoleSide: TypeAlias = Annotated[float, Field(gt=0.0, le=2.0)]

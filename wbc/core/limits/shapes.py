@@ -11,8 +11,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array
+from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import Number, Positive, settings
+from wbc.core.frames import FixedPose
 
 Point = tuple[float, float, float]
 
@@ -207,8 +208,8 @@ class Obstacle:
 
     @property
     def placement(self) -> pin.SE3:
-        """Placement of the obstacle in the world, a copy; assign a new one, and `velocity` if it moves."""
-        return pin.SE3(self._placement)
+        """Placement of the obstacle in the world, read-only; assign a new one, and `velocity` if it moves."""
+        return FixedPose(self._placement)
 
     @placement.setter
     def placement(self, value: pin.SE3) -> None:
@@ -226,7 +227,7 @@ class Obstacle:
     @property
     def velocity(self) -> Array:
         """Velocity of the obstacle, [linear; angular] along the world axes, shape (6,), m/s and rad/s."""
-        return self._velocity.copy()
+        return read_only(self._velocity)
 
     @velocity.setter
     def velocity(self, value: ArrayLike) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, positive
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, positive, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
 from wbc.core.qp.motion import RATE, Motion, Rows
@@ -169,6 +169,7 @@ class Contact(Motion):
         super().__init__(name, given.get("stiffness", 100.0), given.get("damping"))
         self.rate = given.get("rate", RATE)
         self.frame, self.cone = frame, cone
+        self._min_force, self._least_given = 0.0, False
         self._max_force: float | None = None
         self.min_force = given.get("min_force", 0.0)
         self._least_given = "min_force" in options
@@ -203,20 +204,21 @@ class Contact(Motion):
     @min_force.setter
     @checked
     def min_force(self, value: Annotated[NonNegative, "N"]) -> None:
+        self._least_given |= value != self._min_force
         self._set_forces(value, self._max_force)
-        self._least_given = True
 
     @property
     def max_force(self) -> float | None:
-        """Greatest normal force, N; None before the contact is added if none was given."""
+        """Greatest normal force, N; assign None for the usual one, which is None before the contact is added."""
         if self._max_force is None and self._robot is not None:
             return USUAL_WEIGHTS * self._robot.mass * GRAVITY
         return self._max_force
 
     @max_force.setter
     @checked
-    def max_force(self, value: Annotated[Positive, "N"]) -> None:
-        self._set_forces(self._min_force, value)
+    def max_force(self, value: Annotated[Positive, "N"] | None) -> None:
+        usual = self._max_force is None and value == self.max_force
+        self._set_forces(self._min_force, None if usual else value)
 
     @property
     def ramp(self) -> float:
@@ -245,10 +247,13 @@ class Contact(Motion):
         return self._motion_weight
 
     @motion_weight.setter
-    def motion_weight(self, value: ArrayLike) -> None:
-        if self._motion_weight is None:
+    def motion_weight(self, value: ArrayLike | None) -> None:
+        if value is None and self._motion_weight is None:
+            return
+        if value is None or self._motion_weight is None:
             raise InputError(
-                f"the motion of contact '{self.name}' is a constraint; give motion_weight when the contact is made"
+                f"whether the motion of contact '{self.name}' is a constraint or a cost is fixed: give motion_weight "
+                "when the contact is made"
             )
         self._motion_weight = self._motion_costs(value)
         self.revision += 1
@@ -627,8 +632,8 @@ class PointContact(Contact):
 
     @property
     def normal(self) -> Array:
-        """Direction from the surface to the robot, in the world, of length 1, shape (3,); assign one of any length."""
-        return np.array(self._world_to_contact[2])
+        """Direction from the surface to the robot, in the world, of length 1, shape (3,), read-only; assign another."""
+        return read_only(self._world_to_contact[2])
 
     @normal.setter
     def normal(self, value: ArrayLike) -> None:

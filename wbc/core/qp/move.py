@@ -183,7 +183,7 @@ def least_turn(axis: Array, direction: Array) -> Array:
     sine, cosine = float(np.linalg.norm(cross)), float(axis @ direction)
     if sine < 1e-6:
         if cosine > 0.0:
-            return np.zeros(3)
+            return np.asarray(cross)  # the sine is the angle
         cross = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])  # half a turn, about any axis across
         return np.asarray(math.pi / np.linalg.norm(cross) * cross)
     return math.atan2(sine, cosine) / sine * cross

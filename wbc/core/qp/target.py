@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.base.checked import checked as checked_arguments
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, read_only
+from wbc.core.frames import FixedPose
 from wbc.core.qp.motion import Motion
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
 from wbc.core.robot import Robot
@@ -82,11 +83,11 @@ class Targeted(Motion):
 
     @property
     def target(self) -> Any:
-        """Target, in the form and unit of the constructor, read-only or a copy; assign one, or see `move_to`."""
+        """Target, in the form and unit of the constructor, read-only; assign one, or see `move_to`."""
         target = self._target.value
         if target is None:
             target = self.present(self.robot)
-        return target.copy() if isinstance(target, pin.SE3) else read_only(target)
+        return FixedPose(target) if isinstance(target, pin.SE3) else read_only(target)
 
     @target.setter
     def target(self, value: Any) -> None:

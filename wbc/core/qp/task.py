@@ -176,6 +176,8 @@ class Task(Targeted):
 
     @hard.setter
     def hard(self, value: bool) -> None:
+        if value == self._hard and isinstance(value, (bool, np.bool_)):
+            return
         if self._owner is not None and self._owner() is not None:
             raise InputError(
                 f"task '{self.name}' is in a controller, where hard is fixed: remove it, assign hard, and add it again"

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import NonNegative, Positive, settings
+from wbc.core.frames import FixedPose
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.move import Move, PoseCoordinates
 from wbc.core.qp.task import NEAR, SLOW
@@ -183,8 +184,8 @@ class Arm:
 
     @property
     def target(self) -> pin.SE3 | None:
-        """Target in its frame; None without one. Of a target that is a point, the rotation means nothing."""
-        return None if self._goal is None else self._goal.copy()
+        """Target in its frame, read-only; None without one. Of a target that is a point, the rotation means nothing."""
+        return None if self._goal is None else FixedPose(self._goal)
 
     @property
     def active(self) -> bool:
