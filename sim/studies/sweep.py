@@ -12,7 +12,9 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import multiprocessing
 import os
+import sys
 import threading
 import time
 from collections import deque
@@ -109,6 +111,7 @@ def sweep(
         progress: Function that is called at the beginning and after each trial.
 
     Raises:
+        InputError: This process is daemonic, and there is no executor.
         JournalError: The journal cannot be written.
         SweepError: The executor has broken down, has cancelled trials or could not run a trial, or its processes have
             another version of the code.
@@ -227,13 +230,25 @@ def _feed(
 @checked
 @contextlib.contextmanager
 def local_executor(workers: Count) -> Iterator[Executor]:
-    """Make an executor of local processes, each with one thread for linear algebra; they import the running script."""
+    """Make an executor of local processes, each with one thread for linear algebra; they import the running script.
+
+    A program that is no file, such as one from the standard input, is not imported: it cannot register kinds of trials.
+    """
     from joblib.externals import loky  # noqa: PLC0415 - only sweeps need it
 
+    if multiprocessing.current_process().daemon:
+        raise InputError(
+            "a daemonic process, such as a worker of a pool or of Dask, starts no processes: give `sweep` an executor, "
+            "such as concurrent.futures.ThreadPoolExecutor(1), or run it in another process"
+        )
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    read = script is not None and not os.path.isfile(
+        script
+    )  # a program from the standard input is no file to import
     with _environment(ONE_THREAD | SAFE_PATH):  # processes of this context take no variables of their own
         pool = loky.ProcessPoolExecutor(
             workers,
-            context=loky.backend.get_context("loky_init_main"),
+            context=loky.backend.get_context("loky" if read else "loky_init_main"),
             initializer=_start_worker,
             initargs=(os.getpid(),),
         )

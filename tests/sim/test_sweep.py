@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -121,6 +122,38 @@ def test_studies_take_the_numbers_of_numpy_as_specs_do() -> None:
     )
     written = json.loads(json.dumps(own.to_json()))
     assert [t.plain for t in Study.from_json(written).trials()] == [t.plain for t in study.trials()]
+
+
+def test_a_program_from_the_standard_input_runs_a_sweep(tmp_path: Path) -> None:
+    """Its processes cannot import it, and need not."""
+    program = """
+from sweep_trials import MadeUpTrial
+from wbc.sim.studies import Journal, sweep
+with Journal("j.jsonl") as journal:
+    print(sweep([MadeUpTrial(1), MadeUpTrial(2)], journal, workers=2).counts)
+"""
+    path = os.pathsep.join([*sys.path, str(Path(__file__).parents[1] / "support")])
+    done = subprocess.run(
+        [sys.executable, "-"],
+        input=program,
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    assert done.stdout.strip() == "{'done': 2}", done.stderr
+    assert set(by_number(tmp_path / "j.jsonl")) == {1, 2}
+
+
+def test_a_daemonic_process_is_told_to_give_an_executor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(multiprocessing.current_process(), "daemon", True)
+    with Journal(tmp_path / "j.jsonl") as journal:
+        with pytest.raises(InputError, match="executor"):
+            sweep([MadeUpTrial(1)], journal, workers=2)
+        with ThreadPoolExecutor(1) as pool:
+            assert sweep([MadeUpTrial(1)], journal, executor=pool).counts == {"done": 1}
 
 
 def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
