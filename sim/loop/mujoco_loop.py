@@ -255,10 +255,16 @@ class MujocoLoop(SimulatedRobot):
         self._stepper(self.model, self.data)
 
     def _refresh(self) -> None:
-        # After a step MuJoCo's frames and sensors are those of its begin.
-        mujoco.mj_fwdPosition(self.model, self.data)
-        mujoco.mj_fwdVelocity(self.model, self.data)
-        mujoco.mj_sensorVel(self.model, self.data)
+        # After a step MuJoCo's frames and sensors are those of its begin; its contacts stay so, as their forces are.
+        model, data = self.model, self.data
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_camlight(model, data)
+        mujoco.mj_flex(model, data)
+        mujoco.mj_tendon(model, data)
+        mujoco.mj_transmission(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        mujoco.mj_sensorVel(model, data)
 
     def _drive_torque(self, data: mujoco.MjData) -> Array:
         return self.actuators.torque(data)

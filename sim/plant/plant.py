@@ -362,6 +362,9 @@ class Plant(SimulatedRobot):
 
     def _refresh(self) -> None:
         mujoco.mj_step1(self.model, self.data)
+        self.data.efc_force[:] = (
+            np.nan
+        )  # contacts are those of the coming step, whose forces nobody knows yet
         self._begun = True
 
     def _note_step(self) -> None:

@@ -39,6 +39,32 @@ def stand(loop: MujocoLoop, seconds: float, mode: str) -> float:
     return 1e3 * float(abs(loop.truth().com - start).max())
 
 
+@pytest.mark.parametrize("kind", ["plant", "loop"])
+def test_contact_forces_in_the_data_are_those_of_the_truth_or_none(kind: str) -> None:
+    """A robot comes down on its toes and back: contacts come and go between ticks, and `mj_contactForce` reads them."""
+    if kind == "plant":
+        plant: Plant | MujocoLoop = Plant("hrp4_class", control_period=0.002)
+    else:
+        plant = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
+    control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), plant.control_period))
+    com, force, numbers, known = control.controller.task("com"), np.zeros(6), set(), 0
+    com.move_to(com.target + [0.05, 0.06, 0.0], duration=0.4)
+    model, data = plant.model, plant.data
+    while plant.time < 0.4:
+        plant.step(control.command(plant.measure()))
+        total = 0.0
+        for i in range(data.ncon):
+            if not plant.places.of_robot[model.geom_bodyid[data.contact.geom[i]]].any():
+                continue
+            mujoco.mj_contactForce(model, data, i, force)
+            total += (data.contact.frame[i].reshape(3, 3).T @ force[:3])[2]
+        numbers.add(data.ncon)
+        known += np.isfinite(total)
+        if np.isfinite(total):
+            assert total == pytest.approx(plant.truth().contact_force[:, 2].sum(), abs=1e-6)
+    assert len(numbers) > 1 and known == (0 if kind == "plant" else 200)
+
+
 EACH_KIND = list(zip(KINDS, ("position", "torque") * (len(KINDS) // 2), strict=True))
 """Kinds of actuators, of which each is driven by one kind of control, and each kind of control drives half of them."""
 
