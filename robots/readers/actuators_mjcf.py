@@ -25,7 +25,7 @@ class JointActuator:
 
     Attributes:
         number: Number of the actuator.
-        name: Its name, or "actuator NUMBER".
+        name: Its name, or that of its joint.
         joint: Number of its joint.
         gear: Ratio from the actuator to the joint.
         control: Number of the control u, and `controls`, that of all its controls; the others are zero.
@@ -75,7 +75,7 @@ def actuators(model: mujoco.MjModel) -> list[JointActuator]:
         found.append(
             JointActuator(
                 number=i,
-                name=str(model.actuator(i).name) or f"actuator {i}",
+                name=actuator_name(model, i),
                 joint=int(model.actuator_trnid[i, 0]),
                 gear=gear_of(model, i),
                 control=first,
@@ -89,6 +89,18 @@ def actuators(model: mujoco.MjModel) -> list[JointActuator]:
             )
         )
     return found
+
+
+def actuator_name(model: mujoco.MjModel, actuator: int) -> str:
+    """Return the name of an actuator, or of what it drives where it has none."""
+    kinds, objects = mujoco.mjtTrn, mujoco.mjtObj
+    kind = {
+        int(kinds.mjTRN_TENDON): objects.mjOBJ_TENDON,
+        int(kinds.mjTRN_SITE): objects.mjOBJ_SITE,
+        int(kinds.mjTRN_BODY): objects.mjOBJ_BODY,
+    }.get(int(model.actuator_trntype[actuator]), objects.mjOBJ_JOINT)
+    driven = mujoco.mj_id2name(model, kind, int(model.actuator_trnid[actuator, 0]))
+    return str(model.actuator(actuator).name or driven or f"actuator {actuator}")
 
 
 def acts(model: mujoco.MjModel, actuator: int) -> bool:

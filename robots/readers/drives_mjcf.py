@@ -16,6 +16,7 @@ from wbc.robots.frames import frame_at
 from wbc.robots.readers.actuators_mjcf import (
     JointActuator,
     acts,
+    actuator_name,
     actuators,
     damping,
     dry_friction,
@@ -138,7 +139,7 @@ def refuse_other_drives(tree: Tree) -> None:
     model, kinds = tree.model, mujoco.mjtTrn
     for i in range(model.nactuator):
         kind, target = int(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
-        name = str(model.actuator(i).name) or f"actuator {i}"
+        name = actuator_name(model, i)
         if not acts(model, i) or kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
             continue
         if kind == kinds.mjTRN_TENDON:

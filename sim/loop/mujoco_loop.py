@@ -312,15 +312,43 @@ class MujocoLoop(SimulatedRobot):
             )
             logger.warning("%s", notes[-1])
         notes += self._other_joints()
+        used = set()
         for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
             if sensor is None:
                 notes.append(f"no {what} on the IMU's body that reads: computed from the motion")
-            else:
-                notes += self._reads_late(what, int(np.flatnonzero(model.sensor_adr == sensor[0])[0]))
+                continue
+            number = int(np.flatnonzero(model.sensor_adr == sensor[0])[0])
+            used.add(number)
+            if odd := self._reads_late(number):
+                notes.append(f"{what} {sensor_name(model, number)} of the file has {odd}")
+        late = {i: self._reads_late(i) for i in range(model.nsensor) if i not in used and self._is_ours(i)}
+        if others := [f"{sensor_name(model, i)} with {odd}" for i, odd in late.items() if odd]:
+            notes.append(
+                f"{len(others)} sensors of the file are not read: the loop takes joints and forces from the simulation "
+                f"in every control period, with the delays of its `machine` and `noise`: {listed(others)}"
+            )
         return notes
 
-    def _reads_late(self, what: str, sensor: int) -> list[str]:
-        """Return a note on a sensor that reads late, seldom or up to a bound: its readings are taken as they are."""
+    def _is_ours(self, sensor: int) -> bool:
+        """Return True for a sensor on a body or a joint of the robot."""
+        model, kinds = self.model, mujoco.mjtObj
+        kind, number = int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])
+        if kind == int(kinds.mjOBJ_ACTUATOR):
+            if int(model.actuator_trntype[number]) not in ON_JOINTS:
+                return False
+            kind, number = int(kinds.mjOBJ_JOINT), int(model.actuator_trnid[number, 0])
+        body = {
+            int(kinds.mjOBJ_BODY): np.arange(model.nbody),
+            int(kinds.mjOBJ_XBODY): np.arange(model.nbody),
+            int(kinds.mjOBJ_JOINT): model.jnt_bodyid,
+            int(kinds.mjOBJ_SITE): model.site_bodyid,
+            int(kinds.mjOBJ_GEOM): model.geom_bodyid,
+            int(kinds.mjOBJ_CAMERA): model.cam_bodyid,
+        }.get(kind)
+        return body is not None and bool(self.places.of_robot[body[number]])
+
+    def _reads_late(self, sensor: int) -> str:
+        """Return how a sensor reads late, seldom or up to a bound; empty for one that does not."""
         model, odd = self.model, []
         if delay := float(model.sensor_delay[sensor]):
             odd.append(f"a delay of {1e3 * delay:g} ms")
@@ -328,8 +356,7 @@ class MujocoLoop(SimulatedRobot):
             odd.append(f"a reading every {1e3 * period:g} ms")
         if cutoff := float(model.sensor_cutoff[sensor]):
             odd.append(f"readings up to {cutoff:g} alone (cutoff)")
-        name = model.sensor(sensor).name or f"sensor {sensor}"
-        return [f"{what} '{name}' of the file has {' and '.join(odd)}"] if odd else []
+        return " and ".join(odd)
 
     def _limp_joints(self) -> list[str]:
         """Return the robot's joints without spring and servo that the description locks or leaves out."""
@@ -371,6 +398,15 @@ class MujocoLoop(SimulatedRobot):
                     f"{UNMODELLED}{what} of {len(other)} joints, other than described: {listed(other)}"
                 )
         return found
+
+
+def sensor_name(model: mujoco.MjModel, sensor: int) -> str:
+    """Return the name of a sensor in quotes, or its kind and the name of what it is on where it has none."""
+    if name := model.sensor(sensor).name:
+        return f"'{name}'"
+    kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
+    on = mujoco.mj_id2name(model, int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor]))
+    return f"{kind} of '{on or sensor}'"
 
 
 def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> None:

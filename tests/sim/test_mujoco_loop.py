@@ -341,6 +341,29 @@ def test_a_sensor_that_reads_late_or_seldom_is_noted(what: str) -> None:
     assert [note for note in loop.notes if note.startswith("gyroscope")]
 
 
+def test_encoders_and_other_sensors_that_are_sampled_slower_are_noted() -> None:
+    """By their names, or by what they are on; those of other things are no matter of the robot."""
+    slow = 'interval="0.02 0" nsample="2"'
+    sensors = (
+        f'<jointpos joint="left_knee" {slow}/><jointvel name="spin" joint="left_knee" delay="0.01" nsample="8"/>'
+        f'<jointpos joint="hinge" {slow}/><rangefinder name="ray" site="imu" {slow}/><actuatorfrc name="quick" '
+        'actuator="mine"/></sensor>'
+    )
+    xml = BIPED.replace("</worldbody>", DOOR).replace("</sensor>", sensors)
+    xml = xml.replace('<motor joint="left_knee"', '<motor name="mine" joint="left_knee"')
+    loop = MujocoLoop(wbc.RobotDescription.from_mjcf(BIPED), mujoco.MjModel.from_xml_string(xml))
+    (note,) = (note for note in loop.notes if "sensors of the file" in note)
+    assert all(name in note for name in ("'left_knee'", "'spin'", "'ray'"))
+    assert not any(name in note for name in ("hinge", "quick"))
+
+
+def test_an_actuator_without_a_name_is_told_by_its_joint() -> None:
+    xml = BIPED.replace('<motor joint="left_knee"', '<motor delay="0.006" nsample="8" joint="left_knee"')
+    loop = MujocoLoop(wbc.RobotDescription.from_mjcf(BIPED), mujoco.MjModel.from_xml_string(xml))
+    (note,) = (note for note in loop.notes if "delay" in note)
+    assert "left_knee" in note
+
+
 def test_sensors_that_a_flag_switches_off_are_computed() -> None:
     off = BIPED.replace("<default>", '<option><flag sensor="disable"/></option><default>', 1)
     loop, moved = stranger(off)
