@@ -9,6 +9,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable
 from contextlib import nullcontext
+from html.parser import HTMLParser
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,12 +28,12 @@ from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking import FootstepPlan, Gait, WalkingControl, walk_distance
 
-pytest.importorskip("viser")
+viser = pytest.importorskip("viser")
 
 from websockets.asyncio.client import connect  # noqa: E402 - comes with viser
 from websockets.exceptions import InvalidStatus  # noqa: E402
 
-from wbc.app.view.workbench import Workbench  # noqa: E402
+from wbc.app.view.workbench import Workbench, program_text  # noqa: E402
 
 
 def stand() -> tuple[wbc.Plant, wbc.PositionControl]:
@@ -88,6 +89,39 @@ def test_the_panel_plots_dcm_and_zmp_of_the_last_seconds() -> None:
     assert shown[1].data[1].tolist() == [-3.0] and shown[1].data[4].tolist() == [4.0]
     low, high = shown[1].scales["y"]["range"]
     assert low < -3.0 and high > 4.0
+
+
+class Shown(HTMLParser):
+    """What a page shows of some HTML, and the tags in it."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags, self.text = set[str](), ""
+        self.feed(html)
+
+    def handle_starttag(self, tag: str, attrs: object) -> None:
+        self.tags.add(tag)
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_texts_of_a_page_are_shown_and_nothing_in_them_is_run() -> None:
+    """Of a log, a program or a control: viser runs what is HTML in Markdown, and what stands in braces."""
+    bad = "<script>a()</script> <img src=x onerror=a()> [a](javascript:a) {a()} **a** &lt; a|b"
+    plant, control = stand()
+    with Workbench(plant, control, port=0) as view:
+        page = view._page
+        view.controls.message = bad
+        mark = Mark("dcm", "ball", np.zeros((1, 3)), DCM_COLOUR, meaning=bad)
+        page.text(lambda: program_text(SimpleNamespace(ended=False, path=bad, history=[(1.0, bad, bad)])))  # type: ignore[arg-type]
+        page.draw(Picture(0.0, [mark], text=[bad]))
+        page.speak(now=True)
+        contents = [handle.content for handle, _ in page._texts if "a()" in handle.content]
+        assert all(isinstance(handle, viser.GuiHtmlHandle) for handle, _ in page._texts)
+    shown = [Shown(content) for content in contents]
+    assert len(shown) == 4 and all(bad in each.text for each in shown)
+    assert set().union(*(each.tags for each in shown)) <= {"div", "br", "b", "span"}
 
 
 def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:

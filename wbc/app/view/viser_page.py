@@ -7,7 +7,8 @@ import io
 import math
 import time as clock
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -95,7 +96,7 @@ class ViserPage:
         self.checkbox("see through the robot", False, self._see_through)
         self._plot = BalancePlot(self.server.gui)
         with self.server.gui.add_folder("meaning of the colours", expand_by_default=False):
-            self.text(lambda: legend_html(self._meanings), html=True)
+            self.text(lambda: legend_html(self._meanings))
 
     def draw(self, picture: Picture) -> None:
         """Show a picture."""
@@ -128,7 +129,7 @@ class ViserPage:
             self._target = picture.target
             self._follow(self._follows)
         self._plot.add(picture)
-        self._said = "  \n".join([f"**{picture.time:.2f} s**", *picture.text])
+        self._said = text_html(f"{picture.time:.2f} s", *picture.text)
         self._meanings |= legend(picture)
 
     def _follow(self, on: bool) -> None:
@@ -144,10 +145,9 @@ class ViserPage:
 
     # ---- the panel --------------------------------------------------------------------------------------------------
 
-    def text(self, text: Callable[[], str], *, html: bool = False) -> None:
-        """Add a text that follows the run, in Markdown or HTML."""
-        gui = self.server.gui
-        self._texts.append((gui.add_html("") if html else gui.add_markdown(""), text))
+    def text(self, text: Callable[[], str]) -> None:
+        """Add a text that follows the run, as HTML: see `text_html`."""
+        self._texts.append((self.server.gui.add_html(""), text))
 
     def checkbox(self, label: str, value: bool, call: Callable[[bool], object]) -> None:
         """Add a checkbox."""
@@ -230,9 +230,22 @@ def when(event: Callable[[Any], object], call: Callable[[Any], object]) -> None:
     event(take)
 
 
+def text_html(head: str, *lines: str) -> str:
+    """Return lines of text as HTML, the first one bold; what is HTML or a script in them is shown as it is written.
+
+    Texts of logs, programs and tasks come from anywhere. Markdown would not do: the page runs what is HTML in it.
+    """
+    return _paragraph([f"<b>{escape(head)}</b>", *map(escape, lines)] if head or lines else [])
+
+
 def legend_html(meanings: dict[str, Colour]) -> str:
     """Return a legend."""
-    lines = (f'<span style="color: {css(colour)}">⬤</span> {text}' for text, colour in meanings.items())
+    return _paragraph(
+        f'<span style="color: {css(colour)}">⬤</span> {escape(text)}' for text, colour in meanings.items()
+    )
+
+
+def _paragraph(lines: Iterable[str]) -> str:
     return f"<div style='padding: 0 1em; font-size: 0.85em'>{'<br>'.join(lines)}</div>"
 
 

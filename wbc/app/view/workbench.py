@@ -20,7 +20,7 @@ from wbc.app.view.base import View
 from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, LiveControls, Setting
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
-from wbc.app.view.viser_page import ROOT, ViserPage, when
+from wbc.app.view.viser_page import ROOT, ViserPage, text_html, when
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program
@@ -91,7 +91,7 @@ class Workbench(View):
         answers: deque[bool] = deque()
         self._show_last()
         with (folder := self._gui.add_folder("the run has ended", order=-2.0)):
-            self._gui.add_markdown(f"**{how}**")
+            self._gui.add_html(text_html(how))
             when(self._gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
             when(self._gui.add_button("leave").on_click, lambda _: answers.append(False))
         try:
@@ -124,7 +124,7 @@ class Workbench(View):
     def _fill(self, program: Program | None) -> None:
         """Make all controls."""
         gui, offered, order = self._gui, self.controls.offered, self.controls.order
-        self._page.text(lambda: self.controls.message)
+        self._page.text(lambda: text_html(self.controls.message))
         self._page.checkbox("pause", False, lambda on: setattr(self, "_paused", on))
         speed = next((name for name, value in SPEEDS.items() if value == self.speed), "1")
         chosen = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
@@ -271,9 +271,9 @@ class Gizmo:
 
 
 def program_text(program: Program) -> str:
-    """Return the present state of a program, and how the last ones ended."""
-    now = f"ended: **{program.outcome}**" if program.ended else f"**{program.path}**"
-    return "  \n".join([now, *(f"{t:.2f} s {path}: {how}" for t, path, how in program.history[-5:])])
+    """Return the present state of a program, and how the last ones ended, as HTML."""
+    now = f"ended: {program.outcome}" if program.ended else program.path
+    return text_html(now, *(f"{t:.2f} s {path}: {how}" for t, path, how in program.history[-5:]))
 
 
 def _has_place(task: Any) -> bool:
