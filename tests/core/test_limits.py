@@ -483,3 +483,26 @@ def test_limits_that_contradict_each_other_give_way_and_are_named() -> None:
     for _ in range(200):
         ik.step()
     assert robot.placement("panda_hand").translation[1] == pytest.approx(place[1] - 0.05, abs=1e-3)
+
+
+@pytest.mark.parametrize("always", [False, True])
+def test_torques_with_other_wrenches_keep_limits_and_rates_too(always: bool) -> None:
+    """Whether each tick has other wrenches, or some have; those of the solution follow on them without a jump."""
+    controller = standing("hrp4_class", dt=0.002, posture=False)
+    robot, rng, ratio, rate = controller.robot, np.random.default_rng(0), 0.8, 500.0
+    controller.add(CoMTask(), PostureTask(), TorqueLimits(ratio=ratio, rate=rate))
+    before, differ, settled = None, 0, False
+    for tick in range(120):
+        solution = controller.solve()
+        own, other = solution.wrenches, None
+        if tick < 60 and (always or tick % 7 < 3):
+            other = {name: own[name] + 50.0 * rng.normal(size=6) for name in ("left_foot", "right_foot")}
+        torques = controller.torques(solution, other)
+        np.testing.assert_array_equal(controller.torques(solution, other), torques)
+        assert (np.abs(torques) <= ratio * robot.torque_limit + 1e-6).all()
+        if before is not None:
+            assert (np.abs(torques - before) <= rate * controller.dt + 1e-6).all()
+        before = torques
+        differ += int(np.abs(torques - solution.torques).max() > 1.0)
+        settled = bool((torques == solution.torques).all())
+    assert differ > 10 and settled

@@ -9,8 +9,11 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench, moment_about
+from wbc.core.limits.com_polygon import CoMPolygonLimit
+from wbc.core.qp.task import evaluated
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
+from wbc.tasks import CoMTask, MomentumTask
 
 DESCRIPTION = load("hrp4_class")
 DT = 0.005
@@ -127,5 +130,24 @@ def test_a_load_in_the_model_is_a_mass_at_its_place(point: tuple[float, float, f
         assert each.com == pytest.approx((mass * com + 5.0 * place) / (mass + 5.0), abs=1e-12)
         assert each.bias[2] == pytest.approx((mass + 5.0) * GRAVITY)
     robot.carry(frame, 0.0)
+    assert robot.mass == pytest.approx(mass + 5.0)  # all as they were, until the next update
     robot.update(robot.q, robot.v)
     assert robot.mass == pytest.approx(mass) and np.array(robot.com) == pytest.approx(com, abs=1e-12)
+
+
+@pytest.mark.parametrize("clone", [False, True])
+def test_a_load_between_update_and_solution_accelerates_nothing(clone: bool) -> None:
+    """The CoM of a robot at rest does not accelerate by itself, whichever robot of the model takes the load."""
+    robot = DESCRIPTION.robot()
+    items = CoMTask(), MomentumTask(), CoMPolygonLimit()
+    for item in items:
+        item.bind(robot)
+    (robot.clone() if clone else robot).carry("left_hand", 5.0)
+    try:
+        for _ in range(2):
+            for task in items[:2]:
+                np.testing.assert_allclose(evaluated(task)[2][:3], 0.0, atol=1e-9)
+            np.testing.assert_allclose(items[2].drift(), 0.0, atol=1e-9)
+            robot.update(robot.q, robot.v)
+    finally:
+        robot.carry("left_hand", 0.0)

@@ -158,14 +158,15 @@ class _Loads:
     """Point masses that the frames of a model carry, once for all robots that share the model.
 
     Attributes:
-        total_mass: Total mass with all loads, shape (), kg.
+        total_mass: Total mass with all loads, kg.
+        revision: Number of loads that were put so far.
     """
 
     def __init__(self, model: pin.Model) -> None:
         self._model = model
         self._carried: dict[int, tuple[int, pin.Inertia]] = {}  # frame → joint, load
         self._own: dict[int, pin.Inertia] = {}  # joint → inertia without loads
-        self.total_mass = scalar(float(pin.computeTotalMass(model)))
+        self.total_mass, self.revision = float(pin.computeTotalMass(model)), 0
 
     def put(self, frame: int, joint: int, load: pin.Inertia) -> None:
         """Set the load of a frame of a joint's link, in the frame of the joint."""
@@ -175,7 +176,7 @@ class _Loads:
             if at == joint and each.mass > 0.0:
                 total = total + each
         self._model.inertias[joint] = total
-        self.total_mass[...] = pin.computeTotalMass(self._model)
+        self.total_mass, self.revision = float(pin.computeTotalMass(self._model)), self.revision + 1
 
 
 def _couplings(model: pin.Model, driven: Sequence[int]) -> dict[str, Coupling]:
@@ -359,6 +360,7 @@ class Robot:
                     f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
                 )
         self._loads = _Loads(model)
+        self._carried, self._total_mass = 0, scalar(self._loads.total_mass)
         self._subtree_forces = [np.asarray(each) for each in self.data.Fcrb] if self.couplings else []
 
         # Live views of Pinocchio's memory: their addresses do not change for the life of `data`.
@@ -384,13 +386,13 @@ class Robot:
 
     @property
     def total_mass(self) -> Array:
-        """Total mass of the robot and its loads, kg, as an array of shape () whose value follows `carry`."""
-        return self._loads.total_mass
+        """Total mass of the robot and its loads at the last update, kg, an array of shape () that follows `carry`."""
+        return self._total_mass
 
     @property
     def mass(self) -> float:
-        """Total mass of the robot and its loads, kg; read it when it is used, since it changes with the loads."""
-        return float(self._loads.total_mass)
+        """Total mass of the robot and its loads at the last update, kg; it changes with the loads."""
+        return float(self._total_mass)
 
     @property
     def force_scale(self) -> float:
@@ -430,6 +432,8 @@ class Robot:
     def update(self, q: Array, v: Array) -> None:
         """Compute all quantities that depend on the state: configuration, shape (nq,), and velocity, shape (nv,)."""
         self._take(q, v)
+        if self._loads.revision != self._carried:
+            self._take_loads()
         if self.couplings:
             self._compute_coupled()
         else:
@@ -476,6 +480,8 @@ class Robot:
         They equal those of `update` up to rounding. Mass matrix, bias, accelerations and Jacobians stay as they are.
         """
         self._take(q, v)
+        if self._loads.revision != self._carried:
+            self._take_loads()
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
         pin.updateFramePlacements(self.model, self.data)
 
@@ -489,8 +495,14 @@ class Robot:
 
     def compute_jacobians(self) -> None:
         """Compute the same as `update_jacobians` at the present configuration `q`, which is not checked."""
+        if self._loads.revision != self._carried:
+            self._take_loads()
         pin.jacobianCenterOfMass(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
+
+    def _take_loads(self) -> None:
+        """Take the mass of loads over, which until now was that of the other quantities."""
+        self._carried, self._total_mass[...] = self._loads.revision, self._loads.total_mass
 
     def _take(self, q: Array, v: Array) -> None:
         # A scalar or a shape (1,) would be taken for all coordinates.

@@ -423,7 +423,7 @@ class DriveControl:
 
     def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:
         """Return the torques that the drives get with a solution, shape (na,), Nm."""
-        return solution.torques if wrenches is None else self.controller.torques(solution, wrenches)
+        return self.controller.torques(solution, wrenches)
 
     def _estimate(self, measurement: Measurement, soles: Sequence[pin.SE3 | None] | None) -> Measurement:
         """Update the estimate from what is plausible of a measurement, and return that."""

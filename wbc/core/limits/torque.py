@@ -19,7 +19,6 @@ class TorqueLimits(Limit):
     Attributes:
         least, most: Bounds of the torques, shape (na,), Nm; read-only, known once a controller has the limits.
         rate: Greatest rates of the torques, shape (na,), Nm/s, read-only; None for none.
-        previous: Torques of the last tick, shape (na,), Nm; None before the first tick.
     """
 
     least: Array = result("_least", OPTIONS)
@@ -35,7 +34,6 @@ class TorqueLimits(Limit):
             rate: Largest rate of a torque, Nm/s, scalar or shape (na,); unlimited when None.
         """
         self.name, self.dim = "torque limits", 0
-        self.previous: Array | None = None
         self._ratio = ratio
         self._rate = rate
 
@@ -50,9 +48,20 @@ class TorqueLimits(Limit):
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the torque interval of every joint, Nm; the rows are the torque rows of the QP, and stay as they are."""
+        self.interval(dt, None, lower, upper)
+
+    def interval(self, dt: float, previous: Array | None, lower: Array, upper: Array) -> None:
+        """Fill the torque interval of every joint, Nm.
+
+        Args:
+            dt: Control period, s.
+            previous: Torques of the last tick, shape (na,), Nm; None before the first tick.
+            lower: To fill, shape (na,).
+            upper: To fill, shape (na,).
+        """
         upper[:] = self._most
         lower[:] = self._least
-        if self._most_rate is not None and self.previous is not None:
-            before = np.clip(self.previous, lower, upper)
+        if self._most_rate is not None and previous is not None:
+            before = np.clip(previous, lower, upper)
             np.minimum(upper, before + self._most_rate * dt, out=upper)
             np.maximum(lower, before - self._most_rate * dt, out=lower)

@@ -411,8 +411,7 @@ class Assembly:
 
         if self._torque_limits is not None:
             lower, upper = self._torque_bounds
-            self._torque_limits.previous = torques
-            self._torque_limits.write(dt, _NONE, lower, upper)
+            self._torque_limits.interval(dt, torques, lower, upper)
             np.subtract(lower, torque_bias, out=self._torque_lower)
             np.subtract(upper, torque_bias, out=self._torque_upper)
         if self._passive.size:  # no torque: equalities, in place of bounds
@@ -428,6 +427,18 @@ class Assembly:
         for limit, matrix, lower, upper in self._row_blocks:
             limit.write(dt, matrix, lower, upper)
         self._attainable.cut()
+
+    def kept(
+        self, torques: Array, dt: float, previous: Array | None, released: ReleasedJoints | None
+    ) -> Array:
+        """Return torques within their limits, shape (na,), Nm, after those of the last tick; released have none."""
+        if self._torque_limits is None:
+            return torques
+        lower, upper = np.empty_like(torques), np.empty_like(torques)
+        self._torque_limits.interval(dt, previous, lower, upper)
+        if released is not None:
+            lower[released.index], upper[released.index] = -np.inf, np.inf
+        return np.clip(torques, lower, upper)
 
     def _write_contact(self, slot: _ContactSlot) -> None:
         contact = slot.contact

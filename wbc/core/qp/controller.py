@@ -69,7 +69,10 @@ class Controller(Items):
         self.released: ReleasedJoints | None = None
         self.measured: Robot | None = None
         self.drives: Drives | None = None
-        self._torques: Array | None = None  # of the last tick
+        self._torques: Array | None = None  # of the solution of the last tick
+        self._commanded: Array | None = None  # those of this tick, where they differ
+        self._before: Array | None = None  # those commanded in the tick before
+        self._differed = False  # from those of its solution
         self._close_chains()
         self._rebuild()
 
@@ -143,6 +146,8 @@ class Controller(Items):
             self._rebuild()
         if self._moving:
             self._moving = [task for task in self._moving if task.move_on(self._dt)]
+        before, self._commanded = self._commanded, None
+        self._differed, self._before = before is not None, self._torques if before is None else before
         assembly, solver = self._assembly, self._solver
         if measurement is not None:
             for task in assembly.listening:
@@ -164,6 +169,7 @@ class Controller(Items):
         else:
             x = self._variables_of(last)
             torques = assembly.problem.torque_bias.copy() if last is None else last.torques
+            self._commanded = before
             residual = np.full(assembly.n_residuals, np.nan)
             multipliers = np.zeros(solver.multipliers.size)
         timings = Timings(self.model_time, assembled - start, solved - assembled, perf_counter() - solved)
@@ -186,12 +192,25 @@ class Controller(Items):
                 x[columns] = last.variables[before]
         return x
 
-    def torques(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
+    def torques(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:
         """Return the joint torques of the motion of a solution with other wrenches at some contacts, shape (na,), Nm.
 
-        `wrenches` maps the name of a contact to the wrench that replaces that of the solution, in the contact frame, N
-        and Nm.
+        They are cut off at the torque limits, and change since the tick before no faster than these allow.
+
+        Args:
+            solution: Solution of this tick.
+            wrenches: Name of a contact → wrench that replaces that of the solution, in the contact frame, N and Nm;
+                None for none.
         """
+        if not (wrenches or self._differed):
+            return solution.torques
+        torques = self._with(solution, wrenches) if wrenches else solution.torques
+        torques = self._assembly.kept(torques, self._dt, self._before, self.released)
+        self._commanded = torques if (torques != solution.torques).any() else None
+        return torques
+
+    def _with(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
+        """Return the torques of the motion of a solution with other wrenches."""
         x, columns = solution.variables.copy(), solution.layout.contacts
         for name, wrench in wrenches.items():
             if name not in columns:
@@ -211,7 +230,7 @@ class Controller(Items):
 
     def reset(self) -> None:
         """Reset tasks, contacts (places and force ramps), torques of the last tick and guesses of the solver."""
-        self._torques = self._solution = None
+        self._torques = self._commanded = self._solution = None
         self._dirty = True
         for task in self._tasks:
             task.reset()
