@@ -16,6 +16,7 @@ from pendulum import com_after
 
 from wbc.base.numbers import Array
 from wbc.walking.contact import GaitPhase
+from wbc.walking.plans.reach import Extent
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingWalk
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
@@ -55,11 +56,15 @@ class PointMass:
     """
 
     def __init__(
-        self, scale: RobotSize = SCALE, dt: float = 0.004, settings: SteppingSettings | None = None
+        self,
+        scale: RobotSize = SCALE,
+        dt: float = 0.004,
+        settings: SteppingSettings | None = None,
+        extent: Extent | None = None,
     ) -> None:
-        """Stand at the origin, heading along x."""
+        """Stand at the origin, heading along x, on a ground of an extent, m."""
         self.scale, self.dt = scale, dt
-        self.gait = SteppingWalk(settings or SteppingSettings(), scale, 0.0, dt)
+        self.gait = SteppingWalk(settings or SteppingSettings(), scale, 0.0, dt, extent=extent)
         self.com = np.array([0.0, 0.0, scale.height])
         self.speed = np.zeros(2)
         self.time = 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -236,6 +237,51 @@ def test_what_a_user_has_set_holds_in_both_kinds_of_steps() -> None:
         inertial = walking.control.observer.inertial.settings
         assert (inertial.velocity_time_constant, inertial.tilt_time_constant) == (0.03, 3.0)
         assert inertial.yaw_time_constant == (1000.0 if kind == "free" else 1.0)
+
+
+@pytest.mark.parametrize("order", ["velocity", "goal"])
+def test_an_order_in_the_middle_of_a_plan_gets_free_steps_after_a_stand(order: str) -> None:
+    """Meanwhile it is read as it was given; a stop takes it back."""
+    plant = wbc.Plant(wbc.load_robot("g1"), control_period=0.004)
+    robot = plant.description.robot()
+    walking = WalkingControl(robot, None, 0.004, WalkingControlSettings(mode="torque"))
+    run(plant, walking, 0.1)
+    walking.follow(walk_distance(FootstepPlan.standing(robot), 0.7))
+    run(plant, walking, 1.5)
+    assert walking.step_kind == "planned" and not walking.finished
+
+    def give() -> None:
+        if order == "velocity":
+            walking.velocity = (0.5, 0.0, 0.0)
+        else:
+            walking.go_to(2.0, 0.0, 0.0)
+
+    give()
+    walking.stop()
+    assert walking.velocity is None
+    give()
+    while walking.step_kind == "planned" and plant.time < 6.0:
+        run(plant, walking, 0.02)
+        assert walking.velocity == ((0.5, 0.0, 0.0) if order == "velocity" else None) and not walking.done
+    run(plant, walking, 1.5)
+    assert walking.step_kind == "free" and walking.granted_velocity[0] > 0.2
+    with pytest.raises(InputError):
+        walking.velocity = (np.nan, 0.0, 0.0)
+
+
+def test_an_extent_binds_steps_of_both_kinds() -> None:
+    plant, extent = wbc.Plant(wbc.load_robot("g1"), control_period=0.004), (-0.6, 0.6, -0.6, 0.6)
+    robot = plant.description.robot()
+    for kind in ("free", "planned"):
+        settings = WalkingControlSettings(mode="torque", step_kind=kind)  # type: ignore[arg-type]
+        walking = WalkingControl(robot, None, 0.004, settings, extent=extent)
+        with pytest.raises(InputError, match=re.escape("from -0.6 to 0.6")):
+            walking.go_to(0.7, 0.0, 0.0)
+        walking.go_to(0.3, 0.0, 0.0)
+        walking.follow(walk_distance(FootstepPlan.standing(robot), 1.0))
+        run(plant, walking, 0.5)
+        assert walking.steps_done == 0 and walking.done and not walking.finished
+        assert "leaves the ground" in walking.source.reason
 
 
 GAINS = ("weight", "stiffness", "damping")

@@ -24,7 +24,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in, shown
@@ -49,7 +49,7 @@ from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.load import HeldLoad
-from wbc.walking.plans.footsteps import FootstepPlan, heading
+from wbc.walking.plans.footsteps import FootstepPlan, Place, heading
 from wbc.walking.plans.sources import (
     FootstepSource,
     PlanSource,
@@ -73,6 +73,14 @@ STEPS = "the robot steps, and free steps count no forces on hands: stop it, and 
 
 CALM = 1.0
 """Default of `WalkingControl.calm`, s."""
+
+
+class Order(NamedTuple):
+    """Order to walk with a velocity, to a goal, or along a plan."""
+
+    velocity: Velocity | None = None
+    goal: Place | None = None
+    plan: FootstepPlan | None = None
 
 
 class WalkingControl:
@@ -130,7 +138,9 @@ class WalkingControl:
             observer: Observer of the robot's state; a new one when None. Free steps replace those of its time constants
                 that are the defaults of `InertialSettings`; others stay.
             stiffness: Scheduler of the soles' stiffness, for feet of variable stiffness.
-            extent: Smallest and largest x, smallest and largest y of the ground, m; endless when None. Only for a plan.
+            extent: Smallest and largest x, smallest and largest y of the ground, m; endless when None. Not for a source
+                of references of your own. Footsteps and goals beyond it are refused, and a robot that a velocity would
+                lead beyond it comes to a stand.
             ground: Known ground, made with a robot of the same description that stands at the start; None for a robot
                 that walks blind.
             limits: Further limits of the QP, such as a `CollisionLimit`. They hold in both kinds of steps. Limits on
@@ -168,7 +178,7 @@ class WalkingControl:
         self.stopped = False
         self._calm, self._stood = CALM, 0.0  # time of a stand after planned steps, s
         self._before = 0  # steps done by steps of the other kind before
-        self._waiting: FootstepPlan | None = None  # until the robot stands
+        self._waiting: Order | None = None  # for a stand, in which the kind of the steps may change
         if first == "free" and plan is not None:
             self.follow(plan)
 
@@ -275,18 +285,22 @@ class WalkingControl:
         return hands is not None and hands.active
 
     def _choose(self, state: State) -> None:
-        """Change the steps of a robot that stands for hands, for a push, for a plan that waits, and once it is calm."""
-        hands = None if self._planned is None else self._planned.hands
-        at_hand = hands is not None and (hands.wanted or self._pressing)
+        """Change the steps of a robot that stands for hands, for a push, an order that waits, and once it is calm."""
+        hands, at_hand = None if self._planned is None else self._planned.hands, self._at_hand
         calm = self.stands and self.source.finished
         if self._kind == "free" and at_hand and self.stands:
             self._change("planned")
         elif calm and self._kind == "planned" and self._kinds["free"].source.leaves(state, HOLDS):
             self._change("free")  # which steps out in this tick
         elif calm and self._waiting is not None:
-            plan, self._waiting = self._waiting, None
+            (velocity, goal, plan), self._waiting = self._waiting, None
             try:
-                self.follow(plan)
+                if plan is not None:
+                    self.follow(plan)
+                elif goal is not None:
+                    self.go_to(*goal)
+                else:
+                    self.velocity = velocity
             except InputError as error:  # the body was lowered meanwhile
                 self.source.reason = str(error)
         elif calm and self._kind == "planned" and not at_hand and self._own_planner is None:
@@ -300,13 +314,34 @@ class WalkingControl:
             hands.barred = "" if self._kind == "planned" or self.stands else STEPS
 
     @property
+    def _at_hand(self) -> bool:
+        """True while a hand presses or grips, or is to: planned steps alone count its force."""
+        hands = None if self._planned is None else self._planned.hands
+        return hands is not None and (hands.wanted or self._pressing)
+
+    @property
     def _own_planner(self) -> FootstepSource | None:
         """Planner of the user's own, which may ask for steps again where it asks for a stand now; else None."""
         planner = self.source.planner
         return None if isinstance(planner, (PlanSource, SteeredSteps)) else planner
 
+    def _waits(self, kind: Kind, order: Order) -> bool:
+        """Let an order wait for a stand, to which the robot comes, if it is for the other kind of steps; True if so.
+
+        A robot that is steered in planned steps, because a hand was at work, is steered on in them.
+        """
+        if kind == self._kind or kind not in self._kinds or self._idle:
+            return False
+        steering = self.source.steering
+        if kind == "free" and (self._at_hand or (steering is not None and steering.pending)):
+            return False
+        self._check_body(kind)
+        self._order()
+        self._waiting = order
+        return True
+
     def _make_ready(self, kind: Kind) -> None:
-        """Make ready for an order: forget a plan that waits, and take that kind of steps if the robot has it and may.
+        """Make ready for an order: forget one that waits, and take that kind of steps if the robot has it and may.
 
         Raises:
             InputError: A body that is set too low to lift a foot.
@@ -483,14 +518,20 @@ class WalkingControl:
         """Commanded velocity of the robot: forward (m/s), to the left (m/s) and turn (rad/s).
 
         Set it at any tick. None or zero brings the robot to a stand. It is also None while a goal or a plan gives the
-        steps. A velocity that the robot cannot reach is limited (`granted_velocity`). It is an `InputError` if the
-        velocity is not three finite numbers up to 10, or if the body is set too low to lift a foot.
+        steps. A robot that can take free steps comes to a stand between a plan and a velocity. A velocity that the
+        robot cannot reach is limited (`granted_velocity`). It is an `InputError` if the velocity is not three finite
+        numbers up to 10, or if the body is set too low to lift a foot.
         """
+        if self._waiting is not None:
+            return self._waiting.velocity
         return None if self.source.steering is None else self.source.steering.target
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        if any(checked_velocity(velocity)):
+        wanted = checked_velocity(velocity)
+        if any(wanted):
+            if self._waits("free", Order(velocity=wanted)):
+                return
             self._make_ready("free")
         self._order(velocity)
 
@@ -519,6 +560,8 @@ class WalkingControl:
             y: Place of the robot in the world, m.
             yaw: Heading there, rad; at most a full turn.
         """
+        if self._waits("free", Order(goal=(x, y, yaw))):
+            return
         self._make_ready("free")
         self._steering().go_to(x, y, yaw)
         self.source.take(None)
@@ -535,11 +578,7 @@ class WalkingControl:
         """
         if not isinstance(source, (FootstepPlan, FootstepSource)):
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        changes = self._kind == "free" and "planned" in self._kinds
-        if changes and isinstance(source, FootstepPlan) and not self._idle:
-            self._check_body("planned")
-            self._order()
-            self._waiting = source
+        if isinstance(source, FootstepPlan) and self._waits("planned", Order(plan=source)):
             return
         self._make_ready("planned")
         self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)

@@ -21,7 +21,7 @@ from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other
 from wbc.walking.plans.gait import Gait, pace
 from wbc.walking.plans.planners import opens, steps_along
-from wbc.walking.plans.reach import Extent, Reach
+from wbc.walking.plans.reach import Extent, Reach, over
 from wbc.walking.plans.sources import (
     AT_REST,
     DriveSettings,
@@ -88,10 +88,7 @@ class Steering:
         if self.extent is not None:
             low_x, high_x, low_y, high_y = self.extent
             if not (low_x <= x <= high_x and low_y <= y <= high_y):
-                raise InputError(
-                    f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
-                    f"got the goal ({x:g}, {y:g})"
-                )
+                raise InputError(f"the ground {over(self.extent)}, got the goal ({x:g}, {y:g})")
         self.target, self.goal = None, (x, y, yaw)
 
     def limited(self, velocity: Velocity) -> Velocity:
@@ -178,8 +175,10 @@ class PathSteering(Steering):
         constants: SteppingConstants,
         heading: float,
         dt: float,
+        extent: Extent | None = None,
     ) -> None:
-        """Stand, with settings and constants of the law in SI units."""
+        """Stand, with settings and constants of the law in SI units, on a ground of an extent, m."""
+        self._sole = scale.sole
         self._s, self._c, self._dt = settings, in_si(PathConstants(), scale), dt
         self._pace = pace = Pace.of(constants, settings, scale)
         self._path_gain = lag_gain(dt, self._c.path_lag)
@@ -194,7 +193,7 @@ class PathSteering(Steering):
         aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
         forward = pace.fastest(settings.step_time)
         back = min(settings.fastest_back, forward)
-        super().__init__(VelocityLimits(forward, back, aside, settings.fastest_turn), self._c.near)
+        super().__init__(VelocityLimits(forward, back, aside, settings.fastest_turn), self._c.near, extent)
 
     @property
     def step_time(self) -> float:
@@ -238,6 +237,36 @@ class PathSteering(Steering):
         if abs(off) > self._c.turned:
             self.turn_to(self.heading + off - math.copysign(self._c.turned, off))
 
+    def arrives(self, place: Point) -> bool:
+        """Return True, and drop the goal, if it is reached at a place, m."""
+        if self.goal is None:
+            return False
+        distance, turn = self.away(place, self.heading)
+        if distance >= self._c.arrived or abs(turn) >= self._c.arrived_turn:
+            return False
+        self.goal = None
+        return True
+
+    def leaves(self, place: Point) -> bool:
+        """Return True if a robot at a place, m, could soon stop no more on the ground with the commanded velocity."""
+        if self.extent is None or self.target is None:
+            return False
+        x, y, _ = self.limited(self.target)
+        u, v = self.velocity if any(self.velocity) else (x, y)
+        low_x, high_x, low_y, high_y = self.extent
+        (cos, sin), (length, width), s = self.direction, self._sole, self._s
+        stop = math.hypot(u, v) / (2.0 * s.acceleration) + s.step_time  # s, at this velocity
+        width += max(0.5 * s.width, s.gap + abs(v) * s.step_time / SIDEWAYS)  # feet that come apart
+        for at, low, high, c, s in (
+            (place[0], low_x, high_x, cos, -sin),
+            (place[1], low_y, high_y, sin, cos),
+        ):
+            towards, ahead = c * x + s * y, stop * (c * u + s * v)
+            room = abs(c) * length + abs(s) * width
+            if (towards > 0.0 and at + ahead + room > high) or (towards < 0.0 and at + ahead - room < low):
+                return True
+        return False
+
     def update(self, place: Point, speed: Point) -> StepVelocity:
         """Return the velocity of the next steps, from place (m) and speed (m/s) of the CoM in the world."""
         s, dt = self._s, self._dt
@@ -259,15 +288,14 @@ class PathSteering(Steering):
             self._goal, self._line = self.goal, None
         if self.goal is None:
             return AT_REST if self.target is None else self.limited(self.target)
-        c, (x, y, _), (distance, turn) = self._c, self.goal, self.away(place, self.heading)
+        c, (x, y, _), (distance, _) = self._c, self.goal, self.away(place, self.heading)
         if distance > c.near:
             straight = math.atan2(y - place[1], x - place[0])
             if self._line is None or abs(math.remainder(straight - self._line[1], math.tau)) > c.astray:
                 self._line = place, straight
         else:
             self._line, self._path = None, place  # a near goal is walked to as one stands
-            if distance < c.arrived and abs(turn) < c.arrived_turn:
-                self.goal = None
+            if self.arrives(place):
                 return AT_REST
         towards = None if self._line is None else self._line[1]
         return self.limited(self.approach(place, self.heading, c.goal_time, self._s.cruise, towards))

@@ -90,7 +90,7 @@ def steps_of(
         return {"planned": _planned(control, arms, source, s)}
     plan, steps = source or FootstepPlan.standing(robot), dict[Kind, Steps]()
     if "free" in s.kinds:
-        steps["free"] = _free(control, SteppingWalk.of(robot, dt, s.stepping, s.com_height))
+        steps["free"] = _free(control, SteppingWalk.of(robot, dt, s.stepping, s.com_height, extent))
     if "planned" in s.kinds:
         steps["planned"] = _planned(control, arms, planned_walk(robot, plan, dt, s, extent), s)
     return steps

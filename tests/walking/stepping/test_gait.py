@@ -434,6 +434,48 @@ def test_a_goal_is_reached_and_stood_at(goal: tuple[float, float, float]) -> Non
     assert angle(body.gait.steering.heading, goal[2]) == pytest.approx(0.0, abs=0.2)
 
 
+@pytest.mark.parametrize("goal", [(0.0, 0.0, 0.0), (0.05, -0.04, -0.1)])
+def test_a_goal_where_the_robot_stands_takes_no_step(goal: tuple[float, float, float]) -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.go_to(*goal)
+    assert not body.gait.finished
+    body.run(1.5)
+    assert body.gait.finished and body.gait.steps_done == 0
+
+
+VELOCITIES = [(0.4, 0.0, 0.0), (-0.3, 0.0, 0.0), (0.0, 0.3, 0.0), (0.3, -0.2, 0.0), (0.3, 0.0, 0.4)]
+
+
+@pytest.mark.parametrize("velocity", by_default(VELOCITIES, *VELOCITIES[:3]))
+def test_a_velocity_beyond_the_ground_ends_in_a_stand_on_it(velocity: tuple[float, float, float]) -> None:
+    """Near its edge, from which it sets off no more; away from there it does."""
+    extent = (-0.8, 0.8, -0.7, 0.7)
+    body = PointMass(extent=extent)
+    body.run(0.6)
+    gait, away = body.gait, (-velocity[0], -velocity[1], 0.0)
+    for _ in range(3):
+        gait.steering.command(velocity)
+        body.run(6.0)
+        corners = [
+            foot.act(np.array([a * SCALE.sole[0], b * SCALE.sole[1], 0.0]))[:2]
+            for tick in body.ticks[-1500::50]
+            for foot in tick.frames
+            for a in (-1.0, 1.0)
+            for b in (-1.0, 1.0)
+        ]
+        for x, y in corners:
+            assert extent[0] < x < extent[1] and extent[2] < y < extent[3]
+        if velocity[2]:  # around in a circle
+            return
+        assert gait.phase is GaitPhase.STANDING and not gait.steering.pending and gait.reason
+        nearest = np.min(np.abs(np.array(extent).reshape(2, 2).T - body.com[:2]))
+        assert nearest < 0.5
+    gait.steering.command(away)
+    body.run(1.5)
+    assert gait.steering.pending and gait.phase is not GaitPhase.STANDING
+
+
 @pytest.mark.parametrize("push", [0.0, 0.4])
 def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     """The first and the last one go with the weight, which comes from, and rests in, the middle of the feet."""

@@ -350,9 +350,16 @@ def _check_extent(plan: FootstepPlan, reach: Reach, extent: Extent) -> None:
     low_x, high_x, low_y, high_y = extent
     for i, step in enumerate((plan.left, plan.right, *plan.steps)):
         corners = reach.corners(step)
-        if (corners < (low_x, low_y)).any() or (corners > (high_x, high_y)).any():
+        if (corners < (low_x - ROUNDING, low_y - ROUNDING)).any() or (
+            corners > (high_x + ROUNDING, high_y + ROUNDING)
+        ).any():
             which = f"step {i - 1}" if i > 1 else f"the {step.side} foot at the start"
             raise InputError(
-                f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it extends over "
-                f"x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m"
+                f"{which} leaves the ground at x = {step.x:.3f}, y = {step.y:.3f} m; it {over(extent)}"
             )
+
+
+def over(extent: Extent) -> str:
+    """Return the extent of a ground, m, as a text."""
+    low_x, high_x, low_y, high_y = extent
+    return f"extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m"

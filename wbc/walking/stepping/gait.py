@@ -9,6 +9,7 @@ the figures.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -29,7 +30,7 @@ from wbc.walking.gait import REPLAN, GaitMachine
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep, heading, mean_heading
 from wbc.walking.plans.gait import Gait, SwingShape
-from wbc.walking.plans.reach import Reach
+from wbc.walking.plans.reach import Extent, Reach, over
 from wbc.walking.plans.sources import FootstepSource, PlanSource, Velocity
 from wbc.walking.source import Progress, Reference
 from wbc.walking.steering import PathSteering, StepVelocity
@@ -44,6 +45,8 @@ from wbc.walking.stepping.law import (
 )
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 from wbc.walking.swing import REST, RISE, SwingFoot
+
+logger = logging.getLogger(__name__)
 
 LOOKS = 2
 """Number of decisions between two looks at the ground under a landing that moves with each of them."""
@@ -96,15 +99,17 @@ class SteppingWalk(GaitMachine):
         heading: float,
         dt: float,
         reach: Reach | None = None,
+        extent: Extent | None = None,
     ) -> None:
         """Stand, with a heading, rad; an `InputError` for steps that cannot be walked.
 
-        Without a `reach` of the legs, footsteps that are asked of a planner are taken as they are.
+        Without a `reach` of the legs, footsteps that are asked of a planner are taken as they are. Without an `extent`
+        the ground is endless.
         """
         self.settings, self.scale, self.com_height = settings.in_si(scale), scale, scale.height
         self.constants = c = in_si(SteppingConstants(), scale)
         super().__init__(dt, GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0))
-        self.reach = reach
+        self.reach, self._extent = reach, extent
         self._shape = SwingShape(
             self.settings.swing_height,
             apex=c.apex / c.touch,
@@ -131,19 +136,26 @@ class SteppingWalk(GaitMachine):
     @staticmethod
     @checked
     def of(
-        robot: Robot, dt: float, settings: SteppingSettings | None = None, com_height: float | None = None
+        robot: Robot,
+        dt: float,
+        settings: SteppingSettings | None = None,
+        com_height: float | None = None,
+        extent: Extent | None = None,
     ) -> SteppingWalk:
-        """Return a walk of a robot, the CoM at a height over its soles, m, or as far down as the settings' `bend`."""
+        """Return a walk of a robot, the CoM at a height over its soles, m, or as far down as the settings' `bend`.
+
+        The ground has an extent, m.
+        """
         s = settings or SteppingSettings()
         towards = heading(robot.placement(robot.base_frame).rotation)
         scale = RobotSize.of(robot, s.bend, com_height)
-        return SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height))
+        return SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height), extent)
 
     def begin(self, heading: float) -> None:
         """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
         super().begin(heading)
         s, c, scale, dt = self.settings, self.constants, self.scale, self.dt
-        self.steering = PathSteering(s, scale, c, heading, dt)
+        self.steering = PathSteering(s, scale, c, heading, dt, self._extent)
         self.decision = StepDecision(s, c, scale, self.ground, dt)
         self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
         self.footsteps: Sequence[Footstep] = ()
@@ -331,7 +343,7 @@ class SteppingWalk(GaitMachine):
             self._plan_steps(None)
             if self.footsteps:
                 self.stance = 1 - SIDES.index(self.footsteps[0].side)
-            if self.footsteps or self.steering.pending:
+            if self.footsteps or self._steers():
                 self._enter(GaitPhase.DOUBLE, self.constants.shift_time + self.constants.rest)
                 self._from = self._state.com
                 return (Event.STARTED,)
@@ -342,6 +354,18 @@ class SteppingWalk(GaitMachine):
         if self.elapsed < self.duration:
             return self._step_out()
         return self._begin()
+
+    def _steers(self) -> bool:
+        """Return True if a velocity or a goal asks a robot that stands for steps; a goal where it stands does not."""
+        self._stay_on_ground()
+        return self.steering.pending and not self.steering.arrives(self._middle())
+
+    def _stay_on_ground(self) -> None:
+        """Come to a stand where the velocity would lead beyond the ground."""
+        if self._extent is not None and self.steering.leaves(self._middle()):
+            self.steering.command(None)
+            self.reason = f"the velocity leads beyond the ground, which {over(self._extent)}"
+            logger.warning("%s; the robot comes to a stand", self.reason)
 
     def _step_out(self) -> tuple[Event, ...]:
         """Step with the foot on whose side the DCM is, if it has left both soles, or with one that was kicked away."""
@@ -453,6 +477,7 @@ class SteppingWalk(GaitMachine):
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
         state = self._state
         if not self.footsteps:
+            self._stay_on_ground()
             self.steering.turn_with(state.heading)
             return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
         landing, (x, y, _) = self.footsteps[0], state.places[self.stance]
