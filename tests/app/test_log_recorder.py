@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydantic_core import from_json as from_json_bytes
 from recorded import GAIT, SECONDS, make_walk, recorded_scans, recorded_walk, run
 
 import wbc
@@ -200,6 +201,10 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     ]
     log = record_standing(path, 2, "own/height", lambda tick: tick.plant.truth().com[2], "m")
     assert log["own/height"] == pytest.approx(log["truth/com/z"])
+    stamp, frame = 1_780_000_123.456, 2**53 - 1  # seconds since 1970; frames of a camera
+    log = record_standing(path, 1, "own", lambda _: [stamp, frame, 0.1])
+    assert log.vector("own", 3)[0].tolist() == [stamp, frame, 0.1], "exactly"
+    assert record_standing(path, 1, "own/stamp", lambda _: stamp)["own/stamp"].tolist() == [stamp]
 
 
 @pytest.mark.slow
@@ -251,9 +256,12 @@ def test_a_plant_comes_back_from_the_header(made: str) -> None:
     sole = foot("flat" if made == "image" else made)
     plant = wbc.Plant(wbc.load_robot("hrp4_class"), foot=sole, terrain=ground, noise="realistic")
     tick = Tick(plant, None, plant.measure(), plant.hold(), plant.description, model=plant.robot)
-    again = read_plant(
-        decode("x", {KEY: encode(make_header(tick))}) | {"control_period": plant.control_period}
-    )
+    written = encode(make_header(tick, {"largest": np.inf}))
+    from_json_bytes(
+        written, allow_inf_nan=False
+    )  # JSON that every reader takes: the paper's foot has no limit of rate
+    assert decode("x", {KEY: written})["spec"] == {"largest": np.inf}
+    again = read_plant(decode("x", {KEY: written}) | {"control_period": plant.control_period})
     assert again.foot == sole and again.terrain == ground and again.physics == plant.physics
     assert (again.model.qpos0 == plant.model.qpos0).all() and again.model.ngeom == plant.model.ngeom
     assert (

@@ -12,6 +12,7 @@ import urllib.request
 from pathlib import Path
 from threading import Thread
 
+import mujoco
 import numpy as np
 import pytest
 from browser import Browser, needs_chromium
@@ -142,12 +143,43 @@ def test_soles_and_scans_are_shown_as_they_were() -> None:
         np.testing.assert_allclose(points[:, :2], drift(profile.points, tick)[:, :2], atol=1e-5)
 
 
-def test_furniture_is_drawn_and_a_run_without_a_walk_has_no_footsteps(tmp_path: Path) -> None:
-    ball = '<body name="cup" pos=".4 .3 .05"><freejoint/><geom size=".05"/></body>'
-    scene = f"<mujoco><worldbody>{ball}</worldbody></mujoco>"
-    replay = Replay(recorded_stand(tmp_path / "cup.arrow", scene=scene))
+FURNITURE = """<mujoco><worldbody>
+<body name="cup" pos=".6 .3 .3"><freejoint/><geom size=".05"/></body>
+<body name="door" pos="1 0 1"><joint name="hinge" axis="0 0 1"/><geom type="box" size=".01 .4 .8" pos="0 .4 0"/>
+  <body name="flap" pos="0 .4 0"><joint type="slide" axis="0 0 1"/><joint type="ball"/><geom size=".05"/></body></body>
+</worldbody></mujoco>"""
+
+
+def test_furniture_moves_as_it_moved_and_a_run_without_a_walk_has_no_footsteps(tmp_path: Path) -> None:
+    """All kinds of joints, with and without names."""
+    bodies, seen = ("scene/cup", "scene/door", "scene/flap"), []
+
+    def shown(plant: wbc.Plant) -> wbc.Plant:
+        if not seen:
+            plant.data.qvel[-11:] = np.linspace(0.5, 1.5, 11)
+        mujoco.mj_kinematics(plant.model, plant.data)
+        seen.append([plant.data.body(name).xpos.copy() for name in bodies])
+        seen[-1] += [plant.data.body(name).xquat.copy() for name in bodies]
+        return plant
+
+    log = recorded_stand(tmp_path / "cup.arrow", ticks=40, scene=FURNITURE, shown=shown)
+    replay = Replay(log)
     assert not named(replay, 2, "planned") and named(replay, 2, "com")
-    np.testing.assert_allclose(replay.data.body("scene/cup").xpos, [0.4, 0.3, 0.05], atol=1e-6)
+    for tick in (39, 0, 20):
+        replay.picture(tick)
+        found = [replay.data.body(name).xpos for name in bodies] + [replay.data.body(n).xquat for n in bodies]
+        for one, other in zip(found, seen[tick], strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-6)
+    assert np.linalg.norm(seen[39][0] - seen[0][0]) > 0.05, "it moves"
+    np.testing.assert_allclose(log.vector("truth/scene/cup/position", 3)[20], seen[20][0], atol=1e-6)
+
+
+def test_a_log_without_the_places_of_its_furniture_shows_it_at_the_start(tmp_path: Path) -> None:
+    log = recorded_stand(tmp_path / "cup.arrow", scene=FURNITURE)
+    log.signals = {name: s for name, s in log.signals.items() if not name.startswith("truth/scene")}
+    replay = Replay(log)
+    replay.picture(2)
+    np.testing.assert_allclose(replay.data.body("scene/cup").xpos, [0.6, 0.3, 0.3], atol=1e-6)
 
 
 def test_logs_that_cannot_be_replayed_are_refused(tmp_path: Path) -> None:

@@ -18,10 +18,12 @@ from __future__ import annotations
 
 import datetime
 import json
+import math
 import os
 from typing import Annotated, Any
 
 from pydantic import BaseModel, Field, ValidationError
+from pydantic_core import to_json as to_json_bytes
 
 from wbc._version import __version__
 from wbc.app.log.signals import Tick
@@ -115,8 +117,20 @@ def _folder() -> str:
 
 
 def encode(header: dict[str, Any]) -> bytes:
-    """Return the header as bytes."""
-    return json.dumps(header, default=repr).encode()
+    """Return the header as JSON, which has no infinity: it becomes a text."""
+    return to_json_bytes(header, inf_nan_mode="strings", fallback=repr)
+
+
+def _with_infinity(values: Any) -> Any:
+    """Return values of a header with the numbers that are texts in JSON."""
+    if isinstance(values, dict):
+        return {name: _with_infinity(value) for name, value in values.items()}
+    if isinstance(values, list):
+        return [_with_infinity(value) for value in values]
+    return _NO_JSON.get(values, values) if isinstance(values, str) else values
+
+
+_NO_JSON = {"Infinity": math.inf, "-Infinity": -math.inf, "NaN": math.nan}
 
 
 def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
@@ -125,6 +139,9 @@ def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
         raise InputError(f"{where} is an Arrow file but no log of wbc: it has no metadata '{KEY.decode()}'")
     try:
         header = json.loads(stored[KEY])
+        for part in ("plant", "spec", "description"):
+            if part in header:
+                header[part] = _with_infinity(header[part])
         number = header["format"]
         if number == FORMAT:
             _Header.model_validate(header)

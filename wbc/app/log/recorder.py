@@ -206,7 +206,10 @@ class Recorder(TrialHook):
 
 
 def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> None:
-    """Describe a signal of `Recorder.add`; its first value decides its kind and shape."""
+    """Describe a signal of `Recorder.add`; its first value decides its kind and shape.
+
+    Its numbers keep double precision: a stamp in seconds since 1970 would be 64 s off in single precision.
+    """
     name, waiting = signal.name, [first]
     text = isinstance(first, str)
 
@@ -233,10 +236,10 @@ def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> No
         raise InputError(f"signal '{name}' must be a number or an array of one dimension, got shape {shape}")
     if not shape:
         flag = isinstance(first, (bool, np.bool_))
-        signals.one(name, signal.unit, signal.about, read, "text" if text else "flag" if flag else "number")
+        signals.one(name, signal.unit, signal.about, read, "text" if text else "flag" if flag else "double")
         return
     parts = {2: ("x", "y"), 3: ("x", "y", "z")}.get(shape[0]) or tuple(map(str, range(shape[0])))
-    signals.group(name, parts, signal.unit, signal.about, read)
+    signals.group(name, parts, signal.unit, signal.about, read, "double")
 
 
 def _check_kind(what: str, value: object, kind: type) -> None:

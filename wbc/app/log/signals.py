@@ -139,19 +139,27 @@ class Signals:
             self._add(Signal(name, unit, about, kind), self.width)
             self.width += 1
 
-    def each(self, names: Sequence[str], units: str | Sequence[str], about: str, read: Read) -> None:
+    def each(
+        self, names: Sequence[str], units: str | Sequence[str], about: str, read: Read, kind: Kind = "number"
+    ) -> None:
         """Describe signals whose values are one array; units are one for all, or one each."""
         start, self.width = self.width, self.width + len(names)
         units = [units] * len(names) if isinstance(units, str) else units
         for i, (name, unit) in enumerate(zip(names, units, strict=True)):
-            self._add(Signal(name, unit, about), start + i)
+            self._add(Signal(name, unit, about, kind), start + i)
         self._numbers.append((read, slice(start, self.width)))
 
     def group(
-        self, name: str, parts: Sequence[str], units: str | Sequence[str], about: str, read: Read
+        self,
+        name: str,
+        parts: Sequence[str],
+        units: str | Sequence[str],
+        about: str,
+        read: Read,
+        kind: Kind = "number",
     ) -> None:
         """Describe the parts of an array, each by the name of the group and its own."""
-        self.each([f"{name}/{part}" for part in parts], units, about, read)
+        self.each([f"{name}/{part}" for part in parts], units, about, read, kind)
 
     def _add(self, signal: Signal, place: int) -> None:
         if signal.name in self._names:

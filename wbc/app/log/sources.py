@@ -23,6 +23,7 @@ from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
 from wbc.core.qp.solving.solution import Layout, Solution
 from wbc.core.robot import SIDES, Robot
+from wbc.sim.plant.hands import SCENE_PREFIX
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
@@ -399,6 +400,12 @@ def _add_plant(signals: Signals, tick: Tick) -> None:
     parts = [f"truth/push/{kind}/{axis}" for kind in ("point", "force") for axis in XYZ]
     about = "point of attack of the largest push, and its force, world"
     signals.each(parts, ["m"] * 3 + ["N"] * 3, about, push)
+    if furniture := furniture_signals(plant):
+        names, units, found = (list(each) for each in zip(*furniture, strict=True))
+        places = np.array(found, dtype=np.intp)
+        signals.each(
+            names, units, "of the furniture, as MuJoCo counts it, world", lambda _: data.qpos[places]
+        )
 
 
 def _add_truth(signals: Signals, tick: Tick) -> None:
@@ -491,6 +498,30 @@ def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
     one("stiffness/scan/lateral", "m", "profile: to the left of that line", scan(lambda p: p.lateral), "list")
     heading = scan(lambda p: math.atan2(p.forward[1], p.forward[0]))
     one("stiffness/scan/heading", "rad", "walking direction of the profile", heading)
+
+
+def furniture_signals(plant: Plant) -> list[tuple[str, str, int]]:
+    """Return name, unit and place in MuJoCo's positions of each coordinate of the furniture that moves."""
+    import mujoco  # noqa: PLC0415 - a plant has imported it
+
+    model, kinds, found = plant.model, mujoco.mjtJoint, dict[str, tuple[str, int]]()
+    place, turn = (
+        [(f"position/{axis}", "m") for axis in XYZ],
+        [(f"orientation/{axis}", "1") for axis in "wxyz"],
+    )
+    parts = {
+        kinds.mjJNT_FREE: place + turn,
+        kinds.mjJNT_BALL: turn,
+        kinds.mjJNT_SLIDE: [("position", "m")],
+        kinds.mjJNT_HINGE: [("angle", "rad")],
+    }
+    for i in np.flatnonzero(~plant.of_robot[model.jnt_bodyid]).tolist():
+        joint = model.joint(i)
+        name = (joint.name or model.body(model.jnt_bodyid[i]).name).removeprefix(SCENE_PREFIX)
+        for k, (part, unit) in enumerate(parts[kinds(int(joint.type[0]))]):
+            whole = f"truth/scene/{name}/{part}"  # two joints of one body may have no names
+            found[whole if whole not in found else f"{whole} {i}"] = unit, int(joint.qposadr[0]) + k
+    return [(name, *where) for name, where in found.items()]
 
 
 def foot_names(robot: Robot) -> list[str]:

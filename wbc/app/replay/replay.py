@@ -11,7 +11,7 @@ import numpy as np
 from wbc.app.drift import Drift
 from wbc.app.log.header import read_description, read_plant
 from wbc.app.log.reader import Log
-from wbc.app.log.sources import position_signal
+from wbc.app.log.sources import furniture_signals, position_signal
 from wbc.app.log.stances import stances
 from wbc.app.view.marks import (
     Force,
@@ -120,15 +120,15 @@ class Replay:
     def picture(self, tick: int) -> Picture:
         """Move all bodies to their positions at a tick, and return the marks and the text of this tick.
 
-        Furniture stays where it was at the start. Forces are those of the foot sensors. A tick that the log does not
-        have is an `InputError`.
+        Furniture of a log that was recorded before its places were stays where it was at the start. Forces are those of
+        the foot sensors. A tick that the log does not have is an `InputError`.
         """
         if whole_number("tick of a log", tick, low=0) >= len(self):
             raise InputError(f"tick of a log must be below {len(self)}, got {tick}")
         if isinstance(self._stage, DescribedStage):
             self._stage.show(self._q[tick])
         else:
-            self.data.qpos[: self._q.shape[1]] = self._q[tick]
+            self.data.qpos[:] = self._q[tick]
             mujoco.mj_kinematics(self.model, self.data)
         forces = []
         for pose, wrenches in zip(sole_poses(self._places, self.data), self._wrenches, strict=True):
@@ -199,10 +199,10 @@ def _lists(log: Log, group: str, parts: tuple[str, ...]) -> list[tuple[int, Arra
 
 
 def _states_of_plant(log: Log, plant: Plant) -> Array:
-    """Return the positions of the robot in a plant, in MuJoCo's order, shape (ticks, size)."""
+    """Return the positions of a plant, robot and furniture, in MuJoCo's order, shape (ticks, nq)."""
     model = plant.model
     joints = [model.joint(i) for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
-    q = np.empty((len(log), 7 + len(joints)))
+    q = np.tile(plant.data.qpos, (len(log), 1))
     q[:, :3] = log.vector("truth/base/position", 3)
     q[:, 3:7] = _unit(log.vector("truth/base/orientation", 4))[:, [3, 0, 1, 2]]
     for joint in joints:
@@ -212,6 +212,9 @@ def _states_of_plant(log: Log, plant: Plant) -> Array:
                 f"{log.path} has no '{name}': its plant had other joints than this version builds"
             )
         q[:, joint.qposadr[0]] = log[name]
+    for name, _, place in furniture_signals(plant):
+        if name in log:
+            q[:, place] = log[name]
     return q
 
 
