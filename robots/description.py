@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 from wbc.core.drive.servos import Servos
@@ -458,6 +459,9 @@ class RobotDescription:
     def report(self) -> str:
         """Return the summary as text."""
         return report(self.summary())
+
+    def _repr_html_(self) -> str:
+        return html_table(self.report())
 
     def __repr__(self) -> str:
         mass = pin.computeTotalMass(self._model)

@@ -115,18 +115,18 @@ def report(facts: Mapping[str, Any]) -> str:
         length, width = 1e3 * np.array(sole["size_m"])
         x, y, z = 1e3 * np.array(sole["ankle_m"])
         lines.append(
-            f"  {name:<10} {sole['frame']}: {length:.0f} x {width:.0f} mm, ankle at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+            f"  {name:<10}  {sole['frame']}: {length:.0f} x {width:.0f} mm, ankle at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
         )
-    lines.append(f"  torso {facts['torso']}, IMU {facts['imu']}, hands {facts['hands'] or 'none'}")
-    heads = "".join(f" {heading:>9}" for heading in HEADINGS.values())
-    lines.append(f"  {'joint (half-sitting in deg)':<28} {'range deg':>15}{heads}  gains")
+    lines.append(f"  torso  {facts['torso']}, IMU {facts['imu']}, hands {facts['hands'] or 'none'}")
+    heads = "".join(f"  {heading:>9}" for heading in HEADINGS.values())
+    lines.append(f"  {'joint (half-sitting in deg)':<28}  {'range deg':>15}{heads}  gains")
     for name, joint in facts["joints"].items():
         shown = 1e3 if joint["unit"] == "m" else np.degrees(1.0)
         low, high = (end and shown * end for end in joint["position"])
         span = "without end" if low is None or high is None else f"{low:.0f} .. {high:.0f}"
         values = joint | {"half_sitting": shown * joint["half_sitting"]}
-        columns = "".join(f" {values[key]:>9.4g}" for key in HEADINGS)
-        lines.append(f"  {name:<28} {span:>15}{columns}  {joint['gains']}")
+        columns = "".join(f"  {values[key]:>9.4g}" for key in HEADINGS)
+        lines.append(f"  {name:<28}  {span:>15}{columns}  {joint['gains']}")
     if sliding := [name for name, joint in facts["joints"].items() if joint["unit"] == "m"]:
         lines.append(f"  sliding joints, in mm, m/s, N and kg: {', '.join(sliding)}")
     if facts["derived"]:

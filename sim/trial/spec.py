@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator
 
 from wbc.base.checked import checked
 from wbc.base.errors import choose
+from wbc.base.html import html_table
 from wbc.base.registry import reading_data
-from wbc.base.settings import Seed, from_json, json_object, settings, to_json
+from wbc.base.settings import Seed, from_json, json_object, settings, to_json, units
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.robot import Robot
@@ -170,6 +171,27 @@ class TrialResult:
     seed: int
     seconds: Annotated[float, "s"]
     failures: int
+
+    def _repr_html_(self) -> str:
+        own, lines = units(type(self)), [type(self).__name__]
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if is_dataclass(value):
+                parts = {part.name: getattr(value, part.name) for part in fields(value)}
+                value = ", ".join(f"{name} {_short(part)}" for name, part in parts.items() if _is_plain(part))
+            if _is_plain(value):
+                unit = own.get(each.name) or own.get(f"{each.name}.mean", "")
+                lines.append(f"{each.name}  {_short(value)} {unit}")
+        return html_table("\n".join(lines))
+
+
+def _is_plain(value: object) -> bool:
+    return isinstance(value, (str, int, float))
+
+
+def _short(value: object) -> str:
+    """Return a value as text, floats with four digits."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
 def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -39,9 +40,18 @@ as_written = mpl.rc_context({"text.parse_math": False})
 """Decorator of a function that draws: dollars in titles and names of logs and studies are dollars, no mathematics."""
 
 
+class Drawing(Figure):
+    """Figure that a notebook shows as a picture, whatever backend it has."""
+
+    def _repr_png_(self) -> bytes:
+        picture = io.BytesIO()
+        self.savefig(picture, format="png")
+        return picture.getvalue()
+
+
 def new_figure(width: float, height: float) -> Figure:
     """Return a figure that needs no display; sizes in inches."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Drawing(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.core.qp.solving.solver import Status
 
@@ -82,6 +83,12 @@ class VelocitySolution:
 
     def __repr__(self) -> str:
         return f"VelocitySolution({self.status.name.lower()}, {len(self.active_limits)} active limits)"
+
+    def _repr_html_(self) -> str:
+        residuals = [f"{name}  {np.abs(rows).max(initial=0.0):.3g}" for name, rows in self.residuals.items()]
+        return html_table(
+            "\n".join([f"{self!r}", *residuals, *(f"limit  {name}" for name in self.active_limits)])
+        )
 
     @property
     def ok(self) -> bool:

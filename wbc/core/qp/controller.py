@@ -12,6 +12,7 @@ import numpy as np
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, names_in, unknown_name
+from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly, empty_problem
@@ -256,6 +257,9 @@ class Controller(Items):
         """Return a printable table of the tasks, contacts and limits at the last tick."""
         items = self._tasks, self._contacts
         return status_table(self.robot, self.dt, *items, self._regularisation, self._solution)
+
+    def _repr_html_(self) -> str:
+        return html_table(self.status_table())
 
 
 def _check_drives(tasks: Sequence[Task], drives: Drives | None) -> None:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.core.qp.solving.solver import Status
 
@@ -64,6 +65,18 @@ class Solution:
     def __repr__(self) -> str:
         limits = self.active_limits
         return f"Solution({self.status.name.lower()}, {len(limits)} active limits, {1e6 * self.timings.total:.0f} µs)"
+
+    def _repr_html_(self) -> str:
+        lines = [f"{self!r}"]
+        for name, rows in self.residuals.items():
+            lines.append(f"{name}  {np.abs(rows).max(initial=0.0):.3g}  {self.layout.units.get(name, '')}")
+        lines += [
+            f"{name}  {'  '.join(f'{force:.1f}' for force in wrench)}  N, Nm"
+            for name, wrench in self.wrenches.items()
+        ]
+        return html_table(
+            "\n".join([*lines, *(f"limit  {name}" for name in dict.fromkeys(self.active_limits))])
+        )
 
     @property
     def ok(self) -> bool:
