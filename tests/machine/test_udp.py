@@ -382,6 +382,47 @@ def test_signed_packets_cannot_be_forged_or_replayed() -> None:
         each.close()
 
 
+@pytest.mark.parametrize("how", ["obeyed", "refused", "lost"])
+def test_a_recorded_command_moves_nothing_once_its_sender_is_forgotten(
+    how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As long as another one has owned the robot, or the robot has heard of many others since."""
+    wire = Wire(SECRET)
+    monkeypatch.setattr(udp, "SILENCE", 0.0)
+    first = Program(wire)
+    hello, command = first.end.pack(HELLO, 0), first.end.pack(COMMAND, first.robot, ZERO)
+    if how != "lost":
+        monkeypatch.setattr(udp, "SILENCE", 10.0 if how == "refused" else 0.0)
+        if how == "refused":
+            wire.owner()
+        assert (wire.throw(command)[1] is not None) == (how == "obeyed")
+        monkeypatch.setattr(udp, "SILENCE", 0.0)
+        second = wire.driver()
+        assert wire.meets(second) and wire.obeys(second)
+    for _ in range(udp.KEYS + 1):
+        wire.throw(End(NA, "127.0.0.1", SECRET).pack(HELLO, 0))
+    assert first.end.key not in wire.robot._end._newest
+    for data in (command, hello, command):  # again with a hello that is known to be answered
+        assert wire.throw(data)[1] is None
+    assert wire.meets(late := wire.driver()) and wire.obeys(late)
+    first.socket.close()
+    for each in (*wire.drivers, wire.robot):
+        each.close()
+
+
+def test_a_flood_of_others_loses_no_command_of_the_owner(wire: Wire) -> None:
+    owner = wire.owner()
+    if wire.robot._of_owner is None:
+        pytest.skip("one socket for all")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as others:
+        for _ in range(10 * udp.MOST):  # more than a buffer holds
+            others.sendto(bytes(1400), ("127.0.0.1", wire.robot.port))
+    assert wire.obeys(owner)
+    assert wire.robot.refused
+    with pytest.raises(InputError, match="listen"):
+        UdpRobot(DESCRIPTION, wire.robot.port)  # no other program shares the port
+
+
 @pytest.mark.parametrize(
     "how",
     [

@@ -9,7 +9,7 @@ signature where both ends share a secret.
 | u8 | kind | 0 hello, 1 measurement, 2 command, 3 damp |
 | u8 | flags | bit 0: joint torques (measurement), references (command); bit 1: sole wrenches, gains |
 | u16 | number of joints | |
-| u64 | key of the sender | drawn anew for each driver and each `UdpRobot` |
+| u64 | key of the sender | drawn anew for each driver, and by the robot for each driver that says hello |
 | u64 | key of the receiver | 0 in a hello and in a damp |
 | u64 | number | rises from packet to packet of a key: the sender's clock, ns |
 | f64 | time of the sensors, s (measurement); 0 | |
@@ -21,12 +21,18 @@ signature where both ends share a secret.
 
 The signature is the first half of the HMAC-SHA256 of all bytes before it.
 
-Whoever says hello gets the measurements for `WELCOME`, beside who gets them already; they tell the key of the robot. A
-command that names that key makes its sender the owner, who alone gets them from then on: packets of other keys are
-refused until it has been silent for `SILENCE`. A command that is longer under way than the quickest packet of its
-sender, by `LATE`, has been held back and is dropped. A damp acts if it carries the key of the owner, from whatever
-address: the guard's process has a copy of the driver. A packet whose number is not above all before it of its key is
-old and dropped. So a recorded hello is answered at most, and redirects nothing; a recorded command moves nothing.
+Whoever says hello gets the measurements for `WELCOME`, beside who gets them already; they tell the key that the robot
+has drawn for this driver. A command that names that key makes its sender the owner, who alone gets them from then on:
+packets of other keys are refused until it has been silent for `SILENCE`. A command that is longer under way than the
+quickest packet of its sender, by `LATE`, has been held back and is dropped. A damp acts if it carries the key of the
+owner, from whatever address: the guard's process has a copy of the driver. A packet whose number is not above all
+before it of its key is old and dropped. The keys that the robot has drawn are dead once another driver owns it, and
+with the memory of the driver's last number. So a recorded hello is answered at most, and redirects nothing; a recorded
+command moves nothing.
+
+Packets of the owner's address come in through a socket of their own (`UdpRobot`): a flood of others, which fills the
+buffer of the port, loses none of them. One that pretends to come from the owner's address does, and the robot's
+watchdog damps.
 """
 
 from __future__ import annotations
@@ -34,6 +40,7 @@ from __future__ import annotations
 import contextlib
 import hmac
 import ipaddress
+import itertools
 import logging
 import math
 import secrets
@@ -115,8 +122,18 @@ class Header(NamedTuple):
     time: float
 
 
+def new_key() -> int:
+    """Return a key that nobody can guess."""
+    return secrets.randbits(63) + 1
+
+
 class End:
-    """Packets of one end of the wire, whose key it draws."""
+    """Packets of one end of the wire, whose key it draws.
+
+    Attributes:
+        key: Key of this end.
+        given: Keys of other ends → keys that were drawn for them alone.
+    """
 
     def __init__(self, joints: int, host: str, secret: str | None) -> None:
         """Draw a key; packets are signed with a secret, which other computers need."""
@@ -126,15 +143,18 @@ class End:
             )
         if secret is not None and len(secret) < SHORTEST:
             raise InputError(f"secret must have {SHORTEST} characters at least, got {len(secret)}")
-        self.key = secrets.randbits(63) + 1
+        self.key = new_key()
+        self.given: dict[int, int] = {}
         self._joints = joints
         self._secret = secret.encode() if secret else b""
         self._number = 0
         self._newest: dict[int, int] = {}  # key of a sender → number of its last packet, the last sender last
         self._quickest: dict[int, tuple[float, float]] = {}  # key → clock here less the sender's, and when, s
 
-    def pack(self, kind: int, to: int, content: Measurement | Command | None = None) -> bytes:
-        """Return a packet to the other end; kp and kd of a command go together, one alone does not go."""
+    def pack(
+        self, kind: int, to: int, content: Measurement | Command | None = None, key: int | None = None
+    ) -> bytes:
+        """Return a packet to the other end, from a key; kp and kd of a command go together, one alone does not go."""
         # The clock is the same in all processes of this computer: the guard's packets come after the loop's.
         self._number = max(self._number + 1, time.monotonic_ns())
         arrays = ARRAYS.get(kind, {})
@@ -144,7 +164,8 @@ class End:
         flags = sum(set(arrays.values()) - {arrays[name] for name, value in values.items() if value is None})
         stamp = content.time if isinstance(content, Measurement) else 0.0
         sent = [values[name].ravel() for name, flag in arrays.items() if not flag or flag & flags]
-        data = HEADER.pack(MAGIC, kind, flags, self._joints, self.key, to, self._number, stamp)
+        own = self.key if key is None else key
+        data = HEADER.pack(MAGIC, kind, flags, self._joints, own, to, self._number, stamp)
         if sent:
             data += np.concatenate(sent).astype("<f8").tobytes()
         return data + self._sign(data)
@@ -158,9 +179,10 @@ class End:
             return None
         magic, *rest = HEADER.unpack_from(data)
         head = Header(*rest)
+        if magic != MAGIC or head.joints != self._joints:
+            return None
         body, signature = (data[:-SIGNATURE], data[-SIGNATURE:]) if self._secret else (data, b"")
-        known = magic == MAGIC and head.joints == self._joints
-        return head if known and hmac.compare_digest(self._sign(body), signature) else None
+        return head if hmac.compare_digest(self._sign(body), signature) else None
 
     def is_new(self, head: Header, keep: int = 0) -> bool:
         """Return True if no later packet of its sender has come before; the key `keep` is never forgotten.
@@ -179,6 +201,7 @@ class End:
             oldest = next(key for key in newest if key != keep)
             del newest[oldest]
             self._quickest.pop(oldest, None)
+            self.given.pop(oldest, None)
         return True
 
     def delay(self, head: Header) -> float:
@@ -358,6 +381,7 @@ class UdpRobot:
         self._socket.setblocking(False)
         self.port = int(self._socket.getsockname()[1])
         self.sender: Peer | None = None
+        self._of_owner: socket.socket | None = None  # gets what comes from its address
         self._owner, self._heard = 0, -np.inf
         self._guests: dict[int, tuple[Peer, float]] = {}  # key → address, and time of the hello, s
         self.refused = 0
@@ -367,19 +391,23 @@ class UdpRobot:
 
         A command that no drive may get counts as a request for damping. Commands before the last request are dropped.
         """
-        damped, newest = False, None
-        for data, peer in _taken(self._socket):
-            head, now = self._end.header(data), time.monotonic()
+        damped, newest, end = False, None, self._end
+        # Those of others first: what the guard sends is newer than what the owner sent before it.
+        wires = (self._socket,) if self._of_owner is None else (self._socket, self._of_owner)
+        for data, peer in itertools.chain.from_iterable(map(_taken, wires)):
+            head, now = end.header(data), time.monotonic()
             owned = now - self._heard < SILENCE
-            if head is None or head.kind not in (HELLO, COMMAND, DAMP) or head.key == self._end.key:
+            if head is None or head.kind not in (HELLO, COMMAND, DAMP):
                 self._refuse(peer)
                 continue
-            if (owned and head.key != self._owner) or (head.kind == COMMAND and head.to != self._end.key):
+            if (owned and head.key != self._owner) or (
+                head.kind == COMMAND and head.to != end.given.get(head.key)
+            ):
                 self._refuse(peer)
                 continue
-            if not self._end.is_new(head, self._owner):
+            if not end.is_new(head, self._owner):
                 continue
-            if self._end.delay(head) > LATE and head.kind == COMMAND:
+            if end.delay(head) > LATE and head.kind == COMMAND:
                 self._refuse(peer)
                 continue
             if owned:
@@ -387,18 +415,42 @@ class UdpRobot:
             if head.kind == DAMP:
                 damped, newest = True, None
             elif head.kind == HELLO and not owned:
+                end.given.setdefault(head.key, new_key())
                 self._guests.pop(head.key, None)
                 self._guests[head.key] = peer, now
                 if len(self._guests) > GUESTS:
                     del self._guests[next(iter(self._guests))]
             elif head.kind == COMMAND:
                 if self._owner != head.key or not owned:
-                    self.sender = peer
-                    self._guests.clear()
+                    self._own(head.key, peer)
                 self._owner, self._heard = head.key, now
                 newest = self._command(head, data, peer)
                 damped = damped or newest is None  # commands after a request do not take it back
         return damped, newest
+
+    def _own(self, key: int, peer: Peer) -> None:
+        """Make a sender the owner: it alone has a key of the robot, and its address a socket of its own."""
+        self._end.given = {key: self._end.given[key]}
+        self._guests.clear()
+        if peer == self.sender:
+            return
+        self.sender = peer
+        if self._of_owner is not None:
+            self._of_owner.close()
+        reuse = socket.SOL_SOCKET, socket.SO_REUSEPORT
+        self._of_owner = wire = socket.socket(self._socket.family, socket.SOCK_DGRAM)
+        try:
+            self._socket.setsockopt(*reuse, 1)
+            wire.setsockopt(*reuse, 1)
+            wire.setblocking(False)
+            wire.bind(self._socket.getsockname())
+            wire.connect(peer)  # from now on the system tells its packets from those of others
+        except OSError as error:  # not on this system: one socket for all
+            logger.info("no socket for %s, port %d, alone: %s", *peer[:2], error)
+            wire.close()
+            self._of_owner = None
+        finally:  # no other program shares the port
+            self._socket.setsockopt(*reuse, 0)
 
     def _command(self, head: Header, data: bytes, peer: Peer) -> Command | None:
         command = self._end.content(head, data)
@@ -426,11 +478,14 @@ class UdpRobot:
             to.append((self._owner, self.sender))
         for key, peer in to:
             with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
-                self._socket.sendto(self._end.pack(MEASUREMENT, key, measurement), peer)
+                drawn = self._end.given.get(key)
+                self._socket.sendto(self._end.pack(MEASUREMENT, key, measurement, drawn), peer)
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the sockets."""
         self._socket.close()
+        if self._of_owner is not None:
+            self._of_owner.close()
 
 
 def _is_here(host: str) -> bool:
