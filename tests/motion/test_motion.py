@@ -95,6 +95,30 @@ def test_all_formats_become_the_same_clip(arms: MotionClip, tmp_path: Path, name
             read_motion(path, rate=50.0, joints=arms.joint_names)
 
 
+@pytest.mark.parametrize("kind", ["bytes", "padded", "letters", "unused"])
+def test_names_are_read_however_an_array_holds_them(arms: MotionClip, tmp_path: Path, kind: str) -> None:
+    """Bytes of HDF5 or C, padded texts, rows of single letters of MATLAB; what is not read may be a pickle."""
+    width = max(map(len, arms.joint_names))
+    padded = [name.ljust(width) for name in arms.joint_names]
+    names = {
+        "bytes": np.array([name.encode() for name in arms.joint_names]),
+        "padded": np.array([name.encode() for name in padded]),
+        "letters": np.array([list(name) for name in padded]),
+        "unused": np.array(arms.joint_names),
+    }[kind]
+    more = {"info": np.array({"by": "somebody"})} if kind == "unused" else {}
+    path = tmp_path / "CLIP.NPZ"
+    with path.open("wb") as file:
+        np.savez(file, joint_names=names, rate=arms.rate, base=arms.base, joints=arms.joints, **more)
+    assert read_motion(path).joint_names == arms.joint_names
+
+
+@pytest.mark.parametrize("ending", [".NPZ", ".Csv"])
+def test_endings_may_be_written_large(arms: MotionClip, tmp_path: Path, ending: str) -> None:
+    write_motion(arms, tmp_path / f"clip{ending}")
+    assert read_motion(tmp_path / f"clip{ending}").joint_names == arms.joint_names
+
+
 BODIES = {"body_pos_w": np.zeros((5, 1, 3)), "body_quat_w": np.ones((5, 1, 4))}
 BEYONDMIMIC = {"fps": 30, "joint_pos": np.zeros((5, 2))} | BODIES
 GMR = {"fps": 30, "root_pos": np.zeros((5, 3)), "root_rot": np.ones((5, 4)), "dof_pos": np.zeros((5, 2))}
@@ -111,6 +135,12 @@ HEADER, ROW = "time,x,y,z,qx,qy,qz,qw,a\n", "0,0,0,1,0,0,0,1,0\n"
         "",
         HEADER + 2 * ROW,
         HEADER + ROW + ROW.replace("1", "one"),
+        GMR | {"joint_names": np.arange(2)},
+        GMR | {"joint_names": np.array(["a", "b"], dtype=object)},
+        HEADER.replace("qx", "rot_x") + ROW + ROW,
+        (HEADER + ROW + ROW).replace(",", ";").replace("1", "1,0"),
+        HEADER + ROW + "0," + ROW,
+        "".join(f"{name}\n" for name in ("x", "y")),
     ],
 )
 def test_files_of_other_content_are_refused_in_one_line(tmp_path: Path, content: object) -> None:

@@ -17,7 +17,7 @@ from wbc import load_robot
 from wbc.app.cli import main
 from wbc.base.errors import InputError
 from wbc.core.robot import Robot
-from wbc.motion import SkeletonClip, make_feasible, read_skeleton, retarget
+from wbc.motion import SkeletonClip, make_feasible, read_motion, read_skeleton, retarget
 from wbc.motion.retarget import arms_of
 from wbc.motion.skeleton import NAMES, limb_places
 from wbc.sim import TrackSpec, track_motion
@@ -83,6 +83,18 @@ def test_positions_of_a_small_file_are_those_by_hand(tmp_path: Path) -> None:
     np.testing.assert_allclose(turned, np.roll(clip.positions, 1, axis=-1), atol=1e-12)
 
 
+def test_positions_that_are_zero_below_the_root_leave_the_offset(tmp_path: Path) -> None:
+    """Also where they are not quite zero, in one joint alone; positions that move take the place of the offset."""
+    given = read_skeleton(
+        written(tmp_path / "small.bvh", SMALL.replace("0 2 0  0 0 0", "5 5 5  0 0 0"))
+    ).positions
+    for zero in ("0 0 0  0 0 0", "1e-9 0 -1e-9  0 0 0"):
+        text = SMALL.replace("0 2 0  0 0 0", zero)
+        assert np.allclose(read_skeleton(written(tmp_path / "zero.bvh", text)).positions, given, atol=1e-8)
+    moving = SMALL.replace("0  0 2 0", "0  0 0 0", 1)
+    assert read_skeleton(written(tmp_path / "moving.bvh", moving), up="z").positions[0, 2, 1] == 10.0
+
+
 @pytest.mark.parametrize(("dialect", "rate"), [(LAFAN1, 30.0), (CMU, 120.0)], ids=["lafan1", "cmu"])
 def test_files_of_both_sources_become_the_same_person(tmp_path: Path, dialect: Dialect, rate: float) -> None:
     joints = {name: (place[:100], turn[:100]) for name, (place, turn) in person(rate).items()}
@@ -118,9 +130,12 @@ BAD = {
     "belongs to no joint": SMALL.replace("MOTION", "OFFSET 0 0 0\nMOTION"),
     "'Bones' is no word": SMALL.replace("CHANNELS 1", "Bones 1"),
     "a joint has no name": SMALL.replace("JOINT Tip", "JOINT"),
-    "two joints have the name 'Hips'": SMALL.replace("Tip", "Hips"),
     "'Tip' must be three numbers": SMALL.replace("OFFSET 5 5 5", "OFFSET 5 5"),
-    "could not convert": SMALL.replace("OFFSET 5 5 5", "OFFSET 5 five 5"),
+    "'Tip' must be a number, got 'five'": SMALL.replace("OFFSET 5 5 5", "OFFSET 5 five 5"),
+    "OFFSET of joint 'Tip' must be a number with a decimal point, not": SMALL.replace("5 5 5", "5,0 5,0 5,0"),
+    "Xrotation of joint 'Long name' in frame 1 must be a number with a": SMALL.replace("90  0 2", "90,0  0 2"),
+    "Frame Time must be a number with a decimal point": SMALL.replace("0.025", "0,025"),
+    "no joint has a channel": "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 0\n}\nMOTION\nFrames: 2\nFrame Time: 1\n",
     "'Tip' has no OFFSET": SMALL.replace("OFFSET 5 5 5", ""),
     "'Long name' has no CHANNELS": SMALL.replace("CHANNELS 1 Xrotation", ""),
     "says 2 channels, and names 1": SMALL.replace("CHANNELS 1", "CHANNELS 2"),
@@ -128,14 +143,16 @@ BAD = {
     "stands twice": SMALL.replace("Zrotation Yrotation Xrotation X", "Zrotation Zrotation Xrotation X"),
     "Frames: NUMBER": SMALL.replace("Frames: 2", "Frames: two"),
     "Frame Time must be 0.0001 to 1 s, got 0": SMALL.replace("0.025", "0"),
-    "got nan": SMALL.replace("0.025", "nan"),
+    "within ±1e+07, got nan": SMALL.replace("0.025", "nan"),
     "got -0.025": SMALL.replace("0.025", "-0.025"),
-    "39 numbers, got 26": SMALL.replace("Frames: 2", "Frames: 3"),
-    "26 numbers, got 20": SMALL[:-14],
-    "12999999987 numbers, got 26": SMALL.replace("Frames: 2", "Frames: 999999999"),
+    "holds 2 frames of 13 numbers; correct it to 'Frames: 2'": SMALL.replace("Frames: 2", "Frames: 999999999"),
+    "correct it to 'Frames: 2'": SMALL.replace("Frames: 2", "Frames: 1"),
+    "1 frames of 13 numbers and 7 numbers more; the file is cut off": SMALL[:-14],
+    "10000000 frames times joints at most, got 20000 times 999": "ROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Zrotation\n"
+    + 998 * "End Site\n{\nOFFSET 0 0 1\n}\n" + "}\nMOTION\nFrames: 20000\nFrame Time: 0.01\n" + 20_000 * "0\n",
     "after MOTION must stand": SMALL.replace("Frames: 2", "Frames: 1000000000000"),
-    "Zrotation of joint 'Hips' must be within": SMALL.replace("\n90 ", "\nnan "),
-    "Xposition of joint 'Hips' must be within": SMALL.replace("0  1 0 0  90", "0  1e300 0 0  90"),
+    "Zrotation of joint 'Hips' in frame 1 must be within": SMALL.replace("\n90 ", "\nnan "),
+    "Xposition of joint 'Hips' in frame 1 must be within": SMALL.replace("0  1 0 0  90", "0  1e300 0 0  90"),
     "2 to 1000000 frames, got 1": SMALL.replace("Frames: 2", "Frames: 1").rpartition("90 0 0")[0],
     "1000 joints at most": "HIERARCHY\nROOT a\n{\n" + "".join(f"JOINT b{i}\n{{\n" for i in range(1001)),
 }  # fmt: skip
@@ -155,6 +172,34 @@ def test_damaged_files_are_read_or_refused(tmp_path: Path) -> None:
         (tmp_path / "damaged.bvh").write_bytes(mutate(SMALL.encode(), seed))
         with contextlib.suppress(InputError):
             assert np.isfinite(read_skeleton(tmp_path / "damaged.bvh").positions).all()
+
+
+@pytest.mark.parametrize("name", ["walk_poses.npz", "walk.npz"])
+def test_arrays_of_another_kind_are_refused_with_what_is_needed(tmp_path: Path, name: str) -> None:
+    model = (
+        {"poses": np.zeros((5, 156)), "trans": np.zeros((5, 3))}
+        if "poses" in name
+        else {"dof_names": np.zeros(2)}
+    )
+    np.savez(tmp_path / name, **model)
+    for read in (read_skeleton, read_motion):
+        with pytest.raises(InputError) as refused:
+            read(tmp_path / name)
+        said = str(refused.value)
+        assert all(word in said for word in model) and ("SMPL" in said) == ("poses" in name)
+        assert ("joint_names, positions" if read is read_skeleton else "base and joints") in said
+
+
+def test_small_files_of_many_numbers_are_refused_before_they_are_unpacked(tmp_path: Path) -> None:
+    people = {"joint_names": np.array(["a"]), "positions": np.zeros((2, 1, 3)), "rate": 30.0}
+    for large in (
+        {"joint_names": np.full(3_000_000, "a")},
+        {"joint_names": np.array([f"j{i}" for i in range(2000)]), "positions": np.zeros((2, 2000, 3))},
+        {"positions": np.zeros(50_000_000, dtype=np.int8)},
+    ):
+        np.savez_compressed(tmp_path / "large.npz", **people | large)
+        with pytest.raises(InputError, match=r"large\.npz.* may have [0-9]+ (values at most|joints)"):
+            read_skeleton(tmp_path / "large.npz")
 
 
 # Limbs
@@ -210,6 +255,47 @@ def test_a_joint_of_another_name_is_given(
         replace(clip, joint_names=names).limbs(joints)
 
 
+def test_names_that_occur_twice_are_no_names_of_limbs(clip: SkeletonClip) -> None:
+    spare = clip.positions[:, :1]
+
+    def named(*more: str) -> SkeletonClip:
+        positions = np.concatenate([clip.positions, *(spare for _ in more)], axis=1)
+        return replace(clip, joint_names=(*clip.joint_names, *more), positions=positions)
+
+    for part, places in named("Tip", "Tip").limbs().items():
+        assert np.array_equal(places, clip.limbs()[part])
+    for joints in ({}, {"left_knee": "left_knee"}):
+        with pytest.raises(
+            InputError, match="left_knee must be one joint, but 2 have the name 'left_knee': rename"
+        ):
+            named("left_knee").limbs(joints)
+
+
+def test_a_mirrored_person_is_refused(clip: SkeletonClip) -> None:
+    """Names exchanged, of all limbs, arms or legs alone, or one axis turned; seen by toes, else by knees."""
+    swapped = {"left": "right", "right": "left"}
+
+    def renamed(*kinds: str) -> SkeletonClip:
+        names = [
+            f"{swapped[name.partition('_')[0]]}_{name.partition('_')[2]}" if name.endswith(kinds) else name
+            for name in clip.joint_names
+        ]
+        return replace(clip, joint_names=tuple(names))
+
+    arms, legs = ("shoulder", "elbow", "wrist"), ("hip", "knee", "ankle", "toe")
+    mirrored = [renamed(*arms), renamed(*legs), renamed(*arms, *legs)]
+    mirrored += [replace(clip, positions=clip.positions * signs) for signs in ((1, -1, 1), (-1, 1, 1))]
+    kept = [i for i, name in enumerate(clip.joint_names) if "toe" not in name]
+    for each in [clip, *mirrored]:
+        names = tuple(each.joint_names[i] for i in kept)
+        for given in (each, replace(each, joint_names=names, positions=each.positions[:, kept])):
+            if each is clip:
+                assert given.limbs()
+                continue
+            with pytest.raises(InputError, match="is mirrored"):
+                given.limbs()
+
+
 def test_people_that_cannot_be_are_refused(clip: SkeletonClip, g1: Robot) -> None:
     def moved(name: str, places: object) -> SkeletonClip:
         positions = clip.positions.copy()
@@ -230,10 +316,11 @@ def test_people_that_cannot_be_are_refused(clip: SkeletonClip, g1: Robot) -> Non
         (lambda: replace(clip, positions=clip.positions * [1.0, 1.0, -1.0]), "upright in the first frame"),
         (lambda: replace(clip, positions=clip.positions[:, :3]), "must have shape"),
         (lambda: replace(clip, positions=clip.positions.astype(str)), "real numbers"),
-        (lambda: replace(clip, joint_names=("a",) * len(clip.joint_names)), "'a' twice"),
+        (lambda: replace(clip, joint_names=("a",) * len(clip.joint_names)), "no joint is known as"),
         (lambda: replace(clip, rate=0.0), "rate"),
         (lambda: clip.part(3.0, 2.0), "begin and end within 0 to 15"),
         (lambda: clip.part(-1.0), "begin and end"),
+        (lambda: clip.part(0.0, 1e308), "begin and end"),
         (lambda: jump, "no sole stands from 3.* s to 4"),
     ):  # fmt: skip
         with pytest.raises(InputError, match=said):

@@ -2,7 +2,8 @@
 
 The rotation of a joint is the product of its channels in the order in which they stand, in degrees. Position channels
 take the place of the offset, as the readers of the field have it; so files that write six channels for every joint are
-read, too. Nothing in the format says the unit of length or the axis that points up.
+read, too. Where these are zero in all frames below the root, the offset stays: some programs write them so. Nothing in
+the format says the unit of length or the axis that points up.
 
 Source: M. Meredith, S. Maddock, "Motion Capture File Formats Explained", University of Sheffield, CS-01-11, 2001.
 """
@@ -17,9 +18,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wbc.base.errors import InputError, choose
+from wbc.base.errors import InputError, choose, shown
 from wbc.base.files import decoding
 from wbc.base.numbers import Array
+from wbc.motion.skeleton import MOST_JOINTS
 
 LARGEST = 100_000_000
 """Largest file that is read, bytes."""
@@ -27,8 +29,11 @@ LARGEST = 100_000_000
 FARTHEST = 1e7
 """Greatest number in a frame, degrees or units of length."""
 
-MOST_JOINTS = 1000
-"""Most joints and end sites of a file."""
+MOST_PLACES = 10_000_000
+"""Most positions of joints, frames times joints: a joint without channels costs nothing in a file, but in memory."""
+
+ZERO = 1e-4
+"""Length of a position below which it is zero, as a share of the offset whose place it would take."""
 
 CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
 
@@ -90,7 +95,7 @@ def _hierarchy(text: str) -> list[_Joint]:
                 raise InputError(f"{word} belongs to no joint")
             joint = joints[opened[-1]]
             if word == "OFFSET":
-                joint.offset = [float(number) for number in rest.split()]
+                joint.offset = [_number(f"OFFSET of joint '{joint.name}'", number) for number in rest.split()]
                 if len(joint.offset) != 3:
                     raise InputError(
                         f"OFFSET of joint '{joint.name}' must be three numbers, got {len(joint.offset)}"
@@ -135,9 +140,19 @@ def _joint(word: str, name: str, joints: list[_Joint], opened: list[int]) -> _Jo
         raise InputError(
             "a joint has no name, " + (f"below '{joints[parent].name}'" if joints else "the root")
         )
-    if any(joint.name == name for joint in joints):
-        raise InputError(f"two joints have the name '{name}'")
     return _Joint(name, parent)
+
+
+def _number(what: str, text: str) -> float:
+    """Return a number of the file, `what` in messages."""
+    try:
+        value = float(text)
+    except ValueError:
+        comma = " with a decimal point, not a comma" if "," in text else ""
+        raise InputError(f"{what} must be a number{comma}, got {shown(text)}") from None
+    if not abs(value) <= FARTHEST:
+        raise InputError(f"{what} must be within ±{FARTHEST:g}, got {value:g}")
+    return value
 
 
 def _channels(name: str, words: list[str]) -> list[str]:
@@ -159,21 +174,34 @@ def _frames(text: str, joints: Sequence[_Joint]) -> tuple[Array, float]:
     found = re.match(r"\s*Frames:\s*([0-9]{1,9})\s+Frame\s+Time:\s*(\S+)", text)
     if found is None:
         raise InputError("after MOTION must stand 'Frames: NUMBER' and 'Frame Time: SECONDS'")
-    count, period = int(found[1]), float(found[2])
+    count, period = int(found[1]), _number("Frame Time", found[2])
     if not 1e-4 <= period <= 1.0:
         raise InputError(f"Frame Time must be 0.0001 to 1 s, got {period:g}")
     columns = [f"{channel} of joint '{joint.name}'" for joint in joints for channel in joint.channels or ()]
-    values = np.array(text[found.end() :].split(), dtype=float)
-    if values.size != count * len(columns):
+    if not columns:
+        raise InputError("no joint has a channel, so that nothing moves")
+    words = text[found.end() :].split()
+    try:
+        values = np.array(words, dtype=float)
+        good = bool((abs(values) <= FARTHEST).all())
+    except ValueError:
+        good = False
+    if not good:
+        for i, word in enumerate(words):
+            _number(f"{columns[i % len(columns)]} in frame {i // len(columns)}", word)
+    whole, rest = divmod(len(words), len(columns))
+    if rest or whole != count:
+        more, way_out = "", f"correct it to 'Frames: {whole}'"
+        if rest:
+            more, way_out = f" and {rest} numbers more", "the file is cut off, or its CHANNELS are wrong"
         raise InputError(
-            f"{count} frames of {len(columns)} channels must be {count * len(columns)} numbers, got {values.size}"
+            f"'Frames: {count}' does not fit: the file holds {whole} frames of {len(columns)} numbers{more}; {way_out}"
+        )
+    if count * len(joints) > MOST_PLACES:
+        raise InputError(
+            f"a file may have {MOST_PLACES} frames times joints at most, got {count} times {len(joints)}"
         )
     values = values.reshape(count, len(columns))
-    if len(bad := np.argwhere(~(abs(values) <= FARTHEST))):
-        frame, column = (int(i) for i in bad[0])
-        raise InputError(
-            f"{columns[column]} must be within ±{FARTHEST:g}, got {values[frame, column]:g} in frame {frame}"
-        )
     return values, 1.0 / period
 
 
@@ -186,9 +214,10 @@ def _positions(joints: list[_Joint], frames: Array) -> Array:
         values = frames[:, at : at + len(channels)]
         at += len(channels)
         place = np.tile(joint.offset or [0.0] * 3, (len(frames), 1))
-        for column, channel in enumerate(channels):
-            if channel.endswith("position"):
-                place[:, "XYZ".index(channel[0])] = values[:, column]
+        moves = [column for column, channel in enumerate(channels) if channel.endswith("position")]
+        least = ZERO * float(np.linalg.norm(place[:1])) if joint.parent >= 0 else -1.0
+        if (abs(values[:, moves]) > least).any():
+            place[:, ["XYZ".index(channels[column][0]) for column in moves]] = values[:, moves]
         order = [column for column, channel in enumerate(channels) if channel.endswith("rotation")]
         axes = "".join(channels[column][0] for column in order)
         turn = Rotation.from_euler(axes, values[:, order], degrees=True) if axes else Rotation.identity()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -55,11 +56,9 @@ class MotionClip:
     def __post_init__(self) -> None:
         """Check shapes, numbers, quaternions and the first frame."""
         names = tuple(self.joint_names)
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise InputError(
-                f"a joint must occur once in a motion, got '{twice[0]}' {names.count(twice[0])} times"
-            )
+        twice, times = next(iter(Counter(names).most_common(1)), ("", 0))
+        if times > 1:
+            raise InputError(f"a joint must occur once in a motion, got '{twice}' {times} times")
         count = len(np.atleast_1d(self.joints))
         if not 2 <= count <= LONGEST:
             raise InputError(f"a motion must have 2 to {LONGEST} frames, got {count}")

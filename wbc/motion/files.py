@@ -7,6 +7,7 @@ shape.
 from __future__ import annotations
 
 import csv
+import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, shown
 from wbc.base.files import decoding, parsing, read_text, replacing
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive
@@ -26,7 +27,39 @@ from wbc.motion.skeleton import SkeletonClip
 Axis = Literal["x", "y", "z"]
 
 LARGEST = 500_000_000
-"""Largest file that is read, bytes; one of arrays unpacks to four times as many at most."""
+"""Largest file that is read, bytes."""
+
+MOST_NUMBERS = 40_000_000
+"""Most numbers of an array: a small packed file may say that it holds any number."""
+
+MOST_NAMES = 10_000
+"""Most texts of an array, such as the names of joints."""
+
+BODY_MODEL = frozenset(
+    ("poses", "betas", "trans", "transl", "root_orient", "pose_body", "body_pose", "global_orient")
+)
+"""Arrays with parameters of a body model, such as SMPL, as AMASS has them: the positions of joints follow from them
+with the surfaces of the model alone."""
+
+USED = frozenset(
+    (
+        "rate",
+        "fps",
+        "joint_names",
+        "body_names",
+        "base",
+        "joints",
+        "standing",
+        "root_pos",
+        "root_rot",
+        "dof_pos",
+    )
+    + ("joint_pos", "body_pos_w", "body_quat_w", "positions")
+)
+"""Arrays that are read; others, which may be pickles, stay closed."""
+
+HEADER = f"{', '.join(BASE_COLUMNS)} and the names of the joints"
+"""Columns that a header names."""
 
 
 @checked
@@ -42,11 +75,12 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
     """
     path = _known(Path(path))
     with replacing(path) as new:
-        if path.suffix == ".npz":
+        if path.suffix.lower() == ".npz":
             columns: dict[str, Any] = {"rate": clip.rate, "base": clip.base, "joints": clip.joints}
             if clip.standing is not None:
                 columns["standing"] = clip.standing
-            np.savez_compressed(new, joint_names=np.array(clip.joint_names), **columns)
+            with new.open("wb") as packed:
+                np.savez_compressed(packed, joint_names=np.array(clip.joint_names), **columns)
             return
         table = np.column_stack([clip.times, clip.base, clip.joints])
         with new.open("w", newline="", encoding="utf-8") as text:
@@ -71,20 +105,18 @@ def read_motion(
     """
     path = _known(Path(path))
     with parsing(path, "motion"):
-        data = _arrays(path) if path.suffix == ".npz" else _columns(path)
         try:
+            data = _arrays(path) if path.suffix.lower() == ".npz" else _columns(path)
             base, positions = _placed(data)
-            fps, names = data.get("rate", data.get("fps")), data.get("joint_names")
+            names = data.get("joint_names")
             return MotionClip(
                 _agreed("joint names (joints)", None if names is None else _texts(names), joints),
-                _agreed("rate (rate, Hz)", None if fps is None else float(np.asarray(fps).item()), rate),
+                _agreed("rate (rate, Hz)", _rate(data), rate),
                 base,
                 positions,
                 path.stem,
                 data.get("standing"),
             )
-        except KeyError as missing:
-            raise InputError(f"{path} has no {missing}") from missing
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
 
@@ -102,38 +134,33 @@ def read_skeleton(
         up: Axis of the file that points up; y of a .bvh file and z of an .npz file when None.
     """
     path = Path(path)
-    if path.suffix not in (".bvh", ".npz"):
+    kind = path.suffix.lower()
+    if kind not in (".bvh", ".npz"):
         raise InputError(f"the name of a clip of a person must end in .bvh or .npz, got '{path}'")
     with parsing(path, "clip of a person"):
         try:
-            if path.suffix == ".bvh":
-                names, positions, own = read_bvh(path)
-                own_rate: float | None = own
+            own_rate: float | None
+            if kind == ".bvh":
+                names, positions, own_rate = read_bvh(path)
             else:
                 data = _arrays(path)
-                fps, names, positions = (
-                    data.get("rate", data.get("fps")),
-                    _texts(data["joint_names"]),
-                    data["positions"],
-                )
-                own_rate = None if fps is None else float(np.asarray(fps).item())
-            turn = 2 - "xyz".index(up or ("y" if path.suffix == ".bvh" else "z"))
+                _need(data, "a clip of a person", "joint_names", "positions")
+                names, positions, own_rate = _texts(data["joint_names"]), data["positions"], _rate(data)
+            turn = 2 - "xyz".index(up or ("y" if kind == ".bvh" else "z"))
             return SkeletonClip(
                 names,
                 _agreed("rate (rate, Hz)", own_rate, rate),
                 np.roll(np.asarray(positions), turn, axis=-1),
                 path.stem,
             )
-        except KeyError as missing:
-            raise InputError(f"{path} has no {missing}") from missing
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
 
 
 def shows_person(path: Path) -> bool:
     """Return True for a file that `read_skeleton` reads, by its ending and the names of its arrays."""
-    if path.suffix != ".npz":
-        return path.suffix == ".bvh"
+    if path.suffix.lower() != ".npz":
+        return path.suffix.lower() == ".bvh"
     with (
         decoding(path, "motion of plain arrays", largest=LARGEST) as place,
         zipfile.ZipFile(place) as archive,
@@ -143,7 +170,7 @@ def shows_person(path: Path) -> bool:
 
 def _known(path: Path) -> Path:
     """Return the path of a file whose ending is that of a motion."""
-    if path.suffix not in (".npz", ".csv"):
+    if path.suffix.lower() not in (".npz", ".csv"):
         raise InputError(
             f"the name of a motion must end in .npz or .csv, got '{path}'; convert others outside: a pickle runs any "
             "code that it holds"
@@ -152,28 +179,79 @@ def _known(path: Path) -> Path:
 
 
 def _arrays(path: Path) -> dict[str, Any]:
-    """Return the arrays of an .npz without opening a pickle."""
-    with decoding(path, "motion of plain arrays", largest=LARGEST) as place:
-        with zipfile.ZipFile(place) as archive:
-            unpacked = sum(entry.file_size for entry in archive.infolist())
-        if unpacked > 4 * LARGEST:
-            raise InputError(f"a motion must unpack to at most {4 * LARGEST} bytes, got {unpacked} in {path}")
-        with np.load(place, allow_pickle=False) as file:
-            return dict(file)
+    """Return the arrays of an .npz without opening a pickle; of arrays that are not used, None by their names."""
+    with (
+        decoding(path, "motion of plain arrays", largest=LARGEST) as place,
+        np.load(place, allow_pickle=False) as file,
+    ):
+        for name in USED & {*file.files}:
+            with file.zip.open(f"{name}.npy") as entry:
+                first = np.lib.format.read_magic(entry) == (1, 0)
+                header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+                shape, _, kind = header(entry)
+            if kind.hasobject:
+                raise InputError(
+                    f"array '{name}' is of Python objects, as a pickle holds them: write numbers, or names with "
+                    "np.array(names, dtype=str)"
+                )
+            most = MOST_NUMBERS if kind.kind in "biuf" else MOST_NAMES
+            if not (0 <= math.prod(shape) <= most and math.prod(shape) * kind.itemsize <= LARGEST):
+                raise InputError(f"array '{name}' may have {most} values at most, got one of shape {shape}")
+        return {name: file[name] if name in USED else None for name in file.files}
+
+
+def _need(data: Mapping[str, Any], what: str, *names: str) -> None:
+    """Raise an `InputError` that names what a file has, and what it must have, where an array is missing."""
+    if missing := [name for name in names if data.get(name) is None]:
+        found = ", ".join(map(shown, sorted(data)[:12])) or "nothing"
+        model = "; parameters of a body model (SMPL) are turned into positions of joints outside"
+        raise InputError(
+            f"it has no {', '.join(missing)}, but {found}; {what} needs {', '.join(names)}"
+            f"{model if BODY_MODEL & {*data} else ''}"
+        )
+
+
+def _rate(data: Mapping[str, Any]) -> float | None:
+    """Return the frames per second of a file, Hz; None where it does not say them."""
+    rate = data.get("rate", data.get("fps"))
+    if rate is None:
+        return None
+    try:
+        return float(np.asarray(rate).item())
+    except (TypeError, ValueError):
+        raise InputError(f"rate (fps) must be one number, Hz, got {shown(rate)}") from None
 
 
 def _columns(path: Path) -> dict[str, Any]:
     """Return the columns of a .csv under the names of `write_motion`; one without a header names no joints."""
     lines = [line for line in read_text(path, "motion").splitlines() if line.strip()]
     header = [cell.strip() for cell in next(csv.reader(lines[:1]), [])]
-    named = any(column in header for column in BASE_COLUMNS)
+    named = not all(map(_is_number, header))
     if len(lines) <= named:
-        raise InputError(f"{path} has no frames")
-    values = np.loadtxt(lines[named:], delimiter=",", comments=None, quotechar='"', ndmin=2)
+        raise InputError("it has no frames")
+    if named and not set(BASE_COLUMNS) <= set(header):
+        missing = next(column for column in BASE_COLUMNS if column not in header)
+        raise InputError(
+            f"it has no column '{missing}': columns are separated by commas, numbers have a decimal point, and the "
+            f"first line names {HEADER}; got {shown(lines[0])}"
+        )
+    try:
+        values = np.loadtxt(lines[named:], delimiter=",", comments=None, quotechar='"', ndmin=2)
+    except ValueError as error:
+        wrong = next(
+            (
+                f"{shown(cell)} in row {i + 1}, column {j + 1}"
+                for i, row in enumerate(csv.reader(lines))
+                for j, cell in enumerate(row)
+                if i >= named and not _is_number(cell)
+            ),
+            str(error),
+        )
+        raise InputError(f"its cells must be numbers with a decimal point, got {wrong}") from None
+    if named and values.shape[1] != len(header):
+        raise InputError(f"its header names {len(header)} columns, its rows have {values.shape[1]}")
     if not named:
         return {"base": values[:, :7], "joints": values[:, 7:]}
-    if missing := set(BASE_COLUMNS) - set(header):
-        raise InputError(f"{path} has no column '{min(missing)}'")
     rest = [i for i, column in enumerate(header) if column not in (*BASE_COLUMNS, "time")]
     data = {"base": values[:, [header.index(c) for c in BASE_COLUMNS]], "joints": values[:, rest]}
     if "time" in header and len(values) > 1:
@@ -190,24 +268,46 @@ def _columns(path: Path) -> dict[str, Any]:
 def _placed(data: Mapping[str, Any]) -> tuple[Array, Array]:
     """Return base and joints of arrays, or of columns, by their names."""
     if "base" in data:
+        _need(data, "a motion", "base", "joints")
         return data["base"], data["joints"]
     if "dof_pos" in data:
+        _need(data, "a motion of GMR", "root_pos", "root_rot", "dof_pos")
         return np.hstack([data["root_pos"], data["root_rot"]]), data["dof_pos"]
     if "joint_pos" not in data:
-        known = "; the arrays of a motion are named base, joint_pos or dof_pos"
-        raise InputError(f"of no known format: it has {', '.join(sorted(data)[:6]) or 'nothing'}{known}")
-    joints = data["joint_pos"]
+        _need(
+            data,
+            "a motion of a robot",
+            "base and joints, or joint_pos and body_pos_w, or dof_pos and root_pos",
+        )
+    joints = np.atleast_2d(data["joint_pos"])
     if (
         "joint_names" in data and joints.shape[1] == data["joint_names"].size + 7
     ):  # positions of MuJoCo, base first
         return joints[:, [0, 1, 2, 4, 5, 6, 3]], joints[:, 7:]
-    root = 1 if _texts(data.get("body_names", ()))[:1] == ("world",) else 0
+    _need(data, "a motion of BeyondMimic", "joint_pos", "body_pos_w", "body_quat_w")
+    root = 1 if _texts(data.get("body_names", np.array([], dtype=str)))[:1] == ("world",) else 0
     position, quaternion = data["body_pos_w"][:, root], data["body_quat_w"][:, root]
     return np.hstack([position, quaternion[:, [1, 2, 3, 0]]]), joints
 
 
 def _texts(names: Any) -> tuple[str, ...]:
-    return tuple(str(name) for name in np.ravel(names))
+    """Return names of an array of texts: of bytes, padded ones and rows of single letters, as MATLAB has them, too."""
+    names = np.asarray(names)
+    if names.dtype.kind not in "SU":
+        raise InputError(f"names must be texts, got an array of type {names.dtype}")
+    if names.ndim == 2 and names.dtype.itemsize == np.dtype(f"{names.dtype.kind}1").itemsize:
+        names = np.ascontiguousarray(names).view(f"{names.dtype.kind}{names.shape[1]}")
+    if names.dtype.kind == "S":
+        names = np.char.decode(names, "utf-8")
+    return tuple(str(name).strip() for name in np.ravel(names))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _agreed(what: str, own: Any, given: Any) -> Any:

@@ -32,6 +32,12 @@ OPTIONAL = ("toe",)
 
 SIDES = {"left": ("left", "l"), "right": ("right", "r")}
 
+MOST_JOINTS = 1000
+"""Most joints and end sites of a skeleton."""
+
+BEND = 0.05
+"""Distance of a knee from the way from hip to ankle that shows which way it bends, as a share of that way."""
+
 UPRIGHT = 0.5
 """Least share of the way from the ankles to the shoulders that is vertical in the first frame."""
 
@@ -42,7 +48,7 @@ class SkeletonClip:
     """Clip of a person: positions of the joints over time, at a constant rate.
 
     Attributes:
-        joint_names: Joints, length n.
+        joint_names: Joints, length n; of names that occur twice none can be that of a limb.
         rate: Frames per second, Hz.
         positions: Positions in the world, z up, shape (T, n, 3), in any unit of length.
         name: Name of the clip, for reports.
@@ -56,9 +62,8 @@ class SkeletonClip:
     def __post_init__(self) -> None:
         """Check shapes and numbers."""
         names = tuple(self.joint_names)
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise InputError(f"a joint must occur once in a skeleton, got '{twice[0]}' twice or more")
+        if len(names) > MOST_JOINTS:
+            raise InputError(f"a skeleton may have {MOST_JOINTS} joints, got {len(names)}")
         positions = np.asarray(self.positions)
         if positions.dtype.kind not in "iuf":
             raise InputError(
@@ -91,7 +96,8 @@ class SkeletonClip:
     def part(self, begin: float = 0.0, end: float | None = None) -> SkeletonClip:
         """Return the clip from one time to another, s; to its end when None."""
         last = self.duration if end is None else end
-        first, stop = round(begin * self.rate), round(last * self.rate) + 1
+        inside = max(begin, last) <= self.duration + 1.0
+        first, stop = (round(begin * self.rate), round(last * self.rate) + 1) if inside else (0, 0)
         if not 0 <= first < stop - 1 <= len(self) - 1:
             raise InputError(
                 f"a part of '{self.name}' must begin and end within 0 to {self.duration:.3f} s, got {begin:g} to "
@@ -106,7 +112,7 @@ class SkeletonClip:
             joints: Joint of a limb → its name in this clip, for joints with unusual names.
 
         Raises:
-            InputError: A joint is missing, a limb has no length, or the person does not stand upright.
+            InputError: A joint is missing, a limb has no length, or the person does not stand upright or is mirrored.
         """
         places = limb_places(self.joint_names, joints or {})
         found = {part: self.positions[:, place] for part, place in places.items()}
@@ -126,7 +132,38 @@ class SkeletonClip:
                 f"shoulders is {', '.join(f'{part:.3g}' for part in way)}, and the last number should be the greatest; "
                 "does another axis of the file point up?"
             )
+        self._refuse_mirrored(found)
         return found
+
+    def _refuse_mirrored(self, found: Mapping[str, Array]) -> None:
+        """Raise an `InputError` for legs, or arms, whose left and right side are exchanged.
+
+        Toes are in front of the ankles and knees bend forward; where neither shows, nothing is said.
+        """
+        hips, shoulders = (found[f"left_{part}"] - found[f"right_{part}"] for part in ("hip", "shoulder"))
+        up = 0.5 * sum(found[f"{side}_shoulder"] - found[f"{side}_hip"] for side in SIDES)
+        ahead = np.cross(hips, up)
+        ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), np.finfo(float).tiny)
+        wrong = ""
+        if float(np.mean((hips * shoulders).sum(axis=1))) < 0.0:
+            wrong = "the shoulders lie the other way round than the hips"
+        elif all(f"{side}_toe" in found for side in SIDES):
+            toes = sum(found[f"{side}_toe"] - found[f"{side}_ankle"] for side in SIDES)
+            if float(np.mean((toes * ahead).sum(axis=1))) < 0.0:
+                wrong = "the toes point backward"
+        else:
+            bends = []
+            for side in SIDES:
+                hip, knee, ankle = (found[f"{side}_{part}"] for part in ("hip", "knee", "ankle"))
+                bend = ((knee - 0.5 * (hip + ankle)) * ahead).sum(axis=1)
+                bends.append(bend / np.maximum(np.linalg.norm(hip - ankle, axis=1), np.finfo(float).tiny))
+            if float(np.min(bends)) < -max(BEND, float(np.max(bends))):
+                wrong = "the knees bend backward"
+        if wrong:
+            raise InputError(
+                f"the person of '{self.name}' is mirrored: {wrong}; exchange the names of left and right, or turn the "
+                "sign of one axis of the positions"
+            )
 
     def _check_length(self, found: Mapping[str, Array], upper: str, lower: str) -> None:
         size = float(np.median(np.linalg.norm(found[upper] - found[lower], axis=1)))
@@ -158,6 +195,11 @@ def limb_places(names: tuple[str, ...], joints: Mapping[str, str]) -> dict[str, 
             f"no joint is known as {', '.join(missing[:4])}{' …' if len(missing) > 4 else ''} among "
             f"{', '.join(names[:30])}; give it, such as joints={{'{missing[0]}': '{names[-1]}'}}"
         )
+    for part, place in places.items():
+        if (times := names.count(names[place])) > 1:
+            raise InputError(
+                f"{part} must be one joint, but {times} have the name '{names[place]}': rename the others in the file"
+            )
     return places
 
 
