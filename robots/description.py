@@ -22,7 +22,7 @@ from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
 from wbc.core.robot import Closure, Coupling, Robot, driven_names, joints_to
-from wbc.robots import frames, moving, urdf
+from wbc.robots import frames, moving, tidying, urdf
 from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
@@ -474,7 +474,7 @@ class RobotDescription:
     @cached_property
     def _model(self) -> pin.Model:
         root = urdf.read(self.urdf)
-        if urdf.tidy(root, self.base == "fixed") or urdf.joints_without_torque_limit(root):
+        if tidying.tidy(root, self.base == "fixed") or urdf.joints_without_torque_limit(root):
             raise ModelError("the URDF of a description must be tidy; use RobotDescription.from_urdf")
         inertia.check(root, self.base == "fixed")
         model = urdf.pinocchio_model(self.urdf, self.name, self.base == "fixed")

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, WbcError, shown_path
-from wbc.base.files import decoding, read_toml, read_xml, write_text
+from wbc.base.errors import InputError, WbcError, names_in, shown_path
+from wbc.base.files import decoding, first_tag, read_toml, read_xml, write_text
 from wbc.base.registry import call_checked
 from wbc.base.settings import from_json
 from wbc.core.frames import FrameDescription, Sole
@@ -101,6 +101,9 @@ def read(path: str | Path) -> RobotDescription:
     source = values.pop("file", None)
     if not isinstance(source, str):
         raise InputError(f'{shown_path(path)} must name the file of the robot: file = "my.xml"')
+    for name in (source, *names_in("package_dirs", values.get("package_dirs", ()))):
+        if not name.isprintable():
+            raise InputError(f"{shown_path(path)} names {shown_path(name)}")
     values.setdefault("name", place.stem)
     return describe(place.parent / Path(source).expanduser(), values)
 
@@ -109,8 +112,7 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
     """Return the description of an MJCF or a URDF with some parameters of its reader as plain values."""
     with decoding(path, "robot that can be read"):
         known = {"name": path.stem, **{name: _typed(name, value) for name, value in parameters.items()}}
-        text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", read_xml(path, "robot file"), flags=re.DOTALL)
-        if text.lstrip().startswith("<robot"):
+        if first_tag(read_xml(path, "robot file")) == "robot":
             return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
         return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
 

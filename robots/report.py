@@ -13,7 +13,7 @@ from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots.derivation.defaults import feet_hint
-from wbc.robots.urdf import TAKEN_RANGE
+from wbc.robots.tidying import TAKEN_RANGE
 
 NEAR_LIMIT = 0.6
 """Share of a torque limit from which on a joint that only stands is doubtful."""

@@ -1,7 +1,7 @@
-"""One URDF string for both Pinocchio and MuJoCo: reading, tidying, limits, Pinocchio model.
+"""One URDF string for both Pinocchio and MuJoCo: reading, couplings, limits, Pinocchio model.
 
-What the two importers treat differently is settled here, in the string itself, so that they cannot disagree:
-coupled joints, a "world" root, missing limits.
+What the two importers treat differently is settled by `wbc.robots.tidying`, in the string itself, so that they cannot
+disagree: coupled joints, a "world" root, missing limits.
 """
 
 from __future__ import annotations
@@ -15,44 +15,30 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose, shown, shown_path
-from wbc.base.files import read_xml
+from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array, finite_scalar
 from wbc.core.robot import GRAVITY, UNLIMITED, Coupling
 
 Element = ElementTree.Element
 
-TAKEN_RANGE = math.pi
-"""Range ± of a revolute joint that has no position limits, rad."""
-
 ENDLESS = 1e9
 """Position from which on a limit is none, rad. A joint that turns without end is read with limits beyond it, so that it
 has one coordinate, not cosine and sine."""
 
-DEFAULT_VELOCITY = {"revolute": 6.0, "continuous": 6.0, "prismatic": 0.5}
-"""Velocity limit of a joint that has none, rad/s and m/s: between Talos (3.9–7) and HRP-4C (4.1–9.8) for legs."""
-
 LARGEST_COORDINATE = 1e4
 """Largest coordinate of a placement or an axis, m."""
 
-SHORTEST_AXIS = 1e-9
-"""Length of an axis below which it is zero."""
+MOST_LINKS = 2000
+"""Most links of a robot: time grows with the square of a chain's length."""
+
+MOST_JOINTS = 256
+"""Most joints with a coordinate of their own: memory of Pinocchio's data grows with the cube of their number."""
 
 XACRO = "{http://www.ros.org/wiki/xacro}"
 """Beginning of the tags of macros that no parser of URDF knows."""
 
-WORLD = "world"
-"""Name of MuJoCo's own ground, which no link may have."""
-
 MOVING = ("revolute", "continuous", "prismatic")
 """Joint types that a robot may have after tidying; all others but "fixed" are refused."""
-
-WAYS_OUT = {
-    "floating": "the base alone may float",
-    "planar": "write it as two prismatic joints and a continuous one",
-    "ball": "write it as three revolute joints with massless links between them",
-    "spherical": "write it as three revolute joints with massless links between them",
-}
-"""Joint type that is refused → what to do instead."""
 
 
 def read(source: str | Path) -> Element:
@@ -65,7 +51,7 @@ def read(source: str | Path) -> Element:
         path = existing(text, "URDF", "a path or the XML itself")
         where, text = shown_path(path), read_xml(path, "URDF")
     try:
-        root = ElementTree.fromstring(text)
+        root = parse_xml(text)
     except (ElementTree.ParseError, ValueError) as error:
         if "<xacro:" in text:
             raise ModelError(_xacro(where)) from error
@@ -73,9 +59,27 @@ def read(source: str | Path) -> Element:
     if any(str(element.tag).startswith(XACRO) for element in root.iter()):
         raise ModelError(_xacro(where))
     if root.tag != "robot":
-        raise ModelError(f"{where} must have a <robot> element at its root, got <{root.tag}>")
-    if root.find("link") is None:
+        prefix = "; take the prefix of its namespace (xmlns:…) out" if root.tag.endswith("}robot") else ""
+        raise ModelError(f"{where} must have a <robot> element at its root, got <{root.tag}>{prefix}")
+    if not (root.get("name") or "").strip():
+        root.set("name", "robot")
+    links, found = root.findall("link"), root.findall("joint")
+    if not links:
         raise ModelError(f"{where} has no links")
+    if len(links) > MOST_LINKS:
+        raise ModelError(f"{where} may have {MOST_LINKS} links, got {len(links)}")
+    for number, link in enumerate(links, 1):
+        if not (link.get("name") or "").strip():
+            raise ModelError(
+                f'{where}: the <link> number {number} has no name: give it one, as in <link name="head">'
+            )
+    for joint in found:
+        if not (joint.get("name") or "").strip():
+            parent, child = parent_and_child(joint)
+            raise ModelError(
+                f"{where}: the <joint> from link '{parent}' to '{child}' has no name: give it one, as in "
+                f'<joint name="{child}_joint">'
+            )
     return root
 
 
@@ -95,14 +99,17 @@ def _xacro(where: str) -> str:
     return f"{where} is a xacro that is not expanded: run `xacro FILE > robot.urdf`, and give that URDF"
 
 
-def triple(what: str, text: str) -> Array:
-    """Return three finite numbers of an attribute that a robot can have, shape (3,); else a `ModelError`."""
+def triple(what: str, text: str, counts: tuple[int, ...] = (3,)) -> Array:
+    """Return the finite numbers of an attribute that a robot can have, shape (3,) or another; else a `ModelError`."""
     try:
         values = np.array([float(part) for part in text.split()])
     except ValueError:
         values = np.zeros(0)
-    if values.shape != (3,) or not (np.abs(values) <= LARGEST_COORDINATE).all():
-        raise ModelError(f"{what} must be three numbers within ±{LARGEST_COORDINATE:g}, got {shown(text)}")
+    if len(values) not in counts or not (np.abs(values) <= LARGEST_COORDINATE).all():
+        most = (
+            "three numbers" if counts == (3,) else "one number" if counts == (1,) else "one number or three"
+        )
+        raise ModelError(f"{what} must be {most} within ±{LARGEST_COORDINATE:g}, got {shown(text)}")
     return values
 
 
@@ -136,15 +143,22 @@ def pinocchio_model(xml: str, name: str, fixed: bool = False) -> pin.Model:
     """
     root = ElementTree.fromstring(without_geometry(xml))
     coupled = couplings(root)
+    if not 0 < (count := len(joints(root, MOVING).keys() - coupled.keys())) <= MOST_JOINTS:
+        raise ModelError(
+            f"'{name}' must have 1 to {MOST_JOINTS} joints that move, got {count}: lock, or free, some"
+        )
     order = _order(root, coupled) if coupled else {}
     for each, joint in joints(root, MOVING).items():
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
-            _limit_of(joint).attrib.update(lower=repr(-10.0 * ENDLESS), upper=repr(10.0 * ENDLESS))
+            limit_of(joint).attrib.update(lower=repr(-10.0 * ENDLESS), upper=repr(10.0 * ENDLESS))
         joint.set("name", order.get(each, each))
-    given = () if fixed else (pin.JointModelFreeFlyer(),)
+    free = "root_joint"
+    while any(each.get("name") == free for each in root):
+        free += "_"  # a joint of the robot has this name
+    given = () if fixed else (pin.JointModelFreeFlyer(), free)
     try:
         model = pin.buildModelFromXML(to_string(root), *given)
         for number, ordered in enumerate(list(model.names)):
@@ -182,8 +196,8 @@ def couplings(root: Element) -> dict[str, Coupling]:
     for name, joint in moving.items():
         for mimic in joint.findall("mimic"):
             leader = str(mimic.get("joint"))
-            ratio = _number(mimic, "multiplier", name) if mimic.get("multiplier") is not None else 1.0
-            direct[name] = Coupling(leader, ratio, _number(mimic, "offset", name))
+            ratio = number(mimic, "multiplier", name) if mimic.get("multiplier") is not None else 1.0
+            direct[name] = Coupling(leader, ratio, number(mimic, "offset", name))
     found = {}
     for name, first in direct.items():
         seen, coupling = [name], first
@@ -285,118 +299,6 @@ def moving_link_of(root: Element) -> dict[str, str]:
     return result
 
 
-def tidy(root: Element, fixed: bool = False) -> list[str]:
-    """Settle in place what Pinocchio and MuJoCo would read differently; return the changes, one line each.
-
-    With `fixed` the root of the robot is bolted to the world, and a root link that stands for the world stays.
-    """
-    notes = _drop_world(root, fixed)
-    _check_tree(root)
-    notes += _rename_world(root)
-    for name, joint in joints(root).items():
-        kind = joint.get("type")
-        if kind not in (*MOVING, "fixed"):
-            way = WAYS_OUT.get(str(kind), "")
-            raise ModelError(
-                f"joint '{name}' is of type '{kind}'; supported: revolute, continuous, prismatic, fixed"
-                f"{way and '; ' + way}"
-            )
-        for mimic in joint.findall("mimic") if kind == "fixed" else ():
-            joint.remove(mimic)
-    notes += _settle_couplings(root)
-    rubbing = [name for name, joint in joints(root, MOVING).items() if _drop_dynamics(joint)]
-    if rubbing:
-        notes.append(f"damping and friction that the URDF gives {len(rubbing)} joints are left out")
-    for name, joint in joints(root, MOVING).items():
-        limit = _limit_of(joint)
-        if joint.get("type") == "continuous":
-            for end in ("lower", "upper"):
-                limit.attrib.pop(end, None)
-        elif limit.get("lower") is None and limit.get("upper") is None:
-            if joint.get("type") == "prismatic":
-                raise ModelError(f"prismatic joint '{name}' has no position limits")
-            limit.set("lower", repr(-TAKEN_RANGE))
-            limit.set("upper", repr(TAKEN_RANGE))
-            notes.append(f"joint '{name}': no position limits given, ±{TAKEN_RANGE:.4f} rad")
-        if joint.get("type") != "continuous" and not _number(limit, "lower", name) < _number(
-            limit, "upper", name
-        ):
-            raise ModelError(
-                f"joint '{name}' has the empty position range [{limit.get('lower')}, {limit.get('upper')}]"
-            )
-        if not 0.0 < _number(limit, "velocity", name) < UNLIMITED:
-            limit.set("velocity", repr(DEFAULT_VELOCITY[str(joint.get("type"))]))
-            notes.append(f"joint '{name}': no velocity limit given, {limit.get('velocity')}")
-        notes += _soften(root, name, joint)
-        # Pinocchio's parser needs the attribute; zero means "not given" until the torque rule has seen the model.
-        if not 0.0 < _number(limit, "effort", name) < UNLIMITED:
-            limit.set("effort", "0")
-    return notes + _narrow_leaders(root)
-
-
-def _settle_couplings(root: Element) -> list[str]:
-    """Let coupled joints follow joints that lead, in place; those of a joint that does not move do not, either."""
-    notes, all_joints = [], joints(root)
-    while True:
-        still = {}
-        for name, joint in joints(root, MOVING).items():
-            for mimic in joint.findall("mimic"):
-                leader = str(mimic.get("joint"))
-                choose(f"leader of joint '{name}' (mimic)", leader, all_joints)
-                ratio = _number(mimic, "multiplier", name) if mimic.get("multiplier") is not None else 1.0
-                if all_joints[leader].get("type") == "fixed" or ratio == 0.0:
-                    still[name] = _number(mimic, "offset", name)
-        if not still:
-            break
-        for name, value in still.items():
-            for mimic in all_joints[name].findall("mimic"):
-                all_joints[name].remove(mimic)
-            notes.append(f"joint '{name}': mimic of what does not move, fixed at {value:g}")
-            lock(root, {name: value}, bounded=False)
-    for name, coupling in couplings(root).items():
-        couple(all_joints[name], coupling)
-    return notes
-
-
-def _narrow_leaders(root: Element) -> list[str]:
-    """Narrow position and velocity limits of leaders to what the joints that are coupled to them allow, in place."""
-    notes, moving = [], joints(root, MOVING)
-    for name, coupling in couplings(root).items():
-        limit, own = _limit_of(moving[coupling.leader]), _limit_of(moving[name])
-        if moving[name].get("type") != "continuous":
-            ends = sorted(
-                (_number(own, end, name) - coupling.offset) / coupling.ratio for end in ("lower", "upper")
-            )
-            endless = moving[coupling.leader].get("type") == "continuous"
-            before = (
-                (-math.inf, math.inf)
-                if endless
-                else tuple(_number(limit, end, coupling.leader) for end in ("lower", "upper"))
-            )
-            low, high = max(ends[0], before[0]), min(ends[1], before[1])
-            if not low < high:
-                raise ModelError(
-                    f"joint '{name}', coupled to '{coupling.leader}', leaves it no range: "
-                    f"[{ends[0]:g}, {ends[1]:g}] of [{before[0]:g}, {before[1]:g}]"
-                )
-            if max(low - before[0], before[1] - high) > 1e-6:
-                moving[coupling.leader].set(
-                    "type", str(moving[coupling.leader].get("type")).replace("continuous", "revolute")
-                )
-                limit.set("lower", repr(low))
-                limit.set("upper", repr(high))
-                notes.append(
-                    f"joint '{coupling.leader}': [{low:g}, {high:g}], for the range of '{name}', coupled to it"
-                )
-        fastest = _number(own, "velocity", name) / abs(coupling.ratio)
-        if fastest < _number(limit, "velocity", coupling.leader) * (1.0 - 1e-9):
-            limit.set("velocity", repr(fastest))
-            notes.append(
-                f"joint '{coupling.leader}': at most {fastest:g} a second, for '{name}', coupled to it"
-            )
-    return notes
-
-
 def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True) -> dict[str, float]:
     """Fix joints of a tidied `<robot>` at given positions, joint → rad or m, inside their limits if `bounded`.
 
@@ -415,7 +317,7 @@ def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True)
         joint = moving[choose("joint", name, moving)]
         limit, bounds = joint.find("limit"), (-math.inf, math.inf)
         if bounded and name not in with_them and limit is not None and joint.get("type") != "continuous":
-            lower, upper = (_number(limit, key, name) for key in ("lower", "upper"))
+            lower, upper = (number(limit, key, name) for key in ("lower", "upper"))
             bounds = (lower, upper) if lower < upper else bounds
         shift = finite_scalar(f"locked joint '{name}'", value, low=bounds[0], high=bounds[1])
         origin = joint.find("origin")
@@ -453,31 +355,6 @@ def turn_root(root: Element, turn: float) -> str:
     return new
 
 
-def _check_tree(root: Element) -> None:
-    """Check that every link hangs on the root, and that placements and axes are numbers."""
-    parents: dict[str, str] = {}
-    for name, joint in joints(root).items():
-        parent, child = parent_and_child(joint)
-        if child in parents:
-            raise ModelError(f"link '{child}' is the child of two joints")
-        parents[child] = parent
-        origin, axis = joint.find("origin"), joint.find("axis")
-        placement = {} if origin is None else origin.attrib
-        for key in ("xyz", "rpy"):
-            triple(f"joint '{name}': {key} of its origin", placement.get(key, "0 0 0"))
-        if axis is not None:
-            direction = triple(f"joint '{name}': its axis", axis.get("xyz", "1 0 0"))
-            if joint.get("type") != "fixed" and math.hypot(*direction) < SHORTEST_AXIS:
-                raise ModelError(f"joint '{name}': its axis must not be zero, got '{axis.get('xyz')}'")
-    for link in parents:
-        above, seen = link, set[str]()
-        while above in parents:
-            if above in seen:
-                raise ModelError(f"link '{link}' hangs on itself: its joints form a circle")
-            seen.add(above)
-            above = parents[above]
-
-
 def set_limits(
     root: Element,
     *,
@@ -497,7 +374,7 @@ def set_limits(
                 raise InputError(
                     f"{what} limit of joint '{name}' must be above zero and below {UNLIMITED:g}, got {value}"
                 )
-            _limit_of(moving[name]).set("effort" if what == "torque" else what, repr(float(value)))
+            limit_of(moving[name]).set("effort" if what == "torque" else what, repr(float(value)))
     for name, (lower, upper) in (position or {}).items():
         choose("joint", name, moving)
         if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
@@ -506,127 +383,29 @@ def set_limits(
             )
         if moving[name].get("type") == "continuous":
             moving[name].set("type", "revolute")
-        _limit_of(moving[name]).set("lower", repr(float(lower)))
-        _limit_of(moving[name]).set("upper", repr(float(upper)))
+        limit_of(moving[name]).set("lower", repr(float(lower)))
+        limit_of(moving[name]).set("upper", repr(float(upper)))
 
 
 def joints_without_torque_limit(root: Element) -> list[str]:
     """Return the moving joints of a tidied URDF that have no torque limit; those that are coupled need none."""
     moving = {name: joint for name, joint in joints(root, MOVING).items() if joint.find("mimic") is None}
-    return [name for name, joint in moving.items() if _number(_limit_of(joint), "effort", name) == 0.0]
+    return [name for name, joint in moving.items() if number(limit_of(joint), "effort", name) == 0.0]
 
 
-def _soften(root: Element, name: str, joint: Element) -> list[str]:
-    """Narrow the range of a joint to its soft limits, of a safety controller or of ros2_control; return notes.
-
-    Beyond them the machine brakes the joint or refuses its commands.
-    """
-    bounds: list[tuple[str, float, float]] = []
-    for safety in joint.findall("safety_controller"):
-        low, high = (_number(safety, f"soft_{side}_limit", name) for side in ("lower", "upper"))
-        if low < high:  # both are zero when they are not given
-            bounds.append(("soft limits of its safety_controller", low, high))
-        joint.remove(safety)
-    for control in root.findall("ros2_control/joint"):
-        if control.get("name") == name:
-            for command in control.findall("command_interface[@name='position']"):
-                given = {str(each.get("name")): each.text or "" for each in command.findall("param")}
-                ends = {key: text.strip() for key, text in given.items() if key in ("min", "max")}
-                params = ElementTree.Element("param", ends)
-                low = _number(params, "min", name) if "min" in ends else -math.inf
-                high = _number(params, "max", name) if "max" in ends else math.inf
-                bounds.append(("range of its ros2_control", low, high))
-    notes, limit = [], _limit_of(joint)
-    for what, soft_low, soft_high in bounds:
-        endless = joint.get("type") == "continuous"
-        hard = (
-            (-math.inf, math.inf)
-            if endless
-            else (_number(limit, "lower", name), _number(limit, "upper", name))
-        )
-        low, high = max(hard[0], soft_low), min(hard[1], soft_high)
-        said = f"joint '{name}': {what}, [{soft_low:g}, {soft_high:g}]"
-        if low >= high:
-            notes.append(f"{said}, leave nothing of [{hard[0]:g}, {hard[1]:g}] and are left out")
-        elif (low, high) != hard:
-            if not (math.isfinite(low) and math.isfinite(high)):
-                notes.append(f"{said}, bound one side of a joint without end alone and are left out")
-                continue
-            joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
-            limit.set("lower", repr(low))
-            limit.set("upper", repr(high))
-            notes.append(f"{said}, are taken as position limits")
-    return notes
-
-
-def _drop_dynamics(joint: Element) -> bool:
-    """Remove damping and friction, which MuJoCo would simulate and the controller does not model."""
-    dropped = False
-    for dynamics in joint.findall("dynamics"):
-        dropped |= any(
-            _number(dynamics, key, str(joint.get("name"))) != 0.0 for key in ("damping", "friction")
-        )
-        joint.remove(dynamics)
-    return dropped
-
-
-def _limit_of(joint: Element) -> Element:
+def limit_of(joint: Element) -> Element:
+    """Return the <limit> of a joint, a new one where it has none."""
     limit = joint.find("limit")
     return ElementTree.SubElement(joint, "limit") if limit is None else limit
 
 
-def _number(element: Element, attribute: str, joint: str) -> float:
+def number(element: Element, attribute: str, joint: str) -> float:
     """Return a limit attribute; zero when it is missing, as the URDF specification has it."""
     text = element.get(attribute, "0")
     try:
         value = float(text)
     except ValueError as error:
         raise ModelError(f"joint '{joint}': {attribute}='{text}' is not a number") from error
-    if math.isnan(value):
-        raise ModelError(f"joint '{joint}': {attribute} is NaN")
+    if math.isnan(value) or (math.isinf(value) and attribute in ("multiplier", "offset")):
+        raise ModelError(f"joint '{joint}': {attribute} must be a number, got '{text}'")
     return value
-
-
-def _rename_world(root: Element) -> list[str]:
-    """Give a link that is called as MuJoCo's ground another name."""
-    if not any(link.get("name") == WORLD for link in root.findall("link")):
-        return []
-    for element in root.iter():
-        if element.tag == "link" and element.get("name") == WORLD:
-            element.set("name", f"{WORLD}_link")
-        elif element.tag in ("parent", "child") and element.get("link") == WORLD:
-            element.set("link", f"{WORLD}_link")
-    return [f"link '{WORLD}' has the name of MuJoCo's ground: now '{WORLD}_link'"]
-
-
-def _drop_world(root: Element, fixed: bool) -> list[str]:
-    """Remove a root link that stands for the world: the robot's root link gets the free-flyer."""
-    notes: list[str] = []
-    while True:
-        for kind in ("joint", "link"):
-            names = [str(each.get("name")) for each in root.findall(kind)]
-            if len(set(names)) != len(names):
-                raise ModelError(f"two {kind}s are called '{next(n for n in names if names.count(n) > 1)}'")
-        pairs = {name: parent_and_child(joint) for name, joint in joints(root).items()}
-        for name, ends in pairs.items():
-            for end in ends:
-                if end not in names:
-                    raise ModelError(f"joint '{name}' refers to link '{end}', which does not exist")
-        children = {child for _, child in pairs.values()}
-        roots = [name for name in names if name not in children]
-        if len(roots) != 1:
-            raise ModelError(
-                f"the links must form one tree with one root, got {len(roots)} roots: {roots[:5]}"
-            )
-        below = [name for name, (parent, _) in pairs.items() if parent == roots[0]]
-        link = next(link for link in root.findall("link") if link.get("name") == roots[0])
-        if len(below) != 1 or link.find("inertial") is not None:
-            return notes
-        joint = joints(root)[below[0]]
-        stands = joint.get("type") == "fixed" and roots[0] == "world" and not fixed
-        if not (joint.get("type") == "floating" or stands):
-            return notes
-        root.remove(link)
-        root.remove(joint)
-        how = "is bolted there" if fixed else "floats freely"
-        notes.append(f"root link '{roots[0]}' and joint '{below[0]}' removed: the robot {how}")

@@ -13,7 +13,7 @@ from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import ROUNDING, finite_scalar, non_negative, positive
 from wbc.core.frames import FrameDescription
 from wbc.core.robot import GRAVITY, Closure, joints_to
-from wbc.robots import frames, urdf
+from wbc.robots import frames, tidying, urdf
 from wbc.robots.derivation import defaults, inertia, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
 from wbc.robots.options import DescriptionOptions
@@ -74,7 +74,9 @@ def complete(
         raise InputError(
             "a robot with feet is not bolted to the world: base='fixed' is for one without soles"
         )
-    notes += urdf.tidy(root, fixed)
+    for option in options:
+        choose("option", option, DescriptionOptions.__annotations__)
+    notes += tidying.tidy(root, fixed)
     locked = urdf.lock(root, options.get("lock") or {})
     urdf.set_limits(
         root,

@@ -73,6 +73,8 @@ def complete_half_sitting(
     Of the postures of the file the first in which the robot stands is taken; without one the first gives the joints
     that are not in the legs. `notes` gets a line for each rule that was used.
     """
+    for name in given:
+        choose("joint", name, driven_names(model))
     frame_names = tuple(sole.frame for sole in soles)
     for title, joints in postures if soles else ():
         taken = {**joints, **given}

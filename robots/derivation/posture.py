@@ -57,7 +57,7 @@ def half_sitting(
     joints = q[-len(names) :]  # a view
     joints[:] = _inside(model, np.zeros(len(names)))
     for name, value in given.items():
-        i = names.index(choose("joint", name, names))
+        i = names.index(name)
         joints[i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
     legs = [joints_to(model, frame) for frame in soles]
     free = [i for leg in legs for i in (_index(model, joint) for joint in leg) if names[i] not in given]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -32,6 +33,9 @@ UNITS = {"in millimetres": 1e-3, "in centimetres": 1e-2, "with one scale of 0.00
 
 PACKAGE_DEPTH = 5
 """Most folders above that of a URDF in which its packages are looked for."""
+
+LARGEST_MESH = 100_000_000
+"""Bytes of a mesh that are looked at for defects."""
 
 Y_UP = pin.rpy.rpyToMatrix(0.5 * np.pi, 0.0, 0.0)
 """Rotation of a mesh whose y axis points up."""
@@ -162,10 +166,53 @@ def _points(
 
 def mesh_vertices(path: Path) -> Array | None:
     """Return the vertices of a mesh, or None when it cannot be read: geometry is optional."""
+    if mesh_defect(path):
+        return None
     try:
-        return np.array(coal.MeshLoader().load(str(path)).vertices())
+        vertices = np.array(coal.MeshLoader().load(str(path)).vertices())
     except (ValueError, RuntimeError):
         return None
+    return vertices * collada_unit(path) if np.isfinite(vertices).all() else None
+
+
+def collada_unit(path: Path) -> float:
+    """Return the unit of length of a COLLADA mesh, m, as the field's viewers read it; one for all other files."""
+    if path.suffix.lower() != ".dae":
+        return 1.0
+    text = re.sub(rb"<!--.*?-->", b"", path.read_bytes(), flags=re.DOTALL)
+    found = re.search(rb"<(?:\w+:)?unit\b[^>]*?\smeter\s*=\s*[\"']\s*([^\"'\s]+)", text)
+    try:
+        unit = float(found[1]) if found else 1.0
+    except ValueError:
+        return 1.0
+    return unit if 0.0 < unit < math.inf else 1.0
+
+
+def mesh_defect(path: Path) -> str:
+    """Return why the file of a mesh holds no whole mesh, by its size, begin and end; "" where nothing is wrong."""
+    with path.open("rb") as file:
+        content = file.read(LARGEST_MESH)
+    begin, end, kind = content[:512].lstrip().lower(), content[-512:].lower(), path.suffix.lower()
+    if not begin:
+        return "is empty"
+    if begin.startswith(b"version https://git-lfs"):
+        return "is a pointer of Git LFS: run `git lfs pull` in its repository"
+    if begin.startswith((b"<!doctype html", b"<html")):
+        return "is a page of the web"
+    whole = True
+    if kind == ".stl":
+        count = int.from_bytes(content[80:84], "little")
+        whole = 84 + 50 * count <= len(content) and len(content) > 84
+        if whole:
+            numbers = np.frombuffer(content, np.dtype([("corners", "<f4", 12), ("more", "<u2")]), count, 84)
+            if not np.isfinite(numbers["corners"][:, 3:]).all():
+                return "has corners that are no numbers"
+        whole |= begin.startswith(b"solid") and b"endsolid" in end
+    elif kind == ".dae":
+        whole = b"collada>" in end
+    elif kind == ".obj":
+        whole = re.search(rb"[\r\n]\s*f\s", content) is not None
+    return "" if whole or len(content) == LARGEST_MESH else "is cut off, or of another format"
 
 
 def resolve(filename: str, folders: tuple[str, ...]) -> Path | None:
@@ -196,7 +243,7 @@ def resolve(filename: str, folders: tuple[str, ...]) -> Path | None:
 def mesh_folders(
     root: Element, given: tuple[str, ...], base: Path | None
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Return the folders in which the meshes of a URDF are, and a note on those that are nowhere.
+    """Return the folders in which the meshes of a URDF are, and notes on those that are nowhere or broken.
 
     The folders are those given, that of the file for relative names, and those above it in which a package is: as ROS
     has it, the file lies in a folder of its package.
@@ -210,12 +257,17 @@ def mesh_folders(
         if found := [name for name in missing if resolve(name, (str(above),)) is not None]:
             folders.append(str(above))
             missing = [name for name in missing if name not in found]
-    if not missing:
-        return tuple(folders), []
-    return tuple(folders), [
-        f"{len(missing)} of {len(names)} meshes are not found, first {shown(missing[0])}: their links have no shape of "
-        "them; package_dirs are the folders of packages"
+    notes = [
+        f"mesh {shown(name)} {defect}: its link has no shape of it"
+        for name in names
+        if (path := resolve(name, tuple(folders))) is not None and (defect := mesh_defect(path))
     ]
+    if missing:
+        notes.append(
+            f"{len(missing)} of {len(names)} meshes are not found, first {shown(missing[0])}: their links have no "
+            "shape of them; package_dirs are the folders of packages"
+        )
+    return tuple(folders), notes
 
 
 def origin_of(element: Element) -> pin.SE3:

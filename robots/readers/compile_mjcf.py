@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import codecs
 import contextlib
+import html
 import os
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,13 @@ import mujoco
 import numpy as np
 
 from wbc.base.errors import InputError, ModelError, shown, shown_path
-from wbc.base.files import decoding, read_xml
+from wbc.base.files import decoding, first_tag, parse_xml, read_xml
+from wbc.robots.derivation.soles import mesh_defect
 from wbc.robots.readers import sdf_mjcf
-from wbc.robots.urdf import existing
+from wbc.robots.urdf import MOST_LINKS, existing
+
+MOST_FOLDERS = 100
+"""Most folders of meshes, pictures and included files that an MJCF may name."""
 
 
 def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[str]]:
@@ -28,7 +33,7 @@ def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[st
     """
     if isinstance(source, mujoco.MjModel):
         return source, frozenset()
-    where = "MJCF string"
+    where, spec = "MJCF string", None
     try:
         if isinstance(source, mujoco.MjSpec):
             where, spec = "MjSpec", source.copy()
@@ -46,13 +51,20 @@ def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[st
             for mesh in spec.meshes
             if np.any(mesh.refpos) or not np.array_equal(mesh.refquat, [1, 0, 0, 0])
         ]
+        if (count := len(spec.bodies)) > MOST_LINKS:
+            raise ModelError(f"{where} may have {MOST_LINKS} bodies, got {count}")
         return spec.compile(), frozenset(moved)
     except (ValueError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
         said = one_line(error)
-        if meshes and re.search(r"\.(stl|obj|msh|dae|ply|png)\b", said, re.IGNORECASE):
-            said += "; a file whose meshes are elsewhere is read without them: --without-meshes, meshes=False"
+        defects = "" if spec is None or not meshes else _defects(spec)
+        if "could not find decoder" in said:
+            said += (
+                "; files must end as MuJoCo knows them: attached models in .xml, meshes in .obj, .stl or .msh"
+            )
+        elif defects or (meshes and re.search(r"\.(stl|obj|msh|dae|ply|png)\b", said, re.IGNORECASE)):
+            said += f"{defects}; a file whose meshes are elsewhere is read without them: --without-meshes, meshes=False"
         raise ModelError(f"{where}: {said}") from error
 
 
@@ -66,75 +78,87 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
     """Return the name of a source for messages, and a function that reads it."""
     content = str(source)
     if content.lstrip().startswith("<"):
-        if _is_sdf(content):
+        if first_tag(content) == "sdf":
             return "SDF string", lambda: sdf_mjcf.spec_of(_tree(content, "SDF string"), "SDF string")
         _refuse_other_formats("MJCF string", content)
         refuse_pipes(Path(), content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
     where = shown_path(path)
-    if _is_sdf(text := read_xml(path, "MJCF")):
+    if first_tag(text := read_xml(path, "MJCF")) == "sdf":
         return where, lambda: sdf_mjcf.spec_of(_tree(text, where), where)
     refuse_pipes(path.parent, text)
     texts = _texts(path)
     _refuse_other_formats(where, texts[path.name])
-    if all(
+    return where, lambda: _spec_of(path, texts)
+
+
+def read_spec(path: Path) -> mujoco.MjSpec:
+    """Return the spec of an MJCF file of any ending and encoding; its meshes are looked for beside it."""
+    refuse_pipes(path.parent, read_xml(path, "MJCF"))
+    return _spec_of(path, _texts(path))
+
+
+def _spec_of(path: Path, texts: Mapping[str, str]) -> mujoco.MjSpec:
+    """Return the spec of a file, given its text and those of what it includes.
+
+    MuJoCo knows UTF-8 and the ending .xml alone; what is written otherwise it gets as text.
+    """
+    plain = (
         (path.parent / name).read_bytes().removeprefix(codecs.BOM_UTF8) == text.encode()
         for name, text in texts.items()
-    ):
-        return where, lambda: mujoco.MjSpec.from_file(str(path))
-
-    def decoded() -> mujoco.MjSpec:
-        """Read what MuJoCo, which knows UTF-8 alone, does not."""
-        own, *others = texts
-        spec = mujoco.MjSpec.from_string(texts[own], include={name: texts[name].encode() for name in others})
-        spec.modelfiledir = str(path.parent)
-        return spec
-
-    return where, decoded
+    )
+    if path.suffix == ".xml" and all(plain):
+        return mujoco.MjSpec.from_file(str(path))
+    own, *others = texts
+    spec = mujoco.MjSpec.from_string(texts[own], include={name: texts[name].encode() for name in others})
+    spec.modelfiledir = str(path.parent)
+    return spec
 
 
 def read_sdf(path: Path) -> mujoco.MjSpec:
     """Return the robot of an SDF; see `wbc.robots.read_sdf`."""
     text = read_xml(path, "SDF")
-    if not _is_sdf(text):
+    if first_tag(text) != "sdf":
         raise ModelError(f"{shown_path(path)} is no SDF; RobotDescription.from_mjcf reads an MJCF")
     return sdf_mjcf.spec_of(_tree(text, shown_path(path)), shown_path(path))
 
 
 def _tree(text: str, where: str) -> ET.Element:
     try:
-        return ET.fromstring(text)
+        return parse_xml(text)
     except ET.ParseError as error:
         raise ModelError(f"{where}: {error}") from error
-
-
-def _is_sdf(content: str) -> bool:
-    """Return true for the text of an SDF."""
-    first = re.search(r"<\s*([A-Za-z]\w*)", re.sub(r"<!--.*?-->", "", content, flags=re.DOTALL))
-    return first is not None and first.group(1) == "sdf"
 
 
 def refuse_pipes(folder: Path, text: str) -> None:
     """Raise an `InputError` for a pipe or a device among the files that an MJCF names: MuJoCo would wait for its end.
 
-    Files of models that it includes or attaches are looked at as well; `folder` is that of the MJCF.
+    Files of models that it includes or attaches are looked at as well; `folder` is that of the MJCF. Any name may be
+    in any of the folders that the files name.
     """
-    waiting, seen = [(folder, text)], set[Path]()
-    for near, content in waiting:
-        named = re.findall(r"\s(?:mesh|texture|asset)dir\s*=\s*[\"']([^\"']*)", content)
-        names = re.findall(r"\sfile\w*\s*=\s*[\"']([^\"']+)", content)
-        for place in {
-            each / name for each in (near, *(near / name for name in named)) for name in names
-        } - seen:
-            seen.add(place)
+    folders, names, read = {folder}, dict[str, None](), set[Path]()
+    waiting = [text]
+    while waiting:
+        for content in waiting:
+            named = re.findall(r"(?:mesh|texture|asset)dir\s*=\s*(?:\"([^\"]*)\"|'([^']*)')", content)
+            folders |= {folder / html.unescape(one or other) for one, other in named}
+            for one, other in re.findall(r"file\w*\s*=\s*(?:\"([^\"]+)\"|'([^']+)')", content):
+                name = html.unescape(one or other)
+                names |= {name: None, Path(name).name: None}  # strippath
+        if len(folders) > MOST_FOLDERS:
+            raise InputError(f"an MJCF may name {MOST_FOLDERS} folders of files at most, got {len(folders)}")
+        waiting = []
+        for place in {each / name for each in folders for name in names} - read:
+            read.add(place)
             if not os.path.exists(place):  # false for a name that is too long, too
                 continue
             with decoding(place, "file of an MJCF"):
-                pass
-            if place.suffix.lower() in (".xml", ".mjcf"):
+                begin = place.open("rb").read(64)
+            if b"<" in begin:  # a model, or what is included
+                folders.add(place.parent)
                 with contextlib.suppress(InputError):  # MuJoCo reads, or refuses, what is included
-                    waiting.append((place.parent, read_xml(place, "MJCF")))
+                    waiting.append(read_xml(place, "MJCF"))
 
 
 def _texts(path: Path) -> dict[str, str]:
@@ -155,16 +179,30 @@ def _texts(path: Path) -> dict[str, str]:
 
 
 def _refuse_other_formats(where: str, content: str) -> None:
-    """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, and for NaN."""
+    """Raise `ModelError` for a URDF, which MuJoCo would read without the feet of `from_urdf`, NaN and many bodies."""
+    if (first := first_tag(content)) in ("", "robot"):
+        raise ModelError(f"{where} is {'a URDF; use from_urdf' if first else 'no XML'}")
     content = re.sub(r"<!--.*?-->", lambda note: "\n" * note.group().count("\n"), content, flags=re.DOTALL)
-    first = re.search(r"<\s*([A-Za-z]\w*)", content)
-    if first is None or first.group(1) == "robot":
-        what = "a URDF; use from_urdf" if first else "no XML"
-        raise ModelError(f"{where} is {what}")
+    count = content.count("<body") + sum(
+        map(int, re.findall(r"<replicate\b[^<>]*\bcount\s*=\s*[\"'](\d+)", content))
+    )
+    if count > MOST_LINKS:
+        raise ModelError(f"{where} may have {MOST_LINKS} bodies, got {count}")
     wrong = re.search(r"<(\w+)[^<>]*?\s(\w+)\s*=\s*\"[^\"]*\b[Nn][Aa][Nn]\b[^\"]*\"", content)
     if wrong and wrong.group(2) not in ("name", "class", "childclass", "file"):
         line = content.count("\n", 0, wrong.start()) + 1
         raise ModelError(f"{where}: {wrong.group(2)} of the <{wrong.group(1)}> in line {line} is NaN")
+
+
+def _defects(spec: mujoco.MjSpec) -> str:
+    """Return what is wrong with the files of the meshes and pictures of a spec, each after a semicolon."""
+    folder, found = Path(spec.modelfiledir or "."), dict[str, None]()
+    named = [(spec.meshdir, each.file) for each in spec.meshes]
+    named += [(spec.texturedir, each.file) for each in spec.textures]
+    for place in (folder / part / name for part, name in named if name):
+        if place.is_file() and (defect := mesh_defect(place)):
+            found[f"; {place.name} {defect}"] = None
+    return "".join(found)
 
 
 def _drop_meshes(spec: mujoco.MjSpec) -> None:

@@ -47,6 +47,14 @@ class _Reader:
         self.spec.compiler.degree = False
         text = (model.findtext("self_collide") or "").strip()
         self.collides = 1 if text in ("1", "true") else 0  # its links with each other
+        for kind in ("link", "joint"):
+            names = [(each.get("name") or "").strip() for each in model.findall(kind)]
+            if len(set(names) - {""}) < len(names):
+                wrong = next(name for name in names if not name or names.count(name) > 1)
+                raise ModelError(
+                    f"{where}: every <{kind}> must have a name of its own, got "
+                    + (f"'{wrong}' twice" if wrong else f"none for number {names.index('') + 1}")
+                )
         self.links = {str(link.get("name")): link for link in model.findall("link")}
         self.places = {name: self._pose(link) for name, link in self.links.items()}
         joints = {str(joint.get("name")): joint for joint in model.findall("joint")}

@@ -10,13 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError
-from wbc.base.files import read_xml
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import ROUNDING
 from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
-from wbc.robots.readers.compile_mjcf import refuse_pipes
+from wbc.robots.readers.compile_mjcf import read_spec, refuse_pipes
 from wbc.sim.plant.feet import ankle_soles
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
@@ -160,9 +159,7 @@ def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
             refuse_pipes(Path(), source)
             scene = mujoco.MjSpec.from_string(source)
         else:
-            path = Path(source).expanduser()
-            refuse_pipes(path.parent, read_xml(path, "scene"))
-            scene = mujoco.MjSpec.from_file(str(path))
+            scene = read_spec(Path(source).expanduser())
         scene.copy().compile()
     except (ValueError, OSError) as error:
         raise InputError(f"scene cannot be read: {str(error).splitlines()[0]}") from error

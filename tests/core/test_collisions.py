@@ -433,6 +433,13 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "shape": (lambda: wbc.Obstacle("x", "box"), "shape of obstacle 'x'"),  # type: ignore[arg-type]
     "placement": (lambda: wbc.Obstacle("x", BALL, np.eye(4)), "placement of obstacle 'x'"),  # type: ignore[arg-type]
     "velocity": (lambda: setattr(wbc.Obstacle("x", BALL), "velocity", [0.0]), "velocity of obstacle 'x'"),
+    "far hull": (lambda: wbc.CollisionHull(((1e77, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))), "1000000"),
+    "far sphere": (lambda: wbc.CollisionSphere(0.1, (0.0, 1e77, 0.0)), "1000000"),
+    "large sphere": (lambda: wbc.CollisionSphere(1e77), "1000000"),
+    "far obstacle": (
+        lambda: wbc.Obstacle("far", wbc.CollisionSphere(0.1), pin.SE3(np.eye(3), np.full(3, 1e77))),
+        "within",
+    ),
     "flat hull": (lambda: wbc.CollisionHull(((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0))), "volume"),
     "normal": (lambda: wbc.CollisionHalfSpace((0.0, 0.0, 0.0)), "normal"),
     "half-space of a link": (

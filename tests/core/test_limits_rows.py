@@ -268,7 +268,8 @@ def test_links_whose_geometry_is_meshes_have_shapes_as_shipped(name: str, pair: 
 
 def test_pairs_come_from_an_srdf_that_leaves_some_out() -> None:
     srdf = '<robot name="r"><disable_collisions link1="b" link2="a" reason="Adjacent"/></robot>'
-    assert srdf_pairs(srdf, ["a", "b", "c"]) == [("a", "c"), ("b", "c")]
+    for xml in (srdf, srdf.replace("<robot", '<robot xmlns="http://drake.mit.edu"')):
+        assert srdf_pairs(xml, ["a", "b", "c"]) == [("a", "c"), ("b", "c")]
     with pytest.raises(InputError, match="SRDF"):
         srdf_pairs("<robot", ["a", "b"])
 

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import re
+import struct
+from functools import partial
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
 from wbc import Plant, RobotDescription
-from wbc.base.errors import InputError, ModelError
-from wbc.robots import files
+from wbc.base.errors import InputError, ModelError, UnknownNameError
+from wbc.core.limits.collision import srdf_pairs
+from wbc.robots import files, load
+from wbc.sim.plant.model import furniture
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 URDF = (EXAMPLES / "biped.urdf").read_text(encoding="utf-8")
@@ -171,3 +177,315 @@ def test_sensors_of_a_limb_are_no_imu_of_an_mjcf() -> None:
     xml = re.sub("<sensor>.*</sensor>", "", MJCF, flags=re.DOTALL).replace("</mujoco>", sensors)
     xml = xml.replace('<geom fromto="-0.06 0.045', '<site name="foot_imu"/><geom fromto="-0.06 0.045', 1)
     assert RobotDescription.from_mjcf(xml).imu.link == "trunk"
+
+
+# Shapes
+
+CORNERS = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.15, 0.15) for z in (0.0, 0.4)])
+FACES = (
+    (0, 1, 3),
+    (0, 3, 2),
+    (4, 6, 7),
+    (4, 7, 5),
+    (0, 4, 5),
+    (0, 5, 1),
+    (2, 3, 7),
+    (2, 7, 6),
+    (0, 2, 6),
+    (0, 6, 4),
+)
+FACES = (*FACES, (1, 5, 7), (1, 7, 3))
+TRUNK = re.search(r'<link name="trunk">.*?</link>', URDF, re.DOTALL)[0]  # type: ignore[index]
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def stl(corners: np.ndarray) -> bytes:
+    """Return a box as a binary STL whose header begins as that of a text does."""
+    facets = (struct.pack("<12fH", 0, 0, 0, *corners[list(face)].ravel(), 0) for face in FACES)
+    return b"solid".ljust(80) + struct.pack("<I", len(FACES)) + b"".join(facets)
+
+
+def obj(corners: np.ndarray) -> str:
+    vertices = "".join("v {} {} {}\n".format(*corner) for corner in corners)
+    return vertices + "".join("f {} {} {}\n".format(*np.add(face, 1)) for face in FACES)
+
+
+def text_stl(corners: np.ndarray) -> str:
+    facets = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*corners[i]) for i in face)
+        + "endloop\nendfacet\n"
+        for face in FACES
+    )
+    return f"solid box\n{facets}endsolid box\n"
+
+
+def dae(corners: np.ndarray, unit: str) -> str:
+    """Return a box as COLLADA."""
+    numbers, places = (
+        " ".join(map(repr, corners.ravel().tolist())),
+        " ".join(str(i) for face in FACES for i in face),
+    )
+    source = "".join(f'<param name="{axis}" type="float"/>' for axis in "XYZ")
+    return f"""<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+    <asset>{unit}<up_axis>Z_UP</up_axis></asset><library_geometries><geometry id="g"><mesh><source id="s">
+    <float_array id="f" count="24">{numbers}</float_array><technique_common><accessor source="#f" count="8" stride="3">
+    {source}</accessor></technique_common></source><vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
+    <triangles count="12"><input semantic="VERTEX" source="#v" offset="0"/><p>{places}</p></triangles></mesh></geometry>
+    </library_geometries><library_visual_scenes><visual_scene id="w"><node><instance_geometry url="#g"/></node>
+    </visual_scene></library_visual_scenes><scene><instance_visual_scene url="#w"/></scene></COLLADA>"""
+
+
+def with_shape(shape: str) -> str:
+    """Return the URDF of the biped with another shape of its trunk."""
+    shapes = f"<collision><geometry>{shape}</geometry></collision>"
+    return URDF.replace(TRUNK, re.sub(r"<visual>.*?</visual>", shapes, TRUNK, flags=re.DOTALL))
+
+
+def with_mesh(folder: Path, name: str, content: str | bytes, attributes: str = "") -> RobotDescription:
+    """Return the biped with a mesh as its trunk."""
+    (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    (folder / "robot.urdf").write_text(with_shape(f'<mesh filename="{name}" {attributes}/>'))
+    return RobotDescription.from_urdf(folder / "robot.urdf", **FEET)
+
+
+def size_of_trunk(robot: RobotDescription) -> np.ndarray:
+    return np.ptp(np.array(robot.collision_hulls()["trunk"][0].points), axis=0)  # type: ignore[union-attr]
+
+
+UNITS = {
+    "one scale": ("trunk.stl", stl(1e3 * CORNERS), 'scale="0.001"'),
+    "one scale between blanks": ("trunk.stl", stl(1e3 * CORNERS), 'scale=" 1e-3 "'),
+    "mirrored": ("trunk.STL", stl(1e3 * CORNERS), 'scale="-0.001 0.001 0.001"'),
+    "text": ("trunk.stl", text_stl(CORNERS), ""),
+    "obj": ("trunk.obj", obj(CORNERS), ""),
+    "centimetres": ("trunk.dae", dae(1e2 * CORNERS, '<unit name="cm" meter="0.01"/>'), ""),
+    "inches": ("trunk.DAE", dae(CORNERS / 0.0254, "<unit\nmeter = '0.0254'/>"), ""),
+    "scaled millimetres": ("trunk.dae", dae(1e2 * CORNERS, '<unit meter="1e-3"/>'), 'scale="10 10 10"'),
+    "no unit": ("trunk.dae", dae(CORNERS, ""), ""),
+    "a unit that is none": ("trunk.dae", dae(CORNERS, '<unit meter="inch"/>'), ""),
+}
+"""File of the same trunk of 0.2 x 0.3 x 0.4 m, its content, and attributes in the URDF."""
+
+
+@pytest.mark.parametrize("what", UNITS)
+def test_meshes_of_all_units_and_scales_have_their_size(what: str, tmp_path: Path) -> None:
+    robot = with_mesh(tmp_path, *UNITS[what])
+    np.testing.assert_allclose(size_of_trunk(robot), [0.2, 0.3, 0.4], atol=1e-6)
+    assert any("scale" in line for line in robot.derived) == ("one scale" in what)
+
+
+LFS = "version https://git-lfs.github.com/spec/v1\noid sha256:0a\nsize 48284\n"
+BROKEN = {
+    "pointer.stl": (LFS, "git lfs pull"),
+    "pointer.obj": (LFS, "git lfs pull"),
+    "pointer.dae": (LFS, "git lfs pull"),
+    "empty.stl": ("", "empty"),
+    "page.stl": ("<!DOCTYPE html><html></html>", "web"),
+    "cut.stl": (stl(CORNERS)[:-60], "cut off"),
+    "short.stl": (b"404: Not Found", "cut off"),
+    "text.stl": (text_stl(CORNERS)[:-200], "cut off"),
+    "cut.obj": (obj(CORNERS)[:60], "cut off"),
+    "cut.dae": (dae(CORNERS, "")[:-300], "cut off"),
+    "nan.stl": (stl(CORNERS * np.nan), "no numbers"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_mesh_that_is_none_is_named(name: str, tmp_path: Path) -> None:
+    """In the notes of a URDF, whose shapes are optional; as the reason why MuJoCo refuses an MJCF."""
+    content, why = BROKEN[name]
+    robot = with_mesh(tmp_path, name, content)
+    assert any(name in line and why in line for line in robot.derived)
+    assert "trunk" not in robot.collision_hulls() and "trunk" not in robot.collision_shapes()
+    if name.endswith(("stl", "obj")):
+        asset = f'<asset><mesh name="m" file="{name}"/></asset><worldbody><geom type="mesh" mesh="m"/>'
+        (tmp_path / "robot.xml").write_text(MJCF.replace("<worldbody>", asset, 1))
+        with pytest.raises(ModelError, match=rf"{name}.*{why}"):
+            RobotDescription.from_mjcf(tmp_path / "robot.xml")
+
+
+def lamp(limits: str, kind: str = "revolute", joint: str = "pan", link: str = "lamp", more: str = "") -> str:
+    """Return the biped with a lamp on its trunk."""
+    ends = f'<parent link="trunk"/><child link="{link}"/><axis xyz="0 0 1"/>'
+    limit = f'<limit {limits} effort="10" velocity="2"/>'
+    added = f'<link name="{link}">{INERTIAL}</link><joint name="{joint}" type="{kind}">{ends}{limit}{more}</joint>'
+    return URDF.replace("</robot>", f"{added}</robot>")
+
+
+WRONG = {
+    "two scales": (with_shape('<mesh filename="a.stl" scale="1 1"/>'), ("trunk", "'1 1'", "one number or three")),
+    "a scale of zero": (with_shape('<mesh filename="a.stl" scale="0"/>'), ("trunk", "scale", "'0'")),
+    "a scale that is none": (with_shape('<mesh filename="a.stl" scale="0,001"/>'), ("trunk", "scale", "'0,001'")),
+    "a box of one size": (with_shape('<box size="0.1"/>'), ("trunk", "box", "'0.1'")),
+    "a radius that is none": (with_shape('<sphere radius="big"/>'), ("trunk", "radius", "'big'")),
+    "a length of NaN": (with_shape('<cylinder radius="1" length="nan"/>'), ("trunk", "length", "'nan'")),
+    "both limits above": (lamp('lower="inf" upper="inf"'), ("pan", "'inf'", "finite")),
+    "a slide without end": (lamp('lower="-inf" upper="inf"', "prismatic"), ("pan", "'-inf'", "finite")),
+    "a limit of a comma": (lamp('lower="-1,5" upper="1"'), ("pan", "-1,5")),
+    "an infinite ratio": (
+        lamp('lower="-1" upper="1"', more='<mimic joint="left_knee" multiplier="inf"/>'),
+        ("pan", "multiplier", "'inf'"),
+    ),
+    "the joint universe": (lamp('lower="-1" upper="1"', joint="universe"), ("universe", "rename")),
+    "a joint without a name": (URDF.replace('<joint name="left_knee"', "<joint"), ("left_thigh", "left_shin", "name")),
+    "a joint with a blank as its name": (lamp('lower="-1" upper="1"', joint=" "), ("trunk", "lamp", "no name")),
+    "a link without a name": (URDF.replace("</robot>", "<link/></robot>"), ("<link> number 14", "no name")),
+    "a prefix": (
+        URDF.replace("<robot ", '<d:robot xmlns:d="http://d" ').replace("</robot>", "</d:robot>"),
+        ("<robot>", "prefix"),
+    ),
+    "many links": (URDF.replace("</robot>", 2000 * '<link name="a"/>' + "</robot>"), ("2000 links", "got 2013")),
+    "many joints": (
+        URDF.replace(
+            "</robot>",
+            "".join(
+                f'<link name="a{i}">{INERTIAL}</link><joint name="j{i}" type="continuous"><parent link="trunk"/>'
+                f'<child link="a{i}"/></joint>'
+                for i in range(300)
+            )
+            + "</robot>",
+        ),
+        ("256 joints", "312"),
+    ),
+    "nothing that moves": (f'<robot name="r"><link name="a">{INERTIAL}</link></robot>', ("joints that move", "0")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_elements_of_a_urdf_that_cannot_be_are_named(what: str) -> None:
+    """By link or joint, the value that stands there, and the rule."""
+    xml, words = WRONG[what]
+    with pytest.raises(ModelError) as caught:
+        RobotDescription.from_urdf(xml, **({} if "moves" in what else FEET))
+    said = str(caught.value)
+    assert all(word in said for word in words) and "\n" not in said, said
+
+
+# Limits and names
+
+
+@pytest.mark.parametrize(
+    ("limits", "found"),
+    [
+        ('lower="-inf" upper="inf"', (-np.inf, np.inf)),
+        ('lower="-Infinity" upper="+INF"', (-np.inf, np.inf)),
+        ('lower="-1e400" upper="1e400"', (-np.inf, np.inf)),
+        ('lower="-inf" upper="1"', (-np.inf, 1.0)),
+        ('lower="-1" upper="inf"', (-1.0, np.inf)),
+    ],
+)
+def test_infinite_limits_are_none(limits: str, found: tuple[float, float]) -> None:
+    description = RobotDescription.from_urdf(lamp(limits), **FEET)
+    robot = description.robot()
+    i = robot.joint_index("pan")
+    assert (robot.position_lower[i], robot.position_upper[i]) == found
+    assert any(line.startswith("joint 'pan': ") for line in description.derived)
+    assert np.isfinite(Plant(description).truth().com).all()
+    written = f'name="left_knee" limited="true" range="{found[0]} {found[1]}"'
+    xml = re.sub(r'name="left_knee" range="[^"]*"', written, MJCF)
+    own = RobotDescription.from_mjcf(xml).robot()
+    i = own.joint_index("left_knee")
+    assert (own.position_lower[i], own.position_upper[i]) == found
+
+
+@pytest.mark.parametrize(
+    ("joint", "link"),
+    [("root_joint", "lamp"), ("root_joint_", "lamp"), ("pan", "root_joint"), ("pan", "universe")],
+)
+def test_names_of_the_parsers_own_are_names_as_others(joint: str, link: str) -> None:
+    description = RobotDescription.from_urdf(lamp('lower="-1" upper="1"', joint=joint, link=link), **FEET)
+    robot, own = description.robot(), RobotDescription.from_urdf(lamp('lower="-1" upper="1"'), **FEET).robot()
+    order = [
+        *range(6),
+        *(6 + own.joint_index("pan" if name == joint else name) for name in robot.joint_names),
+    ]
+    np.testing.assert_allclose(robot.mass_matrix, own.mass_matrix[np.ix_(order, order)], atol=1e-12)
+    np.testing.assert_allclose(Plant(description).truth().com, own.com, atol=1e-5)
+
+
+def test_a_default_namespace_and_a_robot_without_a_name_are_read(tmp_path: Path) -> None:
+    own = RobotDescription.from_urdf(URDF, **FEET)
+    for xml in (
+        URDF.replace("<robot ", '<robot xmlns="http://drake.mit.edu" xmlns:xsi="http://x" xsi:at="a" '),
+        URDF.replace("<robot ", "<robot xmlns='http://drake.mit.edu' "),
+        URDF.replace('<link name="trunk"', '<link xmlns="http://drake.mit.edu" name="trunk"'),
+    ):
+        assert RobotDescription.from_urdf(xml, **FEET).robot().joint_names == own.robot().joint_names
+        (tmp_path / "robot.urdf").write_text(xml)
+        assert files.describe(tmp_path / "robot.urdf", FEET).joint_names == own.joint_names
+    for name in ("", 'name=""'):
+        nameless = RobotDescription.from_urdf(re.sub('<robot name="[^"]*"', f"<robot {name}", URDF), **FEET)
+        assert nameless.name == "robot" and Plant(nameless)
+
+
+@pytest.mark.parametrize("name", ["robot.mjcf", "ROBOT.XML", "robot.Xml", "robot.txt"])
+def test_an_mjcf_of_any_ending_is_read_with_its_meshes(name: str, tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "trunk.stl").write_bytes(stl(CORNERS))
+    (tmp_path / "assets.MJCF").write_text('<mujocoinclude><mesh name="m" file="trunk.stl"/></mujocoinclude>')
+    assets = '<asset><include file="assets.MJCF"/></asset><compiler meshdir="meshes"/><worldbody>'
+    (tmp_path / name).write_text(MJCF.replace("<worldbody>", assets, 1))
+    own = RobotDescription.from_mjcf(EXAMPLES / "biped.xml")
+    assert RobotDescription.from_mjcf(tmp_path / name).urdf == own.urdf
+    if not name.endswith("txt"):
+        assert load(str(tmp_path / name)).urdf.partition(">")[2] == own.urdf.partition(">")[2]
+
+
+def test_options_and_joints_that_do_not_exist_are_refused_by_every_reader() -> None:
+    values = {"gains": (1.0, 1.0), "position_limits": (0.0, 1.0)}
+    doors = (
+        "half_sitting",
+        "lock",
+        "gains",
+        "armature",
+        "position_limits",
+        "velocity_limits",
+        "torque_limits",
+    )
+    for read in (
+        partial(RobotDescription.from_urdf, URDF, **FEET),
+        partial(RobotDescription.from_mjcf, MJCF),
+    ):
+        for door in doors:
+            with pytest.raises(UnknownNameError, match="'left_knee_joint'.*'left_knee'"):
+                read(**{door: {"left_knee_joint": values.get(door, 0.5)}})
+        with pytest.raises(UnknownNameError, match="'halfsitting'.*'half_sitting'"):
+            read(halfsitting={"left_knee": 0.9})
+
+
+# Pipes
+
+
+def test_pipes_are_refused_however_an_mjcf_names_them(tmp_path: Path) -> None:
+    """By entities, without a blank before the attribute, through folders and files of any ending, in scenes, too."""
+    (tmp_path / "meshes").mkdir()
+    for name in ("pipe.stl", "pipe.xml", "meshes/other.stl"):
+        os.mkfifo(tmp_path / name)
+    (tmp_path / "parts.txt").write_text('<mujocoinclude><mesh name="m" file="other.stl"/></mujocoinclude>')
+    for asset in (
+        '<asset><mesh name="m" file="&#112;ipe.stl"/></asset>',
+        "<asset><mesh name='m'file='pipe.stl'/></asset>",
+        '<asset><mesh name="m" file="elsewhere/pipe.stl"/></asset><compiler strippath="true"/>',
+        '<compiler meshdir="m&#x65;shes"/><asset><include file="parts.txt"/></asset>',
+        '<asset><model name="m"file="pipe.xml"/></asset>',
+    ):
+        (tmp_path / "robot.mjcf").write_text(MJCF.replace("<worldbody>", f"{asset}<worldbody>", 1))
+        with pytest.raises(InputError, match="it is a pipe"):
+            RobotDescription.from_mjcf(tmp_path / "robot.mjcf")
+        (tmp_path / "scene.xml").write_text(f"<mujoco>{asset}<worldbody/></mujoco>")
+        with pytest.raises(InputError, match="it is a pipe"):
+            furniture(tmp_path / "scene.xml")
+    with pytest.raises(InputError, match="SRDF.*it is a pipe"):
+        srdf_pairs(tmp_path / "pipe.xml", ("a", "b"))
+
+
+def test_bodies_are_counted_before_mujoco_makes_them() -> None:
+    ball = '<geom size="0.1"/>'
+    many = "".join(f'<body name="b{i}"><joint/>{ball}</body>' for i in range(2001))
+    for inside in (many, f'<replicate count="5000" offset="1 0 0"><body>{ball}</body></replicate>'):
+        with pytest.raises(ModelError, match="2000 bodies"):
+            RobotDescription.from_mjcf(f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
+    spec = mujoco.MjSpec.from_string(f"<mujoco><worldbody>{many}</worldbody></mujoco>")
+    with pytest.raises(ModelError, match="2000 bodies"):
+        RobotDescription.from_mjcf(spec)

@@ -18,8 +18,9 @@ import tomllib
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
-from wbc.base.errors import InputError, WbcError, shown
+from wbc.base.errors import BACKSLASH, InputError, WbcError, shown_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,10 +52,10 @@ def decoding(path: str | Path, kind: str, *, largest: int = LARGEST_FILE) -> Ite
         found = os.stat(path)
         if not stat.S_ISREG(found.st_mode):
             raise InputError(
-                f"{path} cannot be read: it is {_SORTS.get(stat.S_IFMT(found.st_mode), 'no file')}"
+                f"{_line(path)} cannot be read: it is {_SORTS.get(stat.S_IFMT(found.st_mode), 'no file')}"
             )
         if found.st_size > largest:
-            raise InputError(f"{path} has {found.st_size} bytes; a {kind} may have {largest} at most")
+            raise InputError(f"{_line(path)} has {found.st_size} bytes; a {kind} may have {largest} at most")
         yield Path(path)
 
 
@@ -62,23 +63,28 @@ def decoding(path: str | Path, kind: str, *, largest: int = LARGEST_FILE) -> Ite
 def parsing(path: str | Path, kind: str) -> Iterator[None]:
     """Turn what the block raises on the content of a file into an `InputError` of one line; see `decoding`."""
     kind = kind if kind in ("JSON", "TOML") else f"a {kind}"
+    where = _line(path)
     try:
         yield
     except WbcError:
         raise
     except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise InputError(f"{where} cannot be read: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not {kind}: it is no text in {error.encoding}") from error
+        raise InputError(f"{where} is not {kind}: it is no text in {error.encoding}") from error
     except RecursionError as error:
-        raise InputError(f"{path} is not {kind}: its values are nested too deeply") from error
+        raise InputError(f"{where} is not {kind}: its values are nested too deeply") from error
     except MemoryError as error:
-        raise InputError(f"{path} is not {kind} that fits into memory") from error
+        raise InputError(f"{where} is not {kind} that fits into memory") from error
     except Exception as error:
-        if not str(path).isprintable():  # a name with NUL or a surrogate
-            raise InputError(f"{shown(str(path))} cannot be the name of a file") from error
+        if "\0" in str(path) or isinstance(error, UnicodeEncodeError):
+            raise InputError(f"{where} cannot be the name of a file") from error
         said = " ".join(str(error).split())[:500] or type(error).__name__
-        raise InputError(f"{path} is not {kind}: {said}") from error
+        raise InputError(f"{where} is not {kind}: {said}") from error
+
+
+def _line(path: str | Path) -> str:
+    return str(path) if str(path).isprintable() else shown_path(path)
 
 
 _SORTS = {
@@ -115,6 +121,21 @@ def read_xml(path: Path, kind: str = "XML file") -> str:
         return content.decode(marked or (declared[1].decode() if declared else "utf-8"))
 
 
+def parse_xml(text: str) -> ElementTree.Element:
+    """Return the first element of an XML; tags of a default namespace (`xmlns="…"`) are those of files without one.
+
+    Text that is no XML is a `ParseError`.
+    """
+    return ElementTree.fromstring(re.sub(r"\sxmlns\s*=\s*(\"[^\"]*\"|'[^']*')", "", text))
+
+
+def first_tag(text: str) -> str:
+    """Return the tag of the first element of an XML; "" where there is none."""
+    text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
+    found = re.search(r"<\s*([A-Za-z][\w:.-]*)", text)
+    return found[1] if found else ""
+
+
 def read_json(path: Path, **how: Any) -> Any:
     """Return the values in a JSON file, or raise an `InputError`; `how` are options of `json.loads`."""
     with parsing(path, "JSON"):
@@ -123,8 +144,14 @@ def read_json(path: Path, **how: Any) -> Any:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the values in a TOML file; `InputError` for one that cannot be read or is nested too deeply."""
+    text = read_text(path, "TOML")
     with parsing(path, "TOML"):
-        return tomllib.loads(read_text(path, "TOML"))
+        try:
+            return tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(
+                f"{path} is not TOML: {error}{f'; {BACKSLASH}' if chr(92) in text else ''}"
+            ) from error
 
 
 @contextlib.contextmanager

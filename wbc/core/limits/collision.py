@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
+from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
@@ -67,8 +68,8 @@ def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
 def _xml(source: str | Path, what: str) -> ET.Element:
     text = str(source)
     try:
-        return ET.fromstring(text) if text.lstrip().startswith("<") else ET.parse(text).getroot()
-    except (ET.ParseError, OSError) as error:
+        return parse_xml(text if text.lstrip().startswith("<") else read_xml(Path(text), what))
+    except (ET.ParseError, InputError) as error:
         raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
 
 

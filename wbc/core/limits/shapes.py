@@ -9,13 +9,21 @@ import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
-from wbc.base.settings import Number, Positive, settings
+from wbc.base.settings import Positive, settings
 from wbc.core.frames import FixedPose
 
-Point = tuple[float, float, float]
+FARTHEST = 1e6
+"""Greatest coordinate and size of a shape, m: distances of shapes beyond are wrong, and hulls cannot be computed."""
+
+Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST)]
+
+Length = Annotated[Positive, Field(le=FARTHEST)]
+
+Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
 @settings
@@ -27,7 +35,7 @@ class CollisionSphere:
         centre: Centre in the frame, shape (3,), m.
     """
 
-    radius: Annotated[Positive, "m"]
+    radius: Annotated[Length, "m"]
     centre: Annotated[Point, "m"] = (0.0, 0.0, 0.0)
 
 
@@ -41,7 +49,7 @@ class CollisionCapsule:
         end: The other end of the segment, shape (3,), m.
     """
 
-    radius: Annotated[Positive, "m"]
+    radius: Annotated[Length, "m"]
     start: Annotated[Point, "m"]
     end: Annotated[Point, "m"]
 
@@ -62,7 +70,7 @@ class CollisionCylinder:
         end: Middle of the other end, shape (3,), m.
     """
 
-    radius: Annotated[Positive, "m"]
+    radius: Annotated[Length, "m"]
     start: Annotated[Point, "m"]
     end: Annotated[Point, "m"]
 
@@ -81,7 +89,7 @@ class CollisionBox:
         turn: Rotation vector from the axes of the frame to those of the box, shape (3,), rad.
     """
 
-    size: Annotated[tuple[Positive, Positive, Positive], "m"]
+    size: Annotated[tuple[Length, Length, Length], "m"]
     centre: Annotated[Point, "m"] = (0.0, 0.0, 0.0)
     turn: Annotated[Point, "rad"] = (0.0, 0.0, 0.0)
 
@@ -114,7 +122,7 @@ class CollisionHalfSpace:
     """
 
     normal: Annotated[Point, "1"] = (0.0, 0.0, 1.0)
-    offset: Annotated[Number, "m"] = 0.0
+    offset: Annotated[Coordinate, "m"] = 0.0
 
     def __post_init__(self) -> None:
         if math.hypot(*self.normal) < ROUNDING:
@@ -217,7 +225,11 @@ class Obstacle:
             raise InputError(
                 f"placement of obstacle '{self.name}' must be a pinocchio.SE3, got {shown(value)}"
             )
-        finite_array(f"placement of obstacle '{self.name}'", value.homogeneous, (4, 4))
+        place = finite_array(f"placement of obstacle '{self.name}'", value.homogeneous, (4, 4))
+        if np.abs(place).max() > FARTHEST:
+            raise InputError(
+                f"placement of obstacle '{self.name}' must lie within ±{FARTHEST:g} m, got {shown(value.translation)}"
+            )
         if isinstance(self.shape, CollisionHeights) and not value.isApprox(pin.SE3.Identity(), 0.0):
             raise InputError(
                 f"obstacle '{self.name}' is a height map, which lies in the world: it has no placement"

@@ -1,0 +1,326 @@
+"""Tidying of a URDF: what Pinocchio and MuJoCo would read differently is settled in the elements themselves."""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree
+
+from wbc.base.errors import ModelError, choose, shown
+from wbc.core.robot import UNLIMITED
+from wbc.robots.urdf import (
+    ENDLESS,
+    MOVING,
+    Element,
+    couple,
+    couplings,
+    joints,
+    limit_of,
+    lock,
+    number,
+    parent_and_child,
+    triple,
+)
+
+TAKEN_RANGE = math.pi
+"""Range ± of a revolute joint that has no position limits, rad."""
+
+DEFAULT_VELOCITY = {"revolute": 6.0, "continuous": 6.0, "prismatic": 0.5}
+"""Velocity limit of a joint that has none, rad/s and m/s: between Talos (3.9–7) and HRP-4C (4.1–9.8) for legs."""
+
+SHORTEST_AXIS = 1e-9
+"""Length of an axis below which it is zero."""
+
+WORLDS = {"world": "MuJoCo", "universe": "Pinocchio"}
+"""Names of the ground, which no link may have → whose they are."""
+
+WAYS_OUT = {
+    "floating": "the base alone may float",
+    "planar": "write it as two prismatic joints and a continuous one",
+    "ball": "write it as three revolute joints with massless links between them",
+    "spherical": "write it as three revolute joints with massless links between them",
+}
+"""Joint type that is refused → what to do instead."""
+
+
+def tidy(root: Element, fixed: bool = False) -> list[str]:
+    """Settle in place what Pinocchio and MuJoCo would read differently; return the changes, one line each.
+
+    With `fixed` the root of the robot is bolted to the world, and a root link that stands for the world stays.
+    """
+    notes = _drop_world(root, fixed)
+    _check_tree(root)
+    notes += _rename_world(root) + _settle_shapes(root)
+    for name, joint in joints(root).items():
+        kind = joint.get("type")
+        if kind not in (*MOVING, "fixed"):
+            way = WAYS_OUT.get(str(kind), "")
+            raise ModelError(
+                f"joint '{name}' is of type '{kind}'; supported: revolute, continuous, prismatic, fixed"
+                f"{way and '; ' + way}"
+            )
+        for mimic in joint.findall("mimic") if kind == "fixed" else ():
+            joint.remove(mimic)
+    notes += _settle_couplings(root)
+    rubbing = [name for name, joint in joints(root, MOVING).items() if _drop_dynamics(joint)]
+    if rubbing:
+        notes.append(f"damping and friction that the URDF gives {len(rubbing)} joints are left out")
+    for name, joint in joints(root, MOVING).items():
+        limit = limit_of(joint)
+        notes += _settle_infinite(name, joint, limit)
+        if joint.get("type") == "continuous":
+            for end in ("lower", "upper"):
+                limit.attrib.pop(end, None)
+        elif limit.get("lower") is None and limit.get("upper") is None:
+            if joint.get("type") == "prismatic":
+                raise ModelError(f"prismatic joint '{name}' has no position limits")
+            limit.set("lower", repr(-TAKEN_RANGE))
+            limit.set("upper", repr(TAKEN_RANGE))
+            notes.append(f"joint '{name}': no position limits given, ±{TAKEN_RANGE:.4f} rad")
+        if joint.get("type") != "continuous" and not number(limit, "lower", name) < number(
+            limit, "upper", name
+        ):
+            raise ModelError(
+                f"joint '{name}' has the empty position range [{limit.get('lower')}, {limit.get('upper')}]"
+            )
+        if not 0.0 < number(limit, "velocity", name) < UNLIMITED:
+            limit.set("velocity", repr(DEFAULT_VELOCITY[str(joint.get("type"))]))
+            notes.append(f"joint '{name}': no velocity limit given, {limit.get('velocity')}")
+        notes += _soften(root, name, joint)
+        # Pinocchio's parser needs the attribute; zero means "not given" until the torque rule has seen the model.
+        if not 0.0 < number(limit, "effort", name) < UNLIMITED:
+            limit.set("effort", "0")
+    return notes + _narrow_leaders(root)
+
+
+def _settle_infinite(name: str, joint: Element, limit: Element) -> list[str]:
+    """Write infinite position limits as both parsers read them: without both a hinge turns without end."""
+    ends = {end: number(limit, end, name) for end in ("lower", "upper")}
+    infinite = [end for end, value in ends.items() if math.isinf(value)]
+    if not infinite or joint.get("type") == "continuous":
+        return []
+    given = ", ".join(f"{end}='{limit.get(end)}'" for end in infinite)
+    if joint.get("type") == "prismatic" or not ends["lower"] < ends["upper"]:
+        raise ModelError(
+            f"joint '{name}' of type '{joint.get('type')}' must have finite position limits, got {given}"
+        )
+    if len(infinite) == 2:
+        joint.set("type", "continuous")
+        return [f"joint '{name}': {given}, turns without end"]
+    limit.set(infinite[0], repr(math.copysign(10.0 * ENDLESS, ends[infinite[0]])))
+    return [f"joint '{name}': {given}, no limit on this side"]
+
+
+def _settle_shapes(root: Element) -> list[str]:
+    """Check the numbers of all shapes and their placements; a mesh with one number as its scale gets it in all axes."""
+    notes = []
+    for link in root.findall("link"):
+        for each in [*link.findall("visual"), *link.findall("collision")]:
+            what = f"link '{link.get('name')}': {{}} of a {each.tag}"
+            for origin in each.findall("origin"):
+                for key in ("xyz", "rpy"):
+                    triple(what.format(key), origin.get(key, "0 0 0"))
+            for shape in each.findall("geometry/*"):
+                if shape.tag == "box":
+                    triple(what.format("size of a box"), shape.get("size", ""))
+                elif shape.tag == "mesh":
+                    scale = shape.get("scale", "1 1 1")
+                    factors = triple(what.format("scale of a mesh"), scale, (1, 3))
+                    if not factors.all():
+                        raise ModelError(
+                            f"{what.format('scale of a mesh')} must not be zero, got {shown(scale)}"
+                        )
+                    if len(factors) == 1:
+                        shape.set("scale", " ".join(3 * scale.split()))
+                        notes.append(
+                            f"link '{link.get('name')}': scale '{scale}' of a mesh is that of all three axes"
+                        )
+                for key in ("radius", "length") if shape.tag in ("sphere", "cylinder", "capsule") else ():
+                    triple(what.format(f"{key} of a {shape.tag}"), shape.get(key, "0"), (1,))
+    return notes
+
+
+def _settle_couplings(root: Element) -> list[str]:
+    """Let coupled joints follow joints that lead, in place; those of a joint that does not move do not, either."""
+    notes, all_joints = [], joints(root)
+    while True:
+        still = {}
+        for name, joint in joints(root, MOVING).items():
+            for mimic in joint.findall("mimic"):
+                leader = str(mimic.get("joint"))
+                choose(f"leader of joint '{name}' (mimic)", leader, all_joints)
+                ratio = number(mimic, "multiplier", name) if mimic.get("multiplier") is not None else 1.0
+                if all_joints[leader].get("type") == "fixed" or ratio == 0.0:
+                    still[name] = number(mimic, "offset", name)
+        if not still:
+            break
+        for name, value in still.items():
+            for mimic in all_joints[name].findall("mimic"):
+                all_joints[name].remove(mimic)
+            notes.append(f"joint '{name}': mimic of what does not move, fixed at {value:g}")
+            lock(root, {name: value}, bounded=False)
+    for name, coupling in couplings(root).items():
+        couple(all_joints[name], coupling)
+    return notes
+
+
+def _narrow_leaders(root: Element) -> list[str]:
+    """Narrow position and velocity limits of leaders to what the joints that are coupled to them allow, in place."""
+    notes, moving = [], joints(root, MOVING)
+    for name, coupling in couplings(root).items():
+        limit, own = limit_of(moving[coupling.leader]), limit_of(moving[name])
+        if moving[name].get("type") != "continuous":
+            ends = sorted(
+                (number(own, end, name) - coupling.offset) / coupling.ratio for end in ("lower", "upper")
+            )
+            endless = moving[coupling.leader].get("type") == "continuous"
+            before = (
+                (-math.inf, math.inf)
+                if endless
+                else tuple(number(limit, end, coupling.leader) for end in ("lower", "upper"))
+            )
+            low, high = max(ends[0], before[0]), min(ends[1], before[1])
+            if not low < high:
+                raise ModelError(
+                    f"joint '{name}', coupled to '{coupling.leader}', leaves it no range: "
+                    f"[{ends[0]:g}, {ends[1]:g}] of [{before[0]:g}, {before[1]:g}]"
+                )
+            if max(low - before[0], before[1] - high) > 1e-6:
+                moving[coupling.leader].set(
+                    "type", str(moving[coupling.leader].get("type")).replace("continuous", "revolute")
+                )
+                limit.set("lower", repr(low))
+                limit.set("upper", repr(high))
+                notes.append(
+                    f"joint '{coupling.leader}': [{low:g}, {high:g}], for the range of '{name}', coupled to it"
+                )
+        fastest = number(own, "velocity", name) / abs(coupling.ratio)
+        if fastest < number(limit, "velocity", coupling.leader) * (1.0 - 1e-9):
+            limit.set("velocity", repr(fastest))
+            notes.append(
+                f"joint '{coupling.leader}': at most {fastest:g} a second, for '{name}', coupled to it"
+            )
+    return notes
+
+
+def _check_tree(root: Element) -> None:
+    """Check that every link hangs on the root, and that placements and axes are numbers."""
+    parents: dict[str, str] = {}
+    for name, joint in joints(root).items():
+        parent, child = parent_and_child(joint)
+        if child in parents:
+            raise ModelError(f"link '{child}' is the child of two joints")
+        parents[child] = parent
+        origin, axis = joint.find("origin"), joint.find("axis")
+        placement = {} if origin is None else origin.attrib
+        for key in ("xyz", "rpy"):
+            triple(f"joint '{name}': {key} of its origin", placement.get(key, "0 0 0"))
+        if axis is not None:
+            direction = triple(f"joint '{name}': its axis", axis.get("xyz", "1 0 0"))
+            if joint.get("type") != "fixed" and math.hypot(*direction) < SHORTEST_AXIS:
+                raise ModelError(f"joint '{name}': its axis must not be zero, got '{axis.get('xyz')}'")
+    for link in parents:
+        above, seen = link, set[str]()
+        while above in parents:
+            if above in seen:
+                raise ModelError(f"link '{link}' hangs on itself: its joints form a circle")
+            seen.add(above)
+            above = parents[above]
+
+
+def _soften(root: Element, name: str, joint: Element) -> list[str]:
+    """Narrow the range of a joint to its soft limits, of a safety controller or of ros2_control; return notes.
+
+    Beyond them the machine brakes the joint or refuses its commands.
+    """
+    bounds: list[tuple[str, float, float]] = []
+    for safety in joint.findall("safety_controller"):
+        low, high = (number(safety, f"soft_{side}_limit", name) for side in ("lower", "upper"))
+        if low < high:  # both are zero when they are not given
+            bounds.append(("soft limits of its safety_controller", low, high))
+        joint.remove(safety)
+    for control in root.findall("ros2_control/joint"):
+        if control.get("name") == name:
+            for command in control.findall("command_interface[@name='position']"):
+                given = {str(each.get("name")): each.text or "" for each in command.findall("param")}
+                ends = {key: text.strip() for key, text in given.items() if key in ("min", "max")}
+                params = ElementTree.Element("param", ends)
+                low = number(params, "min", name) if "min" in ends else -math.inf
+                high = number(params, "max", name) if "max" in ends else math.inf
+                bounds.append(("range of its ros2_control", low, high))
+    notes, limit = [], limit_of(joint)
+    for what, soft_low, soft_high in bounds:
+        endless = joint.get("type") == "continuous"
+        hard = (
+            (-math.inf, math.inf) if endless else (number(limit, "lower", name), number(limit, "upper", name))
+        )
+        low, high = max(hard[0], soft_low), min(hard[1], soft_high)
+        said = f"joint '{name}': {what}, [{soft_low:g}, {soft_high:g}]"
+        if low >= high:
+            notes.append(f"{said}, leave nothing of [{hard[0]:g}, {hard[1]:g}] and are left out")
+        elif (low, high) != hard:
+            if not (math.isfinite(low) and math.isfinite(high)):
+                notes.append(f"{said}, bound one side of a joint without end alone and are left out")
+                continue
+            joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
+            limit.set("lower", repr(low))
+            limit.set("upper", repr(high))
+            notes.append(f"{said}, are taken as position limits")
+    return notes
+
+
+def _drop_dynamics(joint: Element) -> bool:
+    """Remove damping and friction, which MuJoCo would simulate and the controller does not model."""
+    dropped = False
+    for dynamics in joint.findall("dynamics"):
+        dropped |= any(
+            number(dynamics, key, str(joint.get("name"))) != 0.0 for key in ("damping", "friction")
+        )
+        joint.remove(dynamics)
+    return dropped
+
+
+def _rename_world(root: Element) -> list[str]:
+    """Give links another name that are called as the ground of MuJoCo or of Pinocchio."""
+    taken = {str(link.get("name")) for link in root.findall("link")} & {*WORLDS}
+    for element in root.iter():
+        key = "name" if element.tag == "link" else "link"
+        if element.tag in ("link", "parent", "child") and element.get(key) in taken:
+            element.set(key, f"{element.get(key)}_link")
+    for name in joints(root).keys() & {"universe"}:
+        raise ModelError(f"joint '{name}' has the name of Pinocchio's world: rename it")
+    return [
+        f"link '{name}' has the name of {WORLDS[name]}'s ground: now '{name}_link'" for name in sorted(taken)
+    ]
+
+
+def _drop_world(root: Element, fixed: bool) -> list[str]:
+    """Remove a root link that stands for the world: the robot's root link gets the free-flyer."""
+    notes: list[str] = []
+    while True:
+        for kind in ("joint", "link"):
+            names = [str(each.get("name")) for each in root.findall(kind)]
+            if len(set(names)) != len(names):
+                raise ModelError(f"two {kind}s are called '{next(n for n in names if names.count(n) > 1)}'")
+        pairs = {name: parent_and_child(joint) for name, joint in joints(root).items()}
+        for name, ends in pairs.items():
+            for end in ends:
+                if end not in names:
+                    raise ModelError(f"joint '{name}' refers to link '{end}', which does not exist")
+        children = {child for _, child in pairs.values()}
+        roots = [name for name in names if name not in children]
+        if len(roots) != 1:
+            raise ModelError(
+                f"the links must form one tree with one root, got {len(roots)} roots: {roots[:5]}"
+            )
+        below = [name for name, (parent, _) in pairs.items() if parent == roots[0]]
+        link = next(link for link in root.findall("link") if link.get("name") == roots[0])
+        if len(below) != 1 or link.find("inertial") is not None:
+            return notes
+        joint = joints(root)[below[0]]
+        stands = joint.get("type") == "fixed" and roots[0] == "world" and not fixed
+        if not (joint.get("type") == "floating" or stands):
+            return notes
+        root.remove(link)
+        root.remove(joint)
+        how = "is bolted there" if fixed else "floats freely"
+        notes.append(f"root link '{roots[0]}' and joint '{below[0]}' removed: the robot {how}")
