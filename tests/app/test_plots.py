@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
-from recorded import recorded_stand, recorded_walk
+from recorded import make_walk, recorded_stand, recorded_walk
 
 import wbc
 from wbc.app.cli import main
@@ -20,7 +21,7 @@ from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.log.stances import SIDES, sole_sizes, stances, support_box
-from wbc.app.plot.figures import draw, missing
+from wbc.app.plot.figures import FIGURES, draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
 from wbc.app.plot.style import mark_events, new_figure
@@ -136,6 +137,30 @@ def test_logs_without_a_walk_are_refused_by_name(standing: Log) -> None:
         draw("balance", [])
 
 
+@pytest.mark.parametrize("bad", ["all", "first", "last"])
+def test_every_figure_of_a_log_with_bad_measurements_is_drawn_or_refused(bad: str, tmp_path: Path) -> None:
+    """Without an estimate no foot is planned to stand, and no place is known."""
+    plant, walk = make_walk()
+    with Recorder(tmp_path / "bad.arrow") as record:
+        for tick in range(6):
+            measurement = plant.measure()
+            if bad == "all" or (tick < 3) is (bad == "first"):
+                measurement = replace(
+                    measurement, joint_position=np.full_like(measurement.joint_position, np.nan)
+                )
+            command = walk.command(measurement)
+            record(plant, walk, measurement, command)
+            plant.step(command)
+    found = Log.open(tmp_path / "bad.arrow")
+    for name in FIGURES:
+        if missing(name, found) is None:
+            draw(name, [found])
+        else:
+            with pytest.raises(InputError, match=name):
+                draw(name, [found])
+    assert (missing("plan", found) is None) is (bad != "all")
+
+
 def test_signals_are_chosen_by_name_group_or_pattern(log: Log) -> None:
     assert select([log], ["com/estimated/x"]) == ["com/estimated/x"]
     assert select([log], ["com/estimated", "com/estimated/y"]) == [f"com/estimated/{a}" for a in "xyz"]
@@ -181,7 +206,7 @@ def test_command_draws_lists_and_refuses(
     assert main(["plot", str(log.path), "--list", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)
     assert [s["name"] for s in listed["signals"]] == list(log)
-    assert {"name": "own/answer", "unit": "m", "about": "to everything", "kind": "number"} in listed[
+    assert {"name": "own/answer", "unit": "m", "about": "to everything", "kind": "double"} in listed[
         "signals"
     ]
     assert main(["plot", str(log.path), "--list"]) == 0

@@ -33,7 +33,8 @@ viser = pytest.importorskip("viser")
 from websockets.asyncio.client import connect  # noqa: E402 - comes with viser
 from websockets.exceptions import InvalidStatus  # noqa: E402
 
-from wbc.app.view.workbench import Workbench, program_text  # noqa: E402
+from wbc.app.view import workbench  # noqa: E402
+from wbc.app.view.workbench import RELOAD_TIME, Workbench, program_text  # noqa: E402
 
 
 def stand() -> tuple[wbc.Plant, wbc.PositionControl]:
@@ -297,6 +298,62 @@ def test_a_driven_robot_comes_to_a_stand_when_its_last_page_goes() -> None:
         plant.step(walking.command(plant.measure()))
         view.update()
         assert walking.velocity is None
+
+
+class Hours:
+    """A clock that goes on while somebody sleeps, pages that are open at some times, and clicks at others, s."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, open_at: Callable[[float], bool]) -> None:
+        self.now, self.clicks = 0.0, list[tuple[float, Callable[[], object]]]()
+        names = {"monotonic": lambda: self.now, "perf_counter": lambda: self.now, "sleep": self.sleep}
+        monkeypatch.setattr(workbench, "clock", SimpleNamespace(**names))
+        monkeypatch.setattr(
+            Workbench, "pages", property(lambda view: int(not view.closed and open_at(self.now)))
+        )
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+        assert self.now < 100.0, "it waits for ever"
+        while self.clicks and self.clicks[0][0] <= self.now:
+            self.clicks.pop(0)[1]()
+
+
+@pytest.mark.parametrize(("back", "ends"), [(3.0, 20.0), (math.inf, 1.0 + RELOAD_TIME)])
+def test_a_page_that_is_loaded_again_in_a_pause_leaves_the_run_paused(
+    back: float, ends: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Gone for good, the run goes on: nobody is left who could let it."""
+    hours = Hours(monkeypatch, lambda now: now < 1.0 or now >= back)
+    plant, control = stand()
+    with Workbench(plant, control, port=0) as view:
+        view.update()
+        view._paused = True
+        hours.clicks = [(20.0, lambda: setattr(view, "_paused", False))]
+        view.update()
+        assert hours.now == pytest.approx(ends, abs=0.1)
+
+
+@pytest.mark.parametrize(("back", "ends", "again"), [(3.0, 20.0, True), (math.inf, 1.0 + RELOAD_TIME, False)])
+def test_a_page_that_is_loaded_again_at_the_end_can_restart_the_run_and_gives_no_other_order(
+    back: float, ends: float, again: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hours = Hours(monkeypatch, lambda now: now < 1.0 or now >= back)
+    plant, control = stand()
+    with Workbench(plant, control, port=0) as view:
+        view.update()
+        calls: list[Callable[[Any], object]] = []
+        monkeypatch.setattr(workbench, "when", lambda event, call: calls.append(call))
+        push = {"do": "push", "direction": "left", "impulse": 0.1}
+        hours.clicks = [(10.0, lambda: view.controls.order(push)), (20.0, lambda: calls[0](None))]
+        assert view.ended("completed") is again and hours.now == pytest.approx(ends, abs=0.1)
+        if again:
+            assert "ended" in view.controls.message
+        view.controls.update()
+        assert not view.controls.interventions
+        view.show(plant, control)
+        view.controls.order(push)
+        view.controls.update()
+        assert [entry["what"] for entry in view.controls.interventions] == ["push"]
 
 
 @pytest.mark.slow

@@ -85,7 +85,7 @@ class Stance:
 
 
 def stances(log: Log, which: str = "reference") -> list[Stance]:
-    """Return all stances of both feet, ordered by touch-down."""
+    """Return all stances of both feet whose places are known, ordered by touch-down."""
     made, drift = [], Drift.of(log)
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         foot = f"foot/{side}/{'estimated' if which == 'truth' else 'reference'}"
@@ -98,5 +98,7 @@ def stances(log: Log, which: str = "reference") -> list[Stance]:
             turned = yaw[middle] + (drift.turn[middle] if which == "truth" else 0.0)
             flat = corners(position[middle : middle + 1], np.array([turned]), size)[0]
             shape = np.column_stack([flat, np.full(4, np.nan_to_num(position[middle, 2]))])
-            made.append(Stance(side, start, end, shape if which == "truth" else drift(shape, start)))
+            shape = shape if which == "truth" else drift(shape, start)
+            if np.isfinite(shape).all():
+                made.append(Stance(side, start, end, shape))
     return sorted(made, key=lambda stance: stance.start)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log, parts_of
+from wbc.app.log.stances import stances
 from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.stiffness import draw_stiffness
 from wbc.app.plot.style import as_written
@@ -50,6 +52,10 @@ def missing(name: str, log: Log) -> str | None:
         return "is not of a robot with two soles"
     if len(log) < 2:
         return f"has {len(log)} ticks"
+    if name == "balance" and not np.isfinite(log.vector("com/estimated", 2)).any():
+        return "has no tick with an estimate"
+    if name == "plan" and not stances(log):
+        return "has no tick in which a foot is planned to stand"
     if name == "stiffness" and not (log["foot/left/stiffness"] > 0.0).any():
         return "is of soles without a stiffness to set"
     return None

@@ -107,6 +107,7 @@ class LiveControls:
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
         self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
         self._reported, self._time = 0, 0.0
+        self._ended = False
         self._docs = attribute_docs(StabilizerGains)
         self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"set": self._set}
         if self.controller is not None:
@@ -140,7 +141,15 @@ class LiveControls:
 
     def order(self, request: dict[str, Any]) -> None:
         """Queue an order until the next tick; may be called from any thread."""
-        self._orders.append(request)
+        if self._ended:
+            self.message = "refused: the run has ended"
+        else:
+            self._orders.append(request)
+
+    def end(self) -> None:
+        """Refuse all orders from now on: no tick comes that could carry them out."""
+        self._ended = True
+        self._orders.clear()
 
     def update(self, time: float | None = None) -> None:
         """Carry out the orders that are due at a time (s), that of the plant when None."""

@@ -31,6 +31,9 @@ SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "a
 PAUSE_TICK = 0.02
 """Period at which a page is asked whether a run that waits may go on, s."""
 
+RELOAD_TIME = 5.0
+"""Time for which a page that was open may be gone, s: one that is loaded again is, for a second or two."""
+
 KEYS = {"i": (0, 1), "k": (0, -1), "j": (2, 1), "l": (2, -1), "u": (1, 1), "o": (1, -1)}
 """Keys that drive a robot: part of the velocity, and its sign. Arrows turn viser's camera."""
 
@@ -57,6 +60,7 @@ class Workbench(View):
         self._page = ViserPage(port, self.stage.title)
         self.url, self._gui = self._page.url, self._page.server.gui
         self._commands: list[Any] = []
+        self._attended_at = -math.inf  # clock when a page was open last, s
 
     def _build(self) -> None:
         robot = self.stage.robot if isinstance(self.stage, SimulatedStage) else None
@@ -76,11 +80,13 @@ class Workbench(View):
 
     def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:
         self.controls.update(time)
+        attended = self._attended
         if self.controls.interventions and not self.pages:
             self.controls.halt()  # nobody is left who could
         if self._paused:
             self._show(picture())
-        while self._paused and self.pages > 0:
+        while self._paused and attended:
+            attended = self._attended
             clock.sleep(PAUSE_TICK)
             self.controls.update(time)
             self._page.speak()
@@ -94,9 +100,11 @@ class Workbench(View):
             self._gui.add_html(text_html(how))
             when(self._gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
             when(self._gui.add_button("leave").on_click, lambda _: answers.append(False))
+        self.controls.end()
         try:
-            while not answers and self.pages > 0:
+            while not answers and self._attended:
                 clock.sleep(PAUSE_TICK)
+                self._page.speak()
         except KeyboardInterrupt:
             return False
         folder.remove()
@@ -108,6 +116,13 @@ class Workbench(View):
     def pages(self) -> int:
         """Number of open browser pages."""
         return 0 if self.closed else self._page.open_pages
+
+    @property
+    def _attended(self) -> bool:
+        """True while a page is open, or may be loaded again."""
+        if self.pages:
+            self._attended_at = clock.monotonic()
+        return not self.closed and clock.monotonic() < self._attended_at + RELOAD_TIME
 
     def _end(self) -> None:
         self._page.close()
