@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked
 from wbc.base.numbers import Array, non_negative
-from wbc.core.qp.move import Coordinates
-from wbc.core.qp.task import GainOptions, SelectionTask
+from wbc.core.qp.move import USUAL_SPEED, Coordinates
+from wbc.core.qp.task import ERROR_BOUNDS, NEAR, SLOW, GainOptions, SelectionTask
 from wbc.core.robot import Robot
 from wbc.tasks.motion.joints import JointTask, JointValues
 
@@ -22,7 +23,7 @@ class PostureTask(JointTask, SelectionTask):
     default the weight is 0.1 and the stiffness 20 1/s².
     """
 
-    __slots__ = ("_factor", "_factors", "_positions", "columns")
+    __slots__ = ("_factor", "_factors", "_positions", "_slides", "_usual", "columns")
     unit = "rad"
     reads = "kinematics"
     usual = {"weight": 0.1, "stiffness": 20.0}
@@ -50,6 +51,8 @@ class PostureTask(JointTask, SelectionTask):
             joint: non_negative(f"weight of joint '{joint}' in a posture task", factor)
             for joint, factor in (joint_weights or {}).items()
         }
+        self._slides: NDArray[np.bool_] | None = None  # joints of the task that slide
+        self._usual = False  # nobody has given a bound of the error
         super().__init__("posture", target, joints, options)
 
     def bind(self, robot: Robot) -> None:
@@ -59,6 +62,10 @@ class PostureTask(JointTask, SelectionTask):
         whole = columns.size == robot.na and bool((columns == np.arange(robot.base_dof, robot.nv)).all())
         self.columns = slice(robot.base_dof, robot.nv) if whole else columns
         self._positions = slice(robot.base_nq, robot.nq) if whole else columns + (robot.nq - robot.nv)
+        if self._slides is None:
+            self._slides = robot.slides[columns - robot.base_dof]
+            if self._usual:
+                self._rows.bound[self._slides] = ERROR_BOUNDS["m"]
         if self._factor is None:
             factor = np.ones(self.dim)
             for joint, value in self._factors.items():
@@ -76,12 +83,43 @@ class PostureTask(JointTask, SelectionTask):
         """Return the present joint positions, shape (dim,), rad (or m)."""
         return np.array(robot.q[self._columns + (robot.nq - robot.nv)])
 
+    @property
+    def reached(self) -> bool:
+        """True if no move goes on and all joints are at their targets: within 0.05 rad, below 0.2 rad/s.
+
+        For a joint that slides this is 5 mm, or a tenth of a shorter range, and 20 mm/s (`Robot.per_rad`).
+        """
+        robot, joints = self.robot, self._columns - self.robot.base_dof
+        if self.moving:
+            return False
+        near = NEAR["rad"] * robot.per_rad
+        near[robot.slides] = np.minimum(near, 0.1 * (robot.position_upper - robot.position_lower))[robot.slides]
+        error, speed = self._target.value - self.present(robot), robot.v[self._columns]
+        slow = SLOW["rad"] * robot.per_rad[joints]
+        return bool((abs(error) <= near[joints]).all() and (abs(speed) <= slow).all())
+
+    def _parts(self) -> list[tuple[str, Any]]:
+        """Units and rows of the joints that turn and of those that slide."""
+        if self._slides is None or not self._slides.any():
+            return super()._parts()
+        parts = [("rad", np.flatnonzero(~self._slides)), ("m", np.flatnonzero(self._slides))]
+        return [(unit, rows) for unit, rows in parts if rows.size]
+
+    def _usual_speed(self) -> Array:
+        """Return the greatest speed of each joint, shape (dim,), rad/s (or m/s)."""
+        slides = self.robot.slides[self._columns - self.robot.base_dof]
+        return np.where(slides, USUAL_SPEED["m"], USUAL_SPEED["rad"])
+
     def _act(self) -> None:
         """Write the weight that acts, with the factors of the joints."""
         super()._act()
         if self._factor is not None:
             self._rows.weight *= self._factor
             self.idle = not (self._hard or self._rows.weight.any())
+
+    def _usual_bound(self) -> ArrayLike:
+        self._usual = True
+        return super()._usual_bound()
 
     def _coordinates(self) -> Coordinates:
         return _Joints(self.target, self.checked)

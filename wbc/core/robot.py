@@ -46,7 +46,10 @@ SIDES = ("left", "right")
 """Sides of a robot: order of its soles and legs, and prefix of every name that a foot adds to a model."""
 
 BEYOND = 0.02
-"""Distance beyond its limits up to which a joint may be held, rad or m."""
+"""Distance beyond its limits up to which a joint may be held, rad."""
+
+LEVER = 0.1
+"""Length of a sliding joint that counts as one rad of a turning one does, m: that of a small limb, or a gripper."""
 
 UNIT = 1e-3
 """Difference from 1 up to which the length of a quaternion is rounding."""
@@ -213,6 +216,9 @@ class Robot:
         joint_names: Names of these joints in the order of the velocity vector, length na.
         joint_numbers: Numbers of these joints in the Pinocchio model.
         couplings: Joint without a coordinate of its own → the joint that leads it.
+        per_rad: What counts as one rad of each joint, shape (na,): 1 rad of a joint that turns, `LEVER` of one that
+            slides. An angle times this is a threshold of all joints, rad (or m).
+        slides: True for each joint that slides, shape (na,): its unit is m.
         passive: Indices of the joints without a drive, whose torque is zero, in arrays of shape (na,).
         closures: Closures of kinematic chains; every solver adds a `LoopClosure` for each.
         q: Configuration of the last `update`, shape (nq,).
@@ -295,6 +301,9 @@ class Robot:
                     f"joint '{model.names[number]}' has {joint.nq} coordinates; joints of one coordinate are required, "
                     "beside a free-flyer at the root"
                 )
+        kinds = [model.joints[number].shortname() for number in self.joint_numbers]
+        self.slides = np.array([kind.startswith("JointModelP") for kind in kinds])
+        self.per_rad = np.where(self.slides, LEVER, 1.0)
         self.couplings = _couplings(model, self.joint_numbers)
         self.model = model
         self.data = model.createData()
@@ -576,16 +585,17 @@ class Robot:
     ) -> None:
         """Refuse positions, rad or m, outside the ranges of joints, which are given by their indices, 0 to na − 1.
 
-        A range is wider than the limits by `beyond`, because stops yield and a robot may hold the position in which it
-        is.
+        A range is wider than the limits by `beyond`, rad (of a sliding joint by what counts as much), because stops
+        yield and a robot may hold the position in which it is.
         """
-        low, high = self.position_lower[joints] - beyond, self.position_upper[joints] + beyond
+        more = beyond * self.per_rad[joints]
+        low, high = self.position_lower[joints] - more, self.position_upper[joints] + more
         outside = ((positions < low) | (positions > high)).nonzero()[0]
         if outside.size:
             row = int(outside[0])
             joint = int(joints[row])
             raise InputError(
-                f"{what} '{self.joint_names[joint]}' (rad, of a sliding joint m) must lie in its range "
+                f"{what} '{self.joint_names[joint]}' ({'m' if self.slides[joint] else 'rad'}) must lie in its range "
                 f"[{self.position_lower[joint]:.4g}, {self.position_upper[joint]:.4g}], got {positions[row]:g}"
             )
 

@@ -39,8 +39,10 @@ class PlausibilitySettings:
     Attributes:
         velocity_margin: A joint velocity is refused above this multiple of the joint's limit, and an encoder that moves
             faster.
-        position_margin: An encoder is refused this far beyond the joint's range, rad.
-        position_jump: Jump of an encoder that is accepted on top of what its joint can travel in a period, rad.
+        position_margin: An encoder is refused this far beyond the joint's range, rad; a sliding joint's as far as counts
+            as much (`Robot.per_rad`).
+        position_jump: Jump of an encoder that is accepted on top of what its joint can travel in a period, rad; of a
+            sliding joint as `position_margin`.
         gyro_range: Largest angular rate of the gyroscope, rad/s; 35 rad/s are 2,000 °/s, the range of common units.
         gyro_jump: Largest change of an angular rate in a period, rad/s.
         accelerometer_range: Largest specific force, m/s²; 160 m/s² are 16 g, the range of common units.
@@ -148,7 +150,7 @@ class Plausibility:
         self._all_excess = self._excess.reshape(-1)
         self._middle, self._bound = self._centres[0], self._most[0]
         self._middle[:na][known] = 0.5 * (lower[known] + upper[known])
-        self._bound[:na][known] = (0.5 * upper - 0.5 * lower)[known] + s.position_margin
+        self._bound[:na][known] = (0.5 * upper - 0.5 * lower + s.position_margin * robot.per_rad)[known]
         speed = robot.velocity_limit
         self._speed = np.where(speed < UNLIMITED, s.velocity_margin * speed, 1e3)
         self._bound[na : 2 * na] = self._speed
@@ -161,7 +163,7 @@ class Plausibility:
         longest = max(sole.length for sole in robot.soles)
         self._wrist = np.repeat([force, force * longest], 3)  # largest wrench of a hand
         self._torque = s.torque_margin * robot.torque_limit
-        self._step = self._speed * dt + s.position_jump
+        self._step = self._speed * dt + s.position_jump * robot.per_rad
         self._gyro = slice(2 * na, 2 * na + 3)
         self._most[1, :na], self._most[1, self._gyro] = self._step, s.gyro_jump
         self._forgiven = np.zeros(2 * na + 2 + n, dtype=bool)
@@ -176,8 +178,7 @@ class Plausibility:
             [np.arange(2 * na), np.repeat([2 * na, 2 * na + 1], 3), np.repeat(2 * na + 2 + np.arange(n), 6)]
         )
         self.names = tuple(self._channels[group] for group in self._groups)
-        kinds = [robot.model.joints[joint].shortname() for joint in robot.joint_numbers]
-        lengths = ["m" if kind.startswith("JointModelP") else "rad" for kind in kinds]
+        lengths = ["m" if slides else "rad" for slides in robot.slides]
         self._units = (*lengths, *(f"{unit}/s" for unit in lengths), *["rad/s"] * 3, *["m/s²"] * 3)
         self._units += ("N", "N", "N", "Nm", "Nm", "Nm") * n
         self.reset()

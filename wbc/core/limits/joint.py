@@ -198,7 +198,7 @@ class JointLimits(Limit):
             self._greatest = np.array([self._most_acceleration, self._most_acceleration])
         self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
         self._positions, self._velocities = robot.q[robot.nq - na :], robot.v[robot.nv - na :]
-        self._names = robot.joint_names
+        self._names, self._slides = robot.joint_names, robot.slides
         self._dt = 0.0
         self._period = 0.0  # of inverse kinematics
         self._bound, self._reached = np.zeros((2, na)), np.zeros(na)
@@ -260,7 +260,7 @@ class JointLimits(Limit):
 
     def violation(self, row: int, size: float) -> str:
         """Return by how far a joint is outside its bounds; see `Limit.violation`."""
-        return f"{self._names[row]} by {size:.3g} rad, of a sliding joint m"
+        return f"{self._names[row]} by {size:.3g} {'m' if self._slides[row] else 'rad'}"
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the distances to the position bounds, rad; see `Limit.write_step`."""

@@ -33,7 +33,7 @@ LAG = 0.01
 """Time constant of measured accelerations, s: encoders of 500 Hz tell the velocity to some 0.01 rad/s."""
 
 STOP = 0.02
-"""Distance from the end of a joint from which on its stop may act on it, rad or m."""
+"""Distance from the end of a joint from which on its stop may act on it, rad; a quarter of its range at most."""
 
 RESPONSE = 0.05
 """Time t in which servos follow a target, s, where the other one does not say."""
@@ -73,8 +73,9 @@ class ReleasedJoints(SelectionTask):
         self.columns = self._dofs = self.index + robot.base_dof
         self._places = self.index + robot.base_nq
         self._bound = robot
-        self._low = robot.position_lower[self.index] + STOP
-        self._high = robot.position_upper[self.index] - STOP
+        low, high = robot.position_lower[self.index], robot.position_upper[self.index]
+        stop = np.minimum(STOP * robot.per_rad[self.index], 0.25 * (high - low))
+        self._low, self._high = low + stop, high - stop
         inertia = np.diag(robot.mass_matrix)[self.columns]
         self._most = 2.0 * robot.torque_limit[self.index] / inertia
 

@@ -194,11 +194,15 @@ class Targeted(Motion):
             self._put(*now)
             rates = now[1:]
         if duration is None and speed is None:
-            usual = [USUAL_SPEED[unit] for unit in self.unit.split("|") if unit in USUAL_SPEED]
-            speed = usual[0] if len(usual) == 1 else usual or None
+            speed = self._usual_speed()
         limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
         self._target.move = Move(self._coordinates(), targets, rates, **limits)
         owner.move(self)
+
+    def _usual_speed(self) -> ArrayLike | None:
+        """Return the greatest speed of a target where none is given, of each part of its coordinates."""
+        usual = [USUAL_SPEED[unit] for unit in self.unit.split("|") if unit in USUAL_SPEED]
+        return usual[0] if len(usual) == 1 else usual or None
 
     def _coordinates(self) -> Coordinates:
         """Return coordinates of targets, from the present one on."""
