@@ -126,7 +126,7 @@ def effective_inertia(
     coupled = len(driven) < model.njoints - 1 - (base > 0)
     own = np.diag(pin.crba(model, model.createData(), q)) - model.armature if coupled else None
     for joint in driven:
-        column = data.J[:, model.joints[joint].idx_v]
+        column = data.J.reshape(6, -1)[:, model.joints[joint].idx_v]
         below = sum((spatial[i] for i in model.subtrees[joint]), np.zeros((6, 6)))
         inertia = float(column @ below @ column)
         if own is not None:  # what is coupled to the joint moves as well

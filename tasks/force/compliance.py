@@ -26,7 +26,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import Array, finite_array, positive, read_only
 from wbc.base.settings import NonNegative
-from wbc.core.frames import pose_of
+from wbc.core.frames import frame_jacobian, pose_of
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
@@ -283,7 +283,7 @@ class ComplianceTask(FrameTask):
         turn = np.dot(rotation.T, np.dot(goal, self._offset_rotation))
         np.dot(difference, rotation, out=error[:3])
         error[3:] = -self._turn(turn.T)  # from the target to the frame, along the axes of the frame
-        jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
+        jacobian[:] = frame_jacobian(model, data, self._id, local)
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, local).vector
         if self._still:
             self._rows.velocity[:], self._rows.acceleration[:] = self._target_rates

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
+from wbc.core.frames import frame_jacobian
 from wbc.core.qp.axes import POSITION_AXES
 from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot
@@ -101,7 +102,7 @@ class CoMOverFeetTask(CoMTask):
         robot, data, world = self.robot, self.robot.data, pin.LOCAL_WORLD_ALIGNED
         jacobian[:], drift[:], share = robot.com_jacobian, self._acceleration(), 1.0 / len(self._soles)
         for sole in self._soles:
-            jacobian -= share * pin.getFrameJacobian(robot.model, data, sole, world)[:3]
+            jacobian -= share * frame_jacobian(robot.model, data, sole, world)[:3]
             drift -= share * pin.getFrameClassicalAcceleration(robot.model, data, sole, world).linear
         error[:] = self._target.value + self._middle(robot) - robot.com
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
+from wbc.core.frames import frame_jacobian
 from wbc.core.qp.axes import ROTATION_AXES
 from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn
 from wbc.core.qp.task import MotionOptions
@@ -35,7 +36,7 @@ def _turning(task: FrameTask, axis: Array, direction: Array, jacobian: Array, er
     With ȧ = ω × a, the drift is ω̇ − a (a · ω̇) − ȧ (a · ω), at no joint acceleration.
     """
     model, data, frame, world = task._model, task._data, task._id, task._world
-    full = pin.getFrameJacobian(model, data, frame, world)[3:]
+    full = frame_jacobian(model, data, frame, world)[3:]
     spin = pin.getFrameVelocity(model, data, frame, world).angular
     rate = pin.getFrameClassicalAcceleration(model, data, frame, world).angular
     a = task._rotation @ axis
@@ -174,11 +175,11 @@ class LookAtTask(FrameTask):
         distance = float(np.linalg.norm(way))
         d, r = way / max(distance, ROUNDING), max(distance, NEAREST)
         drift[:] = _turning(self, self._axis, d, jacobian, error)
-        linear = pin.getFrameJacobian(model, data, frame, world)[:3]
+        linear = frame_jacobian(model, data, frame, world)[:3]
         v = pin.getFrameVelocity(model, data, frame, world).linear
         rate = pin.getFrameClassicalAcceleration(model, data, frame, world).linear
         if other is not None:  # a target that moves
-            linear = linear - pin.getFrameJacobian(model, data, other, world)[:3]
+            linear = linear - frame_jacobian(model, data, other, world)[:3]
             v = v - pin.getFrameVelocity(model, data, other, world).linear
             rate = rate - pin.getFrameClassicalAcceleration(model, data, other, world).linear
         along = float(d @ v)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
+from wbc.core.frames import frame_jacobian
 from wbc.core.qp.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
 from wbc.core.qp.move import least_turn
 from wbc.core.qp.task import MotionOptions, Task
@@ -150,7 +151,7 @@ class PositionTask(FrameTask):
 
     def first_order(self, jacobian: Array, error: Array) -> None:
         """Fill the rows without the drift; see `Task.first_order`."""
-        jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._world)[:3]
+        jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[:3]
         np.subtract(self._target.value, self._translation, out=error)
 
 
@@ -189,7 +190,7 @@ class OrientationTask(FrameTask):
 
     def first_order(self, jacobian: Array, error: Array) -> None:
         """Fill the rows without the drift; see `Task.first_order`."""
-        jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._world)[3:]
+        jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[3:]
         error[:] = self._turn(np.dot(self._target.value, self._rotation.T))
 
 
@@ -214,7 +215,7 @@ class PoseTask(FrameTask):
     def first_order(self, jacobian: Array, error: Array) -> None:
         """Fill the rows without the drift; see `Task.first_order`."""
         target = self._target.value
-        jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
+        jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)
         np.subtract(target.translation, self._translation, out=error[:3])
         error[3:] = self._turn(np.dot(target.rotation, self._rotation.T))
 
@@ -265,8 +266,8 @@ class RelativeFrameTask(FrameTask):
         offset = self._translation - self._reference_placement.translation
 
         # [I, [d]×; 0, I] takes the reference's velocity to where the frame is; rotated, into the reference's axes.
-        mine = pin.getFrameJacobian(model, data, own, world)
-        theirs = pin.getFrameJacobian(model, data, other, world)
+        mine = frame_jacobian(model, data, own, world)
+        theirs = frame_jacobian(model, data, other, world)
         mine -= theirs
         mine[:3] += np.dot(pin.skew(offset), theirs[3:])
         jacobian[:3], jacobian[3:] = np.dot(back, mine[:3]), np.dot(back, mine[3:])

@@ -73,7 +73,7 @@ class MomentumTask(Task):
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         super().bind(robot)
-        self._map, self._momentum = robot.data.Ag, robot.data.hg
+        self._map, self._momentum = robot.data.Ag.reshape(6, -1), robot.data.hg
         self._base = robot.data.oMi[1]
         self._bolted = None if robot.floating else (robot.model.createData(), np.zeros(robot.nv))
         self._gravity = np.array(robot.model.gravity.linear)

@@ -13,6 +13,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import NonNegative, Number
+from wbc.core.frames import frame_jacobian
 from wbc.core.qp.axes import joint_columns
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import GainOptions, SelectionTask, Task
@@ -77,7 +78,7 @@ class DistanceTask(_Number):
         line = data.oMf[one].translation - data.oMf[other].translation
         distance = max(float(np.linalg.norm(line)), NEAREST)
         unit = line / distance
-        rows = pin.getFrameJacobian(model, data, one, _WORLD) - pin.getFrameJacobian(
+        rows = frame_jacobian(model, data, one, _WORLD) - frame_jacobian(
             model, data, other, _WORLD
         )
         jacobian[0] = unit @ rows[:3]
@@ -186,7 +187,7 @@ class ManipulabilityTask(_Number):
 
     def present(self, robot: Robot) -> Array:
         """Return the manipulability, shape (1,)."""
-        rows = pin.getFrameJacobian(robot.model, robot.data, self._id, _WORLD)[: self._size, self._columns]
+        rows = frame_jacobian(robot.model, robot.data, self._id, _WORLD)[: self._size, self._columns]
         return np.array([np.sqrt(max(np.linalg.det(rows @ rows.T), 0.0))])
 
     @property
@@ -220,7 +221,7 @@ class ManipulabilityTask(_Number):
         """Fill the gradient; its change with the velocity is a finite difference. See `Task.evaluate`."""
         robot, model = self.robot, self.robot.model
         columns, v = self._columns, robot.v
-        size, gradient = self._gradient(pin.getFrameJacobian(model, robot.data, self._id, _WORLD)[:, columns])
+        size, gradient = self._gradient(frame_jacobian(model, robot.data, self._id, _WORLD)[:, columns])
         jacobian[:] = 0.0
         jacobian[0, columns] = gradient
         error[0], drift[0] = self._target.value[0] - size, 0.0
@@ -230,7 +231,7 @@ class ManipulabilityTask(_Number):
             ends = []
             for sign in (step, -step):
                 q = pin.integrate(model, robot.q, sign * v)
-                rows = pin.computeFrameJacobian(model, self._data, q, self._id, _WORLD)
+                rows = pin.computeFrameJacobian(model, self._data, q, self._id, _WORLD).reshape(6, -1)
                 ends.append(self._gradient(rows[:, columns])[1] @ v[columns])
             drift[0] = (ends[0] - ends[1]) / (2.0 * step)
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 from contextlib import nullcontext
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
 from wbc.base.errors import InputError
 from wbc.core.limits.joint import JointLimits
-from wbc.robots import load
-from wbc.tasks import PostureTask
+from wbc.core.robot import UNLIMITED
+from wbc.robots import RobotDescription, load
+from wbc.tasks import LookAtTask, LowAccelerationTask, MomentumTask, PostureTask, check_rows
 
 # ---- joints that slide --------------------------------------------------------------------------------------------
 
@@ -86,3 +88,92 @@ def test_ranges_speeds_ends_and_errors_of_a_finger_are_those_of_metres() -> None
     ik.add(PostureTask({FINGER: 0.02}, joints=[FINGER], hard=True))
     ik.add(PostureTask({FINGER: 0.01}, joints=[FINGER], hard=True, name="other"))
     assert all(size.endswith(" m") for size in ik.reach().missed.values())
+
+
+# ---- a single joint -----------------------------------------------------------------------------------------------
+
+LINK = (
+    '<inertial><origin xyz="0 0 0.2"/><mass value="1"/>'
+    '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+
+
+def single(kind: str) -> RobotDescription:
+    """A robot of one joint, with a tip 1 m above it."""
+    links = "".join(f'<link name="{name}">{LINK}</link>' for name in ("base", "arm", "tip"))
+    return RobotDescription.from_urdf(
+        f'<robot name="one">{links}<joint name="j" type="{kind}"><parent link="base"/><child link="arm"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="20" velocity="3"/></joint>'
+        '<joint name="f" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="0 0 1"/></joint></robot>',
+        base="fixed",
+        armature=0.01,
+    )
+
+
+def ball() -> wbc.Obstacle:
+    return wbc.Obstacle("ball", wbc.CollisionSphere(0.1), pin.SE3(np.eye(3), np.array([0.5, 0.5, 1.0])))
+
+
+ITEMS = {
+    "place": lambda: wbc.PositionTask("tip"),
+    "pose": lambda: wbc.PoseTask("tip"),
+    "centre of mass": wbc.CoMTask,
+    "momentum": MomentumTask,
+    "accelerations": LowAccelerationTask,
+    "gaze": lambda: LookAtTask("tip", [1.0, 2.0, 3.0]),
+    "point": lambda: wbc.PointContact("tip"),
+    "box": lambda: wbc.FramePositionLimit("tip", upper=(0.3, 0.3, 2.0)),
+    "cone": lambda: wbc.AxisConeLimit("tip", 0.3),
+    "speed": lambda: wbc.FrameSpeedLimit("tip", linear=0.1),
+    "joint": lambda: JointLimits(acceleration=5.0),
+    "collisions": lambda: wbc.CollisionLimit(obstacles=[ball()], shapes={"tip": wbc.CollisionSphere(0.1)}),
+}
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "continuous"])
+@pytest.mark.parametrize("item", ITEMS)
+def test_a_robot_of_one_joint_is_a_robot(kind: str, item: str) -> None:
+    """Shapes are those of any robot; rows are right; both solvers have solutions."""
+    description = single(kind)
+    robot = description.robot()
+    assert robot.mass_matrix.shape == (1, 1) and robot.com_jacobian.shape == (3, 1)
+    assert robot.joint_jacobians.shape == (6, 1)
+    if item not in ("accelerations", "gaze"):
+        check_rows(ITEMS[item](), description.robot())
+    controller = wbc.Controller(description.robot(), 0.005)
+    ik = wbc.InverseKinematics(description.robot(), 0.01)
+    for solver in (controller, ik):
+        solver.add(PostureTask({"j": 0.5}), ITEMS[item]())
+    for _ in range(3):
+        assert controller.solve().ok
+        ik.step()
+    assert np.isfinite(ik.reach(iterations=5).configuration).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "place"), [("revolute", (0.4794, 0.0, 0.8776)), ("prismatic", (0.0, 0.5, 1.0))]
+)
+def test_a_single_joint_brings_its_tip_to_where_it_can_be(kind: str, place: tuple[float, ...]) -> None:
+    ik = wbc.InverseKinematics(single(kind).robot(), 0.01)
+    ik.add(JointLimits())
+    ik.add(wbc.PositionTask("tip", place))
+    assert ik.reach(1e-3).configuration == pytest.approx([0.5], abs=1e-3)
+
+
+# ---- joints without limits ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("velocity", [0.0, -0.0])
+def test_a_velocity_limit_of_zero_is_none(velocity: float) -> None:
+    """As files have it where nobody has set one: such a joint moves."""
+    model = load("panda").robot().model.copy()
+    model.upperVelocityLimit[:] = velocity
+    robot = wbc.Robot(model, (), load("panda").robot().half_sitting)
+    assert (robot.velocity_limit == UNLIMITED).all()
+    ik = wbc.InverseKinematics(robot, 0.01)
+    ik.add(JointLimits())
+    posture = ik.add(PostureTask())
+    posture.target = posture.target + 0.1 * robot.per_rad
+    for _ in range(200):
+        ik.step()
+    assert posture.reached

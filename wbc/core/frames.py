@@ -26,6 +26,12 @@ def pose_of(rotation: Array, translation: Array) -> pin.SE3:
     return placed
 
 
+def frame_jacobian(model: pin.Model, data: pin.Data, frame: int, axes: pin.ReferenceFrame) -> Array:
+    """Return `pin.getFrameJacobian`, shape (6, nv): Pinocchio returns a vector for a robot with one joint."""
+    jacobian: Array = pin.getFrameJacobian(model, data, frame, axes)
+    return jacobian if jacobian.ndim == 2 else jacobian[:, None]
+
+
 class FixedPose(pin.SE3):  # type: ignore[misc]  # it has no stubs
     """Pose that cannot be written: what is assigned to its owner is checked, an element that is written is not.
 

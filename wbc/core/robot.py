@@ -229,9 +229,12 @@ class Robot:
         com: Centre of mass in the world, shape (3,), m; overwritten by the next update.
         com_velocity: Velocity of the centre of mass in the world, shape (3,), m/s; overwritten by the next update.
         com_jacobian: Jacobian of the centre of mass, shape (3, nv); overwritten by the next update.
+        joint_jacobians: Jacobians of the joints at the origin of the world, shape (6, nv), more columns with coupled
+            joints; overwritten by the next update.
         position_lower: Lower joint limits, shape (na,), rad (or m).
         position_upper: Upper joint limits, shape (na,), rad (or m).
-        velocity_limit: Largest joint speed, shape (na,), rad/s (or m/s); `UNLIMITED` where the model has none.
+        velocity_limit: Largest joint speed, shape (na,), rad/s (or m/s); `UNLIMITED` where the model has none,
+            or zero, with which a joint could never move.
         torque_limit: Largest joint torque in either direction, shape (na,), Nm (or N); `UNLIMITED` where the model has
             none.
         torque_lower: Smallest joint torque, shape (na,), Nm (or N). It is −torque_limit, except for drives whose limits
@@ -341,7 +344,8 @@ class Robot:
         self.half_sitting.setflags(write=False)
         self.position_lower = np.array(model.lowerPositionLimit[self.base_nq :])
         self.position_upper = np.array(model.upperPositionLimit[self.base_nq :])
-        self.velocity_limit = np.minimum(model.upperVelocityLimit[self.base_dof :], UNLIMITED)
+        speed = model.upperVelocityLimit[self.base_dof :]
+        self.velocity_limit = np.where(speed == 0.0, UNLIMITED, np.minimum(speed, UNLIMITED))
         self.torque_upper = np.minimum(model.upperEffortLimit[self.base_dof :], UNLIMITED)
         lower = -self.torque_upper if torque_lower is None else np.array(torque_lower)
         self.torque_lower = np.maximum(lower, -UNLIMITED)
@@ -374,10 +378,12 @@ class Robot:
 
         # Live views of Pinocchio's memory: their addresses do not change for the life of `data`.
         data = self.data
-        self.mass_matrix, self.bias, self.com, self.com_velocity, self.com_jacobian = (
+        self.mass_matrix, self.bias, self.com, self.com_velocity, com_jacobian, joints = (
             np.asarray(_View(array, data))
-            for array in (data.M, data.nle, data.com[0], data.vcom[0], data.Jcom)
+            for array in (data.M, data.nle, data.com[0], data.vcom[0], data.Jcom, data.J)
         )
+        # Of a single column, Pinocchio makes a vector.
+        self.com_jacobian, self.joint_jacobians = com_jacobian.reshape(3, -1), joints.reshape(6, -1)
         self.q = np.array(self.half_sitting)
         self._quaternion = self.q[3:7]
         self.v, self._no_acceleration = np.zeros(self.nv), np.zeros(self.nv)

@@ -39,8 +39,8 @@ class PlausibilitySettings:
     Attributes:
         velocity_margin: A joint velocity is refused above this multiple of the joint's limit, and an encoder that moves
             faster.
-        position_margin: An encoder is refused this far beyond the joint's range, rad; a sliding joint's as far as counts
-            as much (`Robot.per_rad`).
+        position_margin: An encoder is refused this far beyond the joint's range, rad; of a sliding joint what counts as
+            much (`Robot.per_rad`).
         position_jump: Jump of an encoder that is accepted on top of what its joint can travel in a period, rad; of a
             sliding joint as `position_margin`.
         gyro_range: Largest angular rate of the gyroscope, rad/s; 35 rad/s are 2,000 °/s, the range of common units.

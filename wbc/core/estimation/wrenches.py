@@ -24,6 +24,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, Share, settings
 from wbc.core.estimation.residual import MomentumResidual
+from wbc.core.frames import frame_jacobian
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 
 ON_TIME = 0.01
@@ -135,7 +136,7 @@ class WrenchEstimator:
             self._residual.follow(momentum)
             np.negative(known, out=self._residual.value)  # that of a robot at rest
         for frame, place in zip(self._frames, self._soles, strict=True):
-            self._jacobian[place] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
+            self._jacobian[place] = frame_jacobian(model, data, frame, pin.LOCAL)
         residual = self._scale * self._residual.value.take(self._rows)
         matrix = self._jacobian.take(self._rows, axis=1)
         matrix *= self._scale

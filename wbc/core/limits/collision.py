@@ -497,7 +497,7 @@ class CollisionLimit(Limit):
         """Return velocities of the second bodies against the first at the world's origin, shape (6, pairs)."""
         v = self._robot.v if self._leaders is None else self._leaders.dot(self._robot.v)
         np.multiply(self._moves.T, v[:, None], out=self._motions)
-        twists, beside = self._robot.data.J.dot(self._motions), self._beside()
+        twists, beside = self._robot.joint_jacobians.dot(self._motions), self._beside()
         return np.asarray(twists if beside is None else twists + beside)
 
     def _beside(self) -> Array | None:
@@ -516,7 +516,7 @@ class CollisionLimit(Limit):
         first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
         [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
-        moving = near.levers.dot(self._robot.data.J)
+        moving = near.levers.dot(self._robot.joint_jacobians)
         moving *= self._moves[near.pairs]
         return np.asarray(moving if self._leaders is None else moving.dot(self._leaders))
 
@@ -658,7 +658,7 @@ def _carrying(robot: Robot, joint: int) -> Array:
 
     Coupled joints have a column of their own there.
     """
-    model, carrying = robot.model, np.zeros(robot.data.J.shape[1])
+    model, carrying = robot.model, np.zeros(robot.joint_jacobians.shape[1])
     for each in model.supports[joint]:
         first = model.joints[each].idx_vExtended
         carrying[first : first + model.joints[each].nvExtended] = 1.0
@@ -667,7 +667,7 @@ def _carrying(robot: Robot, joint: int) -> Array:
 
 def _leaders(robot: Robot) -> Array | None:
     """Return which velocity coordinate moves each column of `data.J`, shape (columns, nv); None if each has its own."""
-    columns = robot.data.J.shape[1]
+    columns = robot.joint_jacobians.shape[1]
     if columns == robot.nv:
         return None
     leaders = np.zeros((columns, robot.nv))

@@ -13,6 +13,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only
 from wbc.base.settings import Positive
+from wbc.core.frames import frame_jacobian
 from wbc.core.limits.base import Barrier, Limit
 from wbc.core.robot import Robot
 
@@ -46,7 +47,7 @@ class FrameLimit(Limit):
 
     def _jacobian(self) -> Array:
         """Jacobian of the frame along the world axes, shape (6, nv)."""
-        return np.asarray(pin.getFrameJacobian(self._robot.model, self._robot.data, self._id, _WORLD))
+        return np.asarray(frame_jacobian(self._robot.model, self._robot.data, self._id, _WORLD))
 
     def _motion(self) -> tuple[Array, Array]:
         """Velocity, and acceleration at no generalised acceleration, along the world axes, each of shape (6,)."""

@@ -14,6 +14,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.vectors import add_cross
+from wbc.core.frames import frame_jacobian
 from wbc.core.qp.contact import Contact, ContactOptions
 from wbc.core.qp.motion import Rows
 from wbc.core.robot import Robot
@@ -161,8 +162,8 @@ class LoopClosure(Contact):
         back = self._placement.rotation.T
         self._turn = turn = self._lines.dot(back)
         reach = self._there.translation - self._placement.translation
-        one = pin.getFrameJacobian(model, data, self._id, world)
-        two = pin.getFrameJacobian(model, data, self._other_id, world)
+        one = frame_jacobian(model, data, self._id, world)
+        two = frame_jacobian(model, data, self._other_id, world)
         lever = turn.dot(pin.skew(reach))
         error[:] = turn.dot(reach)
         if not self.rotation:
@@ -187,7 +188,7 @@ def _directions(robot: Robot, frame: int, other: int, rotation: bool) -> Array:
         q[robot.base_nq :] += random.uniform(-SPREAD, SPREAD, robot.na)
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        one, two = (pin.getFrameJacobian(model, data, end, pin.LOCAL_WORLD_ALIGNED) for end in (frame, other))
+        one, two = (frame_jacobian(model, data, end, pin.LOCAL_WORLD_ALIGNED) for end in (frame, other))
         turn = data.oMf[frame].rotation.T
         lever = pin.skew(data.oMf[other].translation - data.oMf[frame].translation)
         rows = np.vstack(

@@ -21,6 +21,7 @@ from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, positive, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
+from wbc.core.frames import frame_jacobian
 from wbc.core.qp.motion import RATE, Motion, Rows
 from wbc.core.robot import GRAVITY, Reads, Robot
 
@@ -443,7 +444,7 @@ class _HeldFrame(Contact):
         self._fill(jacobian, error)
 
     def _fill(self, jacobian: Array, error: Array) -> None:
-        jacobian[:] = pin.getFrameJacobian(self._model, self._data, self._id, self._local)
+        jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._local)
         error[:] = pin.log6(self._placement.actInv(self._target)).vector
 
 
@@ -588,7 +589,7 @@ class SoleContact(_HeldFrame):
             (py, -px, 0.0),
         )
         change[3:, 3:] = rotation.T
-        jacobian[:] = change.dot(pin.getFrameJacobian(model, data, self._id, world))
+        jacobian[:] = change.dot(frame_jacobian(model, data, self._id, world))
         spin = pin.getFrameVelocity(model, data, self._id, world).angular.tolist()
         bend = add_cross((0.0, 0.0, 0.0), spin, add_cross((0.0, 0.0, 0.0), spin, arm))
         acceleration = pin.getFrameClassicalAcceleration(model, data, self._id, world).vector
@@ -662,7 +663,7 @@ class PointContact(Contact):
 
     def first_order(self, jacobian: Array, error: Array) -> None:
         """Fill the rows without the drift; see `Contact.first_order`."""
-        rows = pin.getFrameJacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)[:3]
+        rows = frame_jacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)[:3]
         turn = self._world_to_contact
         jacobian[:] = turn.dot(rows)
         np.dot(turn, self._target.translation - self._placement.translation, out=error)
