@@ -93,7 +93,9 @@ class PostureTask(JointTask, SelectionTask):
         if self.moving:
             return False
         near = NEAR["rad"] * robot.per_rad
-        near[robot.slides] = np.minimum(near, 0.1 * (robot.position_upper - robot.position_lower))[robot.slides]
+        near[robot.slides] = np.minimum(near, 0.1 * (robot.position_upper - robot.position_lower))[
+            robot.slides
+        ]
         error, speed = self._target.value - self.present(robot), robot.v[self._columns]
         slow = SLOW["rad"] * robot.per_rad[joints]
         return bool((abs(error) <= near[joints]).all() and (abs(speed) <= slow).all())

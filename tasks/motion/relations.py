@@ -78,9 +78,7 @@ class DistanceTask(_Number):
         line = data.oMf[one].translation - data.oMf[other].translation
         distance = max(float(np.linalg.norm(line)), NEAREST)
         unit = line / distance
-        rows = frame_jacobian(model, data, one, _WORLD) - frame_jacobian(
-            model, data, other, _WORLD
-        )
+        rows = frame_jacobian(model, data, one, _WORLD) - frame_jacobian(model, data, other, _WORLD)
         jacobian[0] = unit @ rows[:3]
         speeds = [pin.getFrameVelocity(model, data, each, _WORLD).linear for each in (one, other)]
         rates = [pin.getFrameClassicalAcceleration(model, data, each, _WORLD).linear for each in (one, other)]
