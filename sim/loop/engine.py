@@ -383,7 +383,7 @@ class EngineLoop(ABC):
             raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
         if not isinstance(command, Command):
             raise InputError(f"a loop takes a Command, got {shown(command)}")
-        command.check(self.robot.joint_names)
+        command = command.check(self.robot.joint_names)
         check_period(command, self.control_period)
         self._measurement = self._truth = None
         if self._late is None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import mmap
 import os
 import re
 import time
@@ -26,6 +27,7 @@ from wbc.base.errors import InputError
 from wbc.ground import PointCloud
 from wbc.machine import Driver, Runner, RunSettings
 from wbc.machine.clock import ask_priority
+from wbc.machine.guard import BEAT, watch
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import MachineError, Parking
 from wbc.machine.report import Phase
@@ -309,6 +311,7 @@ ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMac
     "repeats": ({}, lambda m, _: m.freeze(), "the machine repeats the same measurement for 1[0-2][0-9] ms$"),
     "exception": ({"command": lambda _: 1 / 0}, None, "ZeroDivisionError of the controller: "),
     "stopped": (stopped, None, "the controller has stopped: too many failures"),
+    "no command": ({"command": lambda _: 5}, None, "InputError of the controller: .*Command, got 5$"),
     "NaN": ({"command": lambda _: Command(ZERO * np.nan)}, None, "InputError of the controller: .*joint_torque of joint 'left_hip_pitch_joint' is not finite"),
 }  # fmt: skip
 """Name → another control, or its parts, what happens in tick 20, and the reason of the end."""
@@ -340,6 +343,48 @@ def test_whatever_fails_ends_in_damping(end: str) -> None:
     assert all(np.isfinite(c.joint_torque).all() for commands in sent.values() for c in commands)
     with pytest.raises(InputError, match="Runner"):
         runner.run(1.0)
+
+
+@pytest.mark.parametrize("fails", [3, 10**9], ids=["for a while", "always"])
+def test_damping_that_fails_is_tried_again_and_the_guard_damps_meanwhile(fails: int) -> None:
+    machine, said = SimulatedMachine(SimulatedTime()), list[str]()
+    damp, left = machine.damp, [fails]
+
+    def failing() -> None:
+        left[0] -= 1
+        if left[0] >= 0:
+            raise OSError("the network is unreachable")
+        damp()
+
+    machine.damp = failing  # type: ignore[method-assign]
+    runner = make(machine, types.SimpleNamespace(command=lambda _: 1 / 0), load=0.0)
+    runner._guard = types.SimpleNamespace(  # type: ignore[assignment]
+        beat=lambda: said.append("beat"),
+        alarm=lambda: said.append("alarm"),
+        close=lambda: said.append("close"),
+    )
+    runner._make_guard = lambda: runner._guard  # type: ignore[method-assign]
+    if fails > 3:
+        with pytest.raises(MachineError, match="0 of 50 commands .*unreachable"):
+            runner.run(1.0)
+        assert said[-100:] == [*["alarm"] * 99, "close"] and 10**9 - left[0] > 1000
+        return
+    assert "ZeroDivisionError" in runner.run(1.0).reason
+    assert machine.damped == 50 and said[-54:] == [*["alarm"] * 3, *["beat"] * 50, "close"]
+
+
+def test_the_guard_goes_on_when_a_damping_command_fails() -> None:
+    memory, tries = mmap.mmap(-1, mmap.PAGESIZE), []
+
+    def damp() -> None:
+        tries.append(BEAT.unpack_from(memory, 0)[1])
+        if len(tries) == 5:
+            BEAT.pack_into(memory, 0, 0.0, -1.0)  # the loop ends
+        raise OSError("the network is unreachable")
+
+    BEAT.pack_into(memory, 0, -np.inf, 0.015)
+    watch(types.SimpleNamespace(damp=damp), memory, os.getppid())
+    assert tries == [0.015] * 5
 
 
 def test_a_tick_that_takes_too_long_is_counted_and_not_caught_up_with() -> None:

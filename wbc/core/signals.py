@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.base.errors import InputError, MeasurementError
-from wbc.base.numbers import Array
+from wbc.base.numbers import FLOAT64, Array
 from wbc.base.vectors import largest
 
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
@@ -153,14 +153,19 @@ class Command:
             self.period,
         )
 
-    def check(self, joint_names: Sequence[str]) -> None:
-        """Refuse wrong shapes, values that are not finite or beyond `LARGEST_COMMAND`, and negative gains."""
-        na = len(joint_names)
+    def check(self, joint_names: Sequence[str]) -> Command:
+        """Return the command with arrays of floats; what no drive must get is an `InputError`.
+
+        That is a wrong shape, a value that is not finite or beyond `LARGEST_COMMAND`, and a negative gain.
+        """
+        na, others = len(joint_names), dict[str, Array]()
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
             value = getattr(self, name)
             if value is None and name != "joint_torque":
                 continue
             array = np.asarray(value)
+            if array is not value or array.dtype is not FLOAT64:
+                others[name] = array
             if array.shape != (na,) or array.dtype.kind not in "iuf":
                 raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
             if not largest(np.abs(array)) <= LARGEST_COMMAND:  # or NaN
@@ -174,6 +179,9 @@ class Command:
             if name in ("kp", "kd") and (array < 0.0).any():
                 joint = joint_names[int(np.argmax(array < 0.0))]
                 raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")
+        return (
+            replace(self, **{n: a.astype(np.float64) for n, a in others.items()}) if others else self  # type: ignore[arg-type]
+        )
 
 
 class Control(Protocol):

@@ -7,6 +7,7 @@ as the heart beats. It outlives the loop: a controller that is killed leaves a m
 from __future__ import annotations
 
 import contextlib
+import math
 import mmap
 import os
 import pickle
@@ -23,7 +24,7 @@ from wbc.machine.clock import ask_priority, keep_timers_sharp
 from wbc.machine.loop import Driver, MachineError
 
 BEAT = struct.Struct("<dd")
-"""Time of the last beat, and its longest age (s): 0 while the loop is not to be watched, below 0 once it has ended."""
+"""Time of the last beat, and its longest age (s): 0 before the first beat, below 0 once the loop has ended."""
 
 WATCHING = b"watching\n"
 """Line with which the process says that it has the driver and watches."""
@@ -84,9 +85,9 @@ class Guard:
         """Say that the loop lives."""
         BEAT.pack_into(self._memory, 0, time.monotonic(), self._age)
 
-    def rest(self) -> None:
-        """Say that the loop is not to be watched: it ends, or waits for the machine."""
-        BEAT.pack_into(self._memory, 0, time.monotonic(), 0.0)
+    def alarm(self) -> None:
+        """Say that the loop cannot damp the machine: the process damps until the next beat."""
+        BEAT.pack_into(self._memory, 0, -math.inf, self._age)
 
     def close(self) -> None:
         """End the process."""
@@ -123,7 +124,8 @@ def watch(driver: Any, memory: mmap.mmap, parent: int) -> None:
         damped_since = now if damped_since is None else damped_since
         if now - damped_since > DAMP_TIME and os.getppid() != parent:
             return
-        driver.damp()
+        with contextlib.suppress(Exception):  # a wire that fails now may carry the next one
+            driver.damp()
         time.sleep(DAMP_PERIOD)
 
 

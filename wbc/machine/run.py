@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, check_parts
+from wbc.base.errors import InputError, check_parts, shown
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.drive.gate import CommandGate
@@ -28,7 +28,7 @@ from wbc.core.estimation.falls import FallDetector
 from wbc.core.robot import BASE_DOF, GRAVITY
 from wbc.core.signals import Command, Control, Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
-from wbc.machine.guard import Guard
+from wbc.machine.guard import DAMP_PERIOD, DAMP_TIME, Guard
 from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import (
@@ -175,8 +175,8 @@ class Runner:
                 the end.
 
         Raises:
-            MachineError: No measurement arrives, a measurement is that of another robot, or the guard cannot use the
-                driver.
+            MachineError: No measurement arrives, a measurement is that of another robot, the guard cannot use the
+                driver, or the joints could not be damped at the end.
         """
         if self._ran:
             raise InputError("a Runner runs once: make another one")
@@ -213,12 +213,32 @@ class Runner:
         )
 
     def _damp(self) -> None:
-        """Damp the joints for a while; the guard rests, since the loop has ended."""
-        if self._guard is not None:
-            self._guard.rest()
-        for _ in range(DAMP_TICKS):
-            self.driver.damp()
-            self._clock.sleep_until(self._clock.now() + min(self.period, 0.002))
+        """Damp the joints for a while; where the driver fails, go on trying, and let the guard damp meanwhile.
+
+        Raises `MachineError` if it fails for `DAMP_TIME`.
+        """
+        clock, guard, sent = self._clock, self._guard, 0
+        failed: BaseException | None = None
+        end = clock.now() + DAMP_TIME
+        while sent < DAMP_TICKS:
+            try:
+                self.driver.damp()
+                sent += 1
+            except BaseException as error:  # whatever a driver does, the others are tried
+                if failed is None:
+                    logger.error("a damping command failed (%s: %s)", type(error).__name__, error)
+                if guard is not None:
+                    guard.alarm()
+                failed = error
+                if clock.now() >= end:
+                    raise MachineError(
+                        f"the joints could not be damped: {sent} of {DAMP_TICKS} commands were sent within "
+                        f"{DAMP_TIME:g} s ({type(error).__name__}: {error})"
+                    ) from error
+            else:
+                if guard is not None:
+                    guard.beat()
+            clock.sleep_until(clock.now() + min(self.period, DAMP_PERIOD))
 
     def _make_guard(self) -> Guard | None:
         settings = self.settings
@@ -315,7 +335,6 @@ class Runner:
                 self._tick(now, fresh=fresh)
             except _Over as end:
                 self._reason = "; ".join(filter(None, (str(end), self._slow)))
-                driver.damp()
                 self._enter(Phase.DAMPED, clock.now())
                 return
             if self._guard is not None:
@@ -456,7 +475,9 @@ class Runner:
         given = self._inlet.raw if self._checks_itself else measurement
         try:
             command = self.control.command(given)
-            command.check(self.description.joint_names)
+            if not isinstance(command, Command):
+                raise InputError(f"a control must return a wbc.Command, got {shown(command)}")
+            command = command.check(self.description.joint_names)
         except Exception as error:  # whatever a controller does, the machine is damped
             logger.exception("the controller failed")
             raise _Over(f"{type(error).__name__} of the controller: {error}") from error
@@ -567,7 +588,7 @@ def run(
         Reason of the end, phases, missed deadlines and the times of all ticks.
 
     Raises:
-        MachineError: No measurement arrives, a measurement is that of another robot, or the guard cannot use the
-            driver.
+        MachineError: No measurement arrives, a measurement is that of another robot, the guard cannot use the driver,
+            or the joints could not be damped at the end.
     """
     return Runner(driver, control, rate, settings=settings, guard=guard).run(until)

@@ -108,7 +108,7 @@ class CommandGate:
 
         Raises `InputError` for a part of the wrong shape or not finite, or a negative gain.
         """
-        command.check(self._names)
+        command = command.check(self._names)
         torque, kp, kd = command.joint_torque, command.kp, command.kd
         total, servo = np.asarray(torque, dtype=float), None
         if kp is not None and kd is not None and command.joint_position is not None:
