@@ -21,6 +21,7 @@ from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
+from wbc.base.drawing import advice
 from wbc.base.errors import InputError, WbcError
 from wbc.base.files import check_target, replacing
 from wbc.base.lag import lag_gain
@@ -91,7 +92,7 @@ def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -
         return Renderer(model, height, width)
     except Exception as error:  # depends on the missing library
         kind, reason = os.environ.get("MUJOCO_GL", ""), str(error) or type(error).__name__
-        raise RenderError(f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
+        raise RenderError(advice() or f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
 
 
 @checked
