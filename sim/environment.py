@@ -95,7 +95,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         if render_mode is not None:
             raise InputError(
                 f"the environment draws nothing, got render_mode={shown(render_mode)}: film a recorded episode, "
-                "env.reset(options={'hooks': [wbc.app.Recorder('episode.arrow')]}), by `wbc replay`"
+                "env.reset(options={'hooks': [wbc.app.Recorder('a.arrow')]}), by `wbc view a.arrow -o film.mp4`"
             )
         self.render_mode = render_mode
         self._task = choose("task of the environment", task, TASKS)

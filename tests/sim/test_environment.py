@@ -117,7 +117,7 @@ def test_an_episode_is_recorded_by_a_hook_to_its_end(tmp_path: Path) -> None:
         ({"period": math.inf}, r"period of WbcEnv \(s\)"),
         ({"task": "run"}, "task of the environment"),
         ({"render_mode": "rgb_array"}, "draws nothing"),
-        ({"render_mode": "human"}, "wbc replay"),
+        ({"render_mode": "human"}, "wbc view"),
         ({"terain": "stones"}, "terrain"),
         ({"seed": 3}, "seed"),
     ],

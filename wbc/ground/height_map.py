@@ -143,12 +143,15 @@ class HeightMap:
             mine = (owner == code) | (owner == NOBODY) | (self._seen[slot] <= time)
             slot, code, z, r = slot[mine], code[mine], z[mine], r[mine]
         self._time = now = max(time, self._time)
-        age = time - self._seen[slot]
-        foreign = self._code[slot] != code
-        age[foreign] = 0.0
-        var = self._var[slot] + s.wander**2 * np.maximum(age, 0.0)
+        age, foreign = time - self._seen[slot], self._code[slot] != code
+        seen: float | Array = time
+        if late:
+            age[foreign] = 0.0
+            newer, seen = age < 0.0, time - np.minimum(age, 0.0)
+            r -= s.wander**2 * np.minimum(age, 0.0)
+            age[newer] = 0.0
+        var = self._var[slot] + s.wander**2 * age
         var[foreign] = np.inf
-        r += s.wander**2 * np.maximum(-age, 0.0)
         shift = self._difference(slot, z, var)
         if late:
             z, shift = z - (shift or 0.0), None
@@ -164,11 +167,11 @@ class HeightMap:
         gain = np.where(fresh, 1.0, np.where(below, 0.0, var / (var + r)))
         variance = np.where(fresh, r, np.where(below, 1.5 * var + 1e-5, (1.0 - gain) * var))
         if late:
-            newer = (age < 0.0) & (fresh | below)
+            newer &= fresh | below
             gain[newer], variance[newer] = 0.0, self._var[slot[newer]]
         self._z[slot] = old + gain * step
         self._var[slot] = variance
-        self._code[slot], self._seen[slot] = code, np.where(foreign, time, np.maximum(self._seen[slot], time))
+        self._code[slot], self._seen[slot] = code, seen
         self._refresh(now, slot, shift is not None)
         return shift
 
