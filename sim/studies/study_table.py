@@ -235,11 +235,11 @@ def study_table(
     reference = study.reference or next(iter(study.arms))
     trials = list(study_entries(study, entries))
     frame = study_frame(study, entries)
+    frame["value"] = _values(frame, name, completed_only=completed_only)
     frame["pair"] = list(zip(frame["cell"], frame["seed"], strict=True))
     frame["row"] = [_row(trial.plain, by) if by else trial.cell for trial, _ in trials]
     frame["layouts"] = [layout_of(trial.plain) for trial, _ in trials]
     frame["families"] = [trial.plain.get("terrain") for trial, _ in trials]
-    frame["value"] = _values(frame, name, completed_only=completed_only)
     frame["cause"] = [None if e is None or e.result is None else cause_of(e.result) for _, e in trials]
     rows = list(dict.fromkeys(frame["row"]))
     parts = {row: frame[frame["row"] == row] for row in rows} | ({ALL: frame} if len(rows) > 1 else {})

@@ -340,6 +340,24 @@ def test_rows_are_as_many_as_there_are_values(part: str, values: tuple[float, fl
     assert len(set(study_table(study, {}, by=[part]).rows)) == 3, "and the one of all together"
 
 
+def test_parts_of_a_result_may_have_any_name() -> None:
+    study = small_study(cells=(Cell("flat", {}),), arms={"flat": {}}, seeds=(1, 2, 3))
+    entries = {}
+    for trial in study.trials():
+        result = dict.fromkeys(("row", "pair", "value", "cause", "layouts", "families"), trial.seed)
+        entry = Entry(trial.spec.to_json(), "done", result, None, None, provenance())
+        entries[entry.key] = entry
+    for name in ("row", "pair", "value", "cause", "layouts", "families"):
+        assert study_table(study, entries, metric=name).by_name["flat", "flat"].estimate.mean == 2.0
+    with pytest.raises(UnknownNameError) as raised:
+        study_table(study, entries, metric="steps_done")
+    assert "pair" in str(raised.value)
+    fewer = {key: replace(entry, result={"best": 1.0}) for key, entry in entries.items()}
+    with pytest.raises(UnknownNameError) as raised:
+        study_table(study, fewer, metric="steps_done")
+    assert "best" in str(raised.value) and "pair" not in str(raised.value)
+
+
 def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
     study = small_study(reference="flat")
     entries = journal_of(
