@@ -82,6 +82,39 @@ def test_a_measurement_that_is_not_finite_is_refused_and_leaves_no_trace(
     assert np.isfinite(struck.observer.robot.q).all()
 
 
+UNNEEDED = {
+    "sole_wrench": ([[1.0, 2.0], [3.0]], "all", np.zeros((1, 6)), np.full((2, 6), NAN), np.full((2, 6), 1e6)),
+    "hand_wrenches": (np.zeros((1, 6)), np.zeros(12), "none", np.full((2, 6), INF)),
+    "joint_torque": (np.zeros(35), np.zeros((34, 1)), 0.0, np.full(34, NAN)),
+    "sole_range": (None, 0.1, np.zeros(1), np.zeros((2, 2)), "far"),
+    "sole_stiffness": (None, 5.0, np.zeros(3), [[1.0]]),
+}
+"""Signals that a robot balances without, and values that none of them can have."""
+
+
+@pytest.mark.parametrize("signal", UNNEEDED)
+@pytest.mark.parametrize("first", [0, 100], ids=["from the first tick", "later"])
+def test_a_robot_stands_on_without_a_signal_that_it_does_not_need(
+    signal: str, first: int, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Of whatever shape or value; it is named, and forgotten when it is good again."""
+    caplog.set_level(logging.CRITICAL)
+    for bad in UNNEEDED[signal]:
+        plant = wbc.Plant("hrp4_class", control_period=DT, noise="realistic", visuals=False)
+        control = TorqueControl(controller())
+        begin = plant.truth().com
+        for tick in range(first + 150):
+            m = plant.measure()
+            plant.step(control.command(replace(m, **{signal: bad}) if tick >= first else m))
+        assert control.failures == 0 and np.abs(plant.truth().com - begin).max() < 0.02, bad
+        measured = control.measurement
+        assert control.plausibility.faults and measured is not None
+        assert (measured.wrench_source == "sensor") is (signal != "sole_wrench")
+        for _ in range(5):
+            plant.step(control.command(plant.measure()))
+        assert control.status() == "ok" and control.measurement.wrench_source == "sensor"  # type: ignore[union-attr]
+
+
 @pytest.mark.parametrize("mode", ["position", "torque"])
 def test_bad_measurements_that_go_on_stop_the_robot(mode: str, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.CRITICAL)

@@ -429,11 +429,10 @@ class DriveControl:
         """Update the estimate from what is plausible of a measurement, and return that."""
         blind = type(measurement) is Measurement and measurement.sole_wrench is None
         if blind:
-            if self.wrenches is None:
-                robot, settings = self.controller.robot, self.observer.settings
-                self.wrenches = WrenchEstimator(robot, self.controller.dt, settings.wrenches)
-            measurement = measurement.with_wrenches(self.wrenches.wrench.copy(), "sensor")
+            measurement = measurement.with_wrenches(self._estimator().wrench.copy(), "sensor")
         measurement, renewed = self.plausibility.check(measurement, felt=not blind)
+        if measurement.sole_wrench is None:  # a sensor that is refused for too long
+            blind, measurement = True, measurement.with_wrenches(self._estimator().wrench.copy(), "sensor")
         if renewed:
             self.observer.resume(measurement.time - self.controller.dt)
         measurement = self.accelerometer.check(measurement, self.observer)
@@ -443,6 +442,13 @@ class DriveControl:
         if self.monitor is not None:
             self.monitor.update(self.plausibility.values, measurement, self.observer)
         return measurement
+
+    def _estimator(self) -> WrenchEstimator:
+        """Return the estimator of wrenches, which is made when it is needed first."""
+        if self.wrenches is None:
+            robot, settings = self.controller.robot, self.observer.settings
+            self.wrenches = WrenchEstimator(robot, self.controller.dt, settings.wrenches)
+        return self.wrenches
 
     def _with_wrenches(self, measurement: Measurement) -> Measurement:
         """Return a measurement with wrenches estimated from the torques that acted when it was made."""

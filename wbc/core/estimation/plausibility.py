@@ -2,8 +2,9 @@
 
 A reading that the robot cannot produce (an encoder beyond its range or faster than its joint, a gyro beyond its range,
 a foot that carries ten times the weight) is replaced by a prediction for a short time. If it lasts, the tick fails and
-the control follows its failure policy. Torques of joints and wrenches of hands, which a robot balances without, are
-left out instead. Time stamps that jump are refused without being adopted.
+the control follows its failure policy. What a robot balances without is left out instead: torques of joints and
+wrenches of hands at once, wrenches on the soles when the prediction ends. Time stamps that jump are refused without
+being adopted.
 """
 
 from __future__ import annotations
@@ -28,8 +29,13 @@ from wbc.core.signals import SIGNALS, Measurement
 
 logger = logging.getLogger(__name__)
 
-OPTIONAL = ("joint_torque", "hand_wrenches")
-"""Signals that only some robots have; a tick goes on without them."""
+OPTIONAL = {
+    "joint_torque": "joint torques",
+    "hand_wrenches": "force sensors of hands",
+    "sole_range": "range sensors of soles",
+    "sole_stiffness": "stiffness of soles",
+}
+"""Signals that only some robots have, with their names in messages; a tick goes on without them."""
 
 
 @settings
@@ -103,6 +109,7 @@ class Refusal(NamedTuple):
         high: Greatest reading that is accepted in this tick.
         unit: Unit of the three.
         jump: True for a reading that is in its range, but too far from the last one.
+        why: What else is wrong, such as the shape of a signal.
     """
 
     sensor: str
@@ -111,8 +118,11 @@ class Refusal(NamedTuple):
     high: float
     unit: str
     jump: bool
+    why: str = ""
 
     def __str__(self) -> str:
+        if self.why:
+            return f"{self.sensor} ({self.why})"
         said = f"{self.value:.5g} {self.unit}" if math.isfinite(self.value) else "no number"
         when = " so soon after the last reading" if self.jump else ""
         return f"{self.sensor} ({said}, must lie in [{self.low:.4g}, {self.high:.4g}] {self.unit}{when})"
@@ -138,7 +148,8 @@ class Plausibility:
         n, na = len(robot.soles), robot.na
         self._na = na
         self._shapes = ((na,), (na,), (3,), (3,), (n, 6))
-        self._optional_shapes = ((na,), (len(robot.frames), 6))
+        self._optional_shapes = ((na,), (len(robot.frames), 6), (n,), (n,))
+        self._soles = {(n,), (2,)}  # shapes of signals of the soles: these, or their default
         self._hands = tuple(robot.frames)
         self._weight = robot.mass * GRAVITY
         lower, upper = robot.position_lower, robot.position_upper
@@ -200,6 +211,7 @@ class Plausibility:
         self._older: Array | None = None  # readings before the last ones
         self._stamp, self._stands = math.nan, 0  # as it came, and changed measurements in a row that had it
         self._lasting = np.zeros(len(self._channels))
+        self._unformed = ""  # what is wrong with the wrenches on the soles as they came
 
     def forgive(self, joints: NDArray[np.bool_] | None) -> None:
         """Let encoders of some joints, shape (na,), fail no tick: somebody else moves them; None forgives none."""
@@ -210,8 +222,9 @@ class Plausibility:
 
         The wrenches on the soles are those of sensors where they are `felt`, and else an estimate.
 
-        Refused readings are replaced by predictions. Raises `MeasurementError` for one that cannot be used: of a wrong
-        kind or shape, a time stamp that jumped, readings refused for longer than `hold`, or the same again and again.
+        Refused readings are replaced by predictions, and `sole_wrench` is None while a force sensor is longer
+        refused than `hold`. Raises `MeasurementError` for one that cannot be used: of a wrong kind, a time stamp that
+        jumped, other readings refused for longer than `hold`, or the same again and again.
         """
         m = self._formed(measurement)
         wrenches = m.wrenches.reshape(-1)
@@ -241,13 +254,17 @@ class Plausibility:
         else:
             passed = self._time - before
             m = self._repair(m, values, passed if passed > 0.0 and not renewed else self._dt)
-        if felt:
-            self._check_pull(m.wrenches)
-        if m.joint_torque is not None or m.hand_wrenches is not None:
+        if felt and m.sole_wrench is not None:
+            self._check_pull(m.sole_wrench)
+        odd = not (self._is_of_soles(m.sole_range) and self._is_of_soles(m.sole_stiffness))
+        if odd or m.joint_torque is not None or m.hand_wrenches is not None:
             m = self._check_optional(m)
         elif self._optional_faults:
             self._optional_faults = ()
         return m, renewed
+
+    def _is_of_soles(self, value: Any) -> bool:
+        return type(value) is np.ndarray and value.dtype is FLOAT64 and value.shape in self._soles
 
     def _within(self, values: Array, last: Array | None) -> bool:
         """Return True if all numbers are in their ranges and have not jumped from the last ones; False for NaN."""
@@ -270,17 +287,26 @@ class Plausibility:
             self.pull = ""
 
     def _check_optional(self, m: Measurement) -> Measurement:
-        """Return a measurement without impossible torques of joints, and with NaN for impossible wrenches of hands."""
-        arrays = [
-            None if getattr(m, name) is None else _numbers(m, name, shape)
-            for name, shape in zip(OPTIONAL, self._optional_shapes, strict=True)
-        ]
-        torque, hands = arrays
+        """Return a measurement without impossible torques of joints, and with NaN for impossible wrenches of hands.
+
+        A signal of the wrong shape is left out.
+        """
         faults: list[Refusal] = []
+        formed: dict[str, Any] = {}
+        for (name, sensor), shape in zip(OPTIONAL.items(), self._optional_shapes, strict=True):
+            of_sole, formed[name] = name.startswith("sole"), getattr(m, name)
+            if (formed[name] is None and not of_sole) or (of_sole and self._is_of_soles(formed[name])):
+                continue
+            try:
+                formed[name] = _numbers(m, name, shape)
+            except MeasurementError as error:
+                formed[name] = np.full(shape, np.nan) if of_sole else None
+                faults.append(Refusal(sensor, math.nan, -math.inf, math.inf, "", False, str(error)))
+        torque, hands = formed["joint_torque"], formed["hand_wrenches"]
         if torque is not None and not (np.abs(torque) <= self._torque).all():
             worst, most = _worst(torque, self._torque)
             faults.append(Refusal("joint torques", float(torque[worst]), -most, most, "Nm", False))
-            torque = None
+            formed["joint_torque"] = None
         if hands is not None:
             wrong = np.any(np.abs(hands) > self._wrist, axis=1)  # a hand without a reading has NaN
             if wrong.any():
@@ -288,14 +314,14 @@ class Plausibility:
                     worst, most = _worst(np.nan_to_num(hands[i], nan=0.0), self._wrist)
                     unit, name = "N" if worst < 3 else "Nm", f"force sensor of {self._hands[i]}"
                     faults.append(Refusal(name, float(hands[i, worst]), -most, most, unit, False))
-                hands = np.array(hands)
+                formed["hand_wrenches"] = hands = np.array(hands)
                 hands[wrong] = np.nan
         self._say(m.time, faults)
         self._optional_faults = tuple(each.sensor for each in faults)
         self.refused += bool(faults) and not self._faults
-        if torque is m.joint_torque and hands is m.hand_wrenches:
+        if all(value is getattr(m, name) for name, value in formed.items()):
             return m
-        return replace(m, joint_torque=torque, hand_wrenches=hands)
+        return replace(m, **formed)
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -347,8 +373,13 @@ class Plausibility:
         given = m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, m.sole_wrench
         for got, of_shape in zip(given, self._shapes, strict=True):
             if type(got) is not np.ndarray or got.dtype is not FLOAT64 or got.shape != of_shape:
-                shapes = zip(SIGNALS, self._shapes, strict=True)
-                arrays: dict[str, Any] = {name: _numbers(m, name, shape) for name, shape in shapes}
+                shapes = dict(zip(SIGNALS, self._shapes, strict=True))
+                arrays: dict[str, Any] = {name: _numbers(m, name, shapes[name]) for name in SIGNALS[:-1]}
+                try:
+                    arrays[SIGNALS[-1]] = _numbers(m, SIGNALS[-1], shapes[SIGNALS[-1]])
+                except MeasurementError as error:
+                    self._unformed = str(error)
+                    arrays[SIGNALS[-1]] = np.full(shapes[SIGNALS[-1]], np.nan)
                 return replace(m, **arrays)
         return m
 
@@ -432,6 +463,7 @@ class Plausibility:
         numbers = np.flatnonzero(wrong & (self._groups == channel))
         beyond = np.abs(values - self._middle)[numbers] / self._bound[numbers]
         worst = int(numbers[np.argmax(np.nan_to_num(beyond, nan=np.inf))])
+        why = self._unformed if channel >= 2 * self._na + 2 else ""
         value, middle, bound = float(values[worst]), float(self._middle[worst]), float(self._bound[worst])
         low, high = middle - bound, middle + bound
         jump = low <= value <= high
@@ -441,7 +473,7 @@ class Plausibility:
             if worst < self._na:
                 travel = float(self._step[worst] + self._speed[worst] * self._lasting[worst])
             low, high = max(low, last - travel), min(high, last + travel)
-        return Refusal(self.names[worst], value, low, high, self._units[worst], jump)
+        return Refusal(self.names[worst], value, low, high, self._units[worst], jump, why)
 
     def _say(self, time: float, reasons: Sequence[Refusal]) -> None:
         """Log the sensors that are refused for the first time, or after a while in which they were good."""
@@ -463,6 +495,7 @@ class Plausibility:
         bad[self._groups[wrong]] = True
         names = tuple(name for name, is_bad in zip(self._channels, bad, strict=True) if is_bad)
         self.reasons = tuple(self._reason(channel, values, wrong) for channel in np.flatnonzero(bad).tolist())
+        self._unformed = ""
         self._say(m.time, self.reasons)
         self._lasting = np.where(bad, self._lasting + dt, 0.0)
         self._faults = names
@@ -470,11 +503,14 @@ class Plausibility:
             self._values = values
             return m
         self.refused += 1
-        lasting = float(self._lasting[~self._forgiven].max())
-        if last is None or lasting > self.settings.hold + ROUNDING:
+        needed, longest = 2 * na + 2, self.settings.hold + ROUNDING  # a robot balances without force sensors
+        lasting = float(self._lasting[:needed][~self._forgiven[:needed]].max())
+        if (last is None and bad[:needed].any()) or lasting > longest:
             raise MeasurementError(
                 f"{', '.join(map(str, self.reasons[:4]))} refused for {lasting:.3f} s; {HINT}"
             )
+        lost = last is None or bool((self._lasting[needed:] > longest).any())
+        last = np.zeros_like(values) if last is None else last
         repaired = values.copy()
         replaced = bad[self._groups]
         repaired[replaced] = last[replaced]
@@ -494,7 +530,7 @@ class Plausibility:
         arrays: dict[str, Any] = {
             name: part.reshape(shape) for name, part, shape in zip(SIGNALS, parts, self._shapes, strict=True)
         }
-        return replace(m, **arrays)
+        return replace(m, **arrays | ({"sole_wrench": None} if lost else {}))
 
 
 def _worst(values: Array, most: Array) -> tuple[int, float]:
@@ -506,6 +542,8 @@ def _worst(values: Array, most: Array) -> tuple[int, float]:
 def _stamp_of(m: Measurement) -> float:
     """Return the time of a measurement as a float, s; truth values and texts are none."""
     time: Any = m.time
+    if isinstance(time, np.ndarray) and time.ndim == 0:
+        time = time[()]
     if not isinstance(time, bool) and isinstance(time, numbers.Real):
         try:
             return float(time)
