@@ -91,6 +91,38 @@ def test_nothing_of_released_joints_is_commanded_and_they_come_back(mode: str) -
     assert command.released is None and walk.control.status() == "ok"
 
 
+@pytest.mark.parametrize("kind", [wbc.TorqueControl, wbc.HybridControl, wbc.PositionControl])
+@pytest.mark.parametrize("door", ["control", "controller", "controller before the control"])
+def test_it_is_all_one_where_joints_are_released_and_taken_back(
+    door: str, kind: type[wbc.TorqueControl | wbc.HybridControl | wbc.PositionControl]
+) -> None:
+    """Somebody else turns them beyond their ranges, which is no failure; taken back, it is one."""
+    plant = wbc.Plant(G1, control_period=DT)
+    controller = wbc.balance_controller(G1.robot(), DT)
+    released = controller.release(ARM) if "before" in door else None
+    control = kind(controller)
+    if released is None:
+        released = (control if door == "control" else controller).release(ARM)
+    assert released is not None and control.released is released is controller.released
+    for tick in range(100):
+        measured = plant.measure()
+        position = measured.joint_position.copy()
+        position[released.index] = 9.0 if tick > 2 else position[released.index]
+        command = control.command(replace(measured, joint_position=position))
+        assert command.released is released.mask and not command.joint_torque[released.index].any()
+        plant.step(command)
+    assert control.failures == 0
+    controller.remove(released)
+    for _ in range(100):
+        measured = plant.measure()
+        position = measured.joint_position.copy()
+        position[released.index] = 9.0
+        command = control.command(replace(measured, joint_position=position))
+        assert command.released is None
+        plant.step(command)
+    assert control.failures > 0 and control.released is None is controller.released
+
+
 def test_the_qp_moves_them_as_they_are_known_to_move_whatever_it_costs() -> None:
     """Told accelerations are met, beyond torque limits too; the CoM and the soles stay as they were asked to."""
     robot = G1.robot()

@@ -177,7 +177,7 @@ class DriveControl:
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
-        self._released = controller.released
+        self._forgiven: ReleasedJoints | None = None  # joints that plausibility knows to be released
 
     @property
     def failing(self) -> bool:
@@ -282,17 +282,20 @@ class DriveControl:
         observer, start, dt, last = self.observer, perf_counter(), self.controller.dt, self.measurement
         self.time = time = self.time + dt
         try:
+            if (released := self.controller.released) is not self._forgiven:
+                self._forgiven = released
+                self.plausibility.forgive(None if released is None else released.mask)
             self.measurement = plausible = self._estimate(measurement, self._begin())
             estimate, robot = observer.robot, self.controller.robot
             if self._follows_estimate and estimate is not robot:
                 robot.update(estimate.q, estimate.v)
             if self.falls.reason is None and (reason := self.falls.update(estimate.q, estimate.v)):
                 self._fall(reason)
-            if self._released is not None:
+            if released is not None:
                 solved = None if self.solution is None else self.solution.accelerations
                 torque = plausible.joint_torque
                 passed = dt if last is None else plausible.time - last.time
-                self._released.update(robot.q, robot.v, passed if passed > 0.0 else dt, torque, solved)
+                released.update(robot.q, robot.v, passed if passed > 0.0 else dt, torque, solved)
             self.controller.model_time = perf_counter() - start
         except Exception as error:  # a robot gets a command in every tick
             failed = State(observer.robot, measurement, observer.load, measurement, True, time)
@@ -322,14 +325,14 @@ class DriveControl:
         else:
             solution = self._solve(state, wrenches) if state.ok else None
             command = self._hold(state) if solution is None else self._follow(state, solution)
-        if self._released is not None:
-            command = self._without(command, self._released)
+        if (released := self.controller.released) is not None:
+            command = self._without(command, released)
         if self.wrenches is not None:
             self._sent.sent(command)  # for the torques that it makes
         return command
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
-        """Leave joints to somebody else from the next tick on, those and no others; none takes all back.
+        """Leave joints to somebody else from the next tick on, those and no others; see `Controller.release`.
 
         They have no torque, no reference and no gain in a command (`Command.released`), whose motion enters the QP as
         known. An encoder of theirs beyond its range is named, and no failure.
@@ -344,14 +347,12 @@ class DriveControl:
             UnknownNameError: No joint of the robot.
             InputError: A joint of a leg, or one twice.
         """
-        self._released = released = self.controller.release(joints)
-        self.plausibility.forgive(None if released is None else released.mask)
-        return released
+        return self.controller.release(joints)
 
     @property
     def released(self) -> ReleasedJoints | None:
         """Joints that somebody else moves; None while there are none."""
-        return self._released
+        return self.controller.released
 
     def _without(self, command: Command, released: ReleasedJoints) -> Command:
         """Return a command, whose arrays are its own, with nothing in it for joints of somebody else."""
@@ -408,9 +409,9 @@ class DriveControl:
             self.solution = solution = self.controller.solve(state.measurement)
             if solution.ok and not self.stopped:
                 self._torques = self._torques_of(solution, wrenches)
-                if self._released is not None:
+                if (released := self.controller.released) is not None:
                     self._torques = self._torques.copy()
-                    self._torques[self._released.index] = 0.0
+                    self._torques[released.index] = 0.0
         except Exception as error:  # of tasks of the user
             self.refuse(state, error)
             return None

@@ -87,8 +87,10 @@ class HybridControl(TorqueControl):
         self.v += self._pull * (velocity - self.v)
         self.q += (self.v + 0.5 * step) * self._dt
         self.v += step
-        if self._released is not None:  # their servos are not ours: no torque of them counts in the gate
-            index = self._released.index
+        if (
+            released := self.controller.released
+        ) is not None:  # their servos are not ours: no torque of them counts in the gate
+            index = released.index
             self.q[index], self.v[index] = robot.q[7 + index], velocity[index]
         return self._passed(state, self._torques, (self.kp, self.kd))
 

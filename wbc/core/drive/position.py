@@ -90,8 +90,8 @@ class PositionControl(DriveControl):
         self._forget()
 
     def _begin(self) -> Sequence[pin.SE3 | None] | None:
-        if self._released is not None:  # the commanded robot has them where they are
-            index, estimate = self._released.index, self.observer.robot
+        if (released := self.controller.released) is not None:  # the commanded robot has them where they are
+            index, estimate = released.index, self.observer.robot
             self.q[7 + index], self.v[BASE_DOF + index] = estimate.q[7 + index], estimate.v[BASE_DOF + index]
         if self.feedback != "open":
             return None

@@ -36,7 +36,6 @@ class Controller(Items):
         model_time: Wall time of the last model update, s; it is part of the timings of the next solution.
         outside: Generalised forces of the surroundings in addition to the contacts, shape (nv,), Nm and N, for example
             of a crane that holds the robot. They enter the dynamics at every tick. None for no such forces.
-        released: Joints that another controller moves, see `release`; None while there are none.
         drives: Kind of drive commands, "torque" or "position", of the control that runs the controller; None while no
             control runs it.
         measured: Robot whose state is estimated from the sensors; None if this is `robot`. In position control they
@@ -67,7 +66,7 @@ class Controller(Items):
         self.model_time = 0.0
         self._solution: Solution | None = None
         self.outside: Array | None = None
-        self.released: ReleasedJoints | None = None
+        self._released: ReleasedJoints | None = None
         self.measured: Robot | None = None
         self.drives: Drives | None = None
         self._torques: Array | None = None  # of the solution of the last tick
@@ -123,10 +122,18 @@ class Controller(Items):
         """
         names = names_in("joints to release", joints)
         released = ReleasedJoints(self.robot, names) if names else None
-        if self.released is not None:
-            self.remove(self.released)
-        self.released = released if released is None else self.add(released)
-        return released
+        if self._released is not None:
+            self.remove(self._released)
+        return released if released is None else self.add(released)
+
+    @property
+    def released(self) -> ReleasedJoints | None:
+        """Joints that another controller moves, see `release`; None while there are none."""
+        return self._released
+
+    def _changed(self) -> None:
+        super()._changed()
+        self._released = next((task for task in self._tasks if isinstance(task, ReleasedJoints)), None)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -155,7 +162,7 @@ class Controller(Items):
                 task.observe(measurement, self._dt)
         for contact in self._contacts:
             contact.advance(self._dt)
-        assembly.write(self._dt, self._torques, self.outside, self.released)
+        assembly.write(self._dt, self._torques, self.outside, self._released)
         assembled = perf_counter()
         status = solver.solve()
         solved = perf_counter()
@@ -249,7 +256,7 @@ class Controller(Items):
         """
         if self._dirty:
             self._rebuild()
-            self._assembly.write(self._dt, self._torques, self.outside, self.released)
+            self._assembly.write(self._dt, self._torques, self.outside, self._released)
         problem, places = self.problem, self._assembly.layout.tasks
         return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
 

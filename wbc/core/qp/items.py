@@ -87,8 +87,12 @@ class Items:
             each._owner = weakref.ref(self)
             if isinstance(each, Task):
                 each._target.settled = True
-        self._dirty = True
+        self._changed()
         return (item, *items) if items else item
+
+    def _changed(self) -> None:
+        """Note that the layout of the QP is to be made anew, since items have come or gone."""
+        self._dirty = True
 
     def _close_chains(self) -> None:
         """Add what holds the closed chains of the robot."""
@@ -172,7 +176,7 @@ class Items:
             of_kind[:] = [other for other in of_kind if other is not item]
             self._moving = [other for other in self._moving if other is not item]
             item._owner = None
-        self._dirty = True
+        self._changed()
 
     def task(self, name: str) -> Task:
         """Return a task by name."""
