@@ -20,13 +20,15 @@ class PostureTask(JointTask, SelectionTask):
     """Task that brings joints to given positions; with its small weight it uses the freedom that other tasks leave.
 
     Error and residual are in rad and rad/s² (m and m/s² for prismatic joints). The weight is a cost per (rad/s²)². By
-    default the weight is 0.1 and the stiffness 20 1/s².
+    default the weight is 10⁻³, in inverse kinematics 10⁻⁴, and the stiffness 20 1/s². A hand of weight 1 that moves by
+    0.3 m then ends within some millimetres of its target; beside a posture of 0.1 it would miss it by 0.1 m or more.
     """
 
     __slots__ = ("_factor", "_factors", "_positions", "_slides", "_usual", "columns")
     unit = "rad"
     reads = "kinematics"
-    usual = {"weight": 0.1, "stiffness": 20.0}
+    usual = {"weight": 1e-3, "stiffness": 20.0}
+    kinematic_weight = 1e-4
 
     @checked
     def __init__(

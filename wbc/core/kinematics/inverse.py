@@ -32,7 +32,7 @@ class InverseKinematics(Items):
 
         ik = wbc.InverseKinematics(robot, dt=0.01)
         hand = ik.add(wbc.PoseTask("panda_hand"))
-        ik.add(wbc.PostureTask(weight=1e-3), wbc.JointLimits())
+        ik.add(wbc.PostureTask(), wbc.JointLimits())
         hand.move_to(pose)
         while not hand.reached:
             ik.step()
@@ -47,6 +47,7 @@ class InverseKinematics(Items):
     """
 
     _noun = "solver of inverse kinematics"
+    _kinematic = True
 
     @checked
     def __init__(

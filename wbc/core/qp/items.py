@@ -32,6 +32,7 @@ class Items:
     """
 
     _noun: ClassVar[str] = "controller"
+    _kinematic: ClassVar[bool] = False
 
     def __init__(self, robot: Robot, dt: float) -> None:
         """Begin without tasks, contacts or limits, for a robot and a control period, s."""
@@ -87,6 +88,7 @@ class Items:
             each._owner = weakref.ref(self)
             if isinstance(each, Task):
                 each._target.settled = True
+                each.weigh_as_usual(kinematic=self._kinematic)
         self._changed()
         return (item, *items) if items else item
 

@@ -107,6 +107,7 @@ class Task(Targeted):
         unit: Unit of the error, such as "m", or "m|rad" for position and rotation. For motion tasks the unit of the
             residual is `unit`/s².
         usual: Default options of all tasks of the class.
+        kinematic_weight: Default weight of the class in inverse kinematics, where it is another one than in `usual`.
         of_velocity: True for a class whose error is that of a velocity, such as a momentum. It has no damping unless
             one is given. In inverse kinematics the velocity of its rows is then the target itself, and `rate` has no
             effect.
@@ -118,11 +119,12 @@ class Task(Targeted):
     """
 
     __slots__ = (
-        "_full", "_hard", "_keep", "_linear_rows", "_n_rows", "_only_joints", "_others", "_scale", "_spared", "_weight",
-        "dim", "idle", "spared_acceleration",
+        "_full", "_hard", "_keep", "_linear_rows", "_n_rows", "_only_joints", "_others", "_scale", "_spared",
+        "_weighed", "_weight", "dim", "idle", "spared_acceleration",
     )  # fmt: skip
 
     usual: ClassVar[MotionOptions] = {}
+    kinematic_weight: ClassVar[float | None] = None
     of_velocity: ClassVar[bool] = False
     reads: ClassVar[Reads] = "all"
     drives: Drives | None = None
@@ -161,8 +163,9 @@ class Task(Targeted):
         self._hard = self.idle = False
         super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
         self.rate = given.pop("rate", RATE)
-        self._weight, self._scale = np.ones(self.dim), np.ones(self.dim)
+        self._weight, self._scale, self._weighed = np.ones(self.dim), np.ones(self.dim), False
         self.weight = given.pop("weight", 1.0)
+        self._weighed = "weight" in options
         self.hard = given.pop("hard", False)
         bound = given.pop("error_bound", None)
         self.error_bound = self._usual_bound() if bound is None else bound
@@ -176,7 +179,7 @@ class Task(Targeted):
 
     @hard.setter
     def hard(self, value: bool) -> None:
-        if value == self._hard and isinstance(value, (bool, np.bool_)):
+        if isinstance(value, (bool, np.bool_)) and value == self._hard:
             return
         if self._owner is not None and self._owner() is not None:
             raise InputError(
@@ -194,9 +197,15 @@ class Task(Targeted):
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
+        self._weighed = self._weighed or not np.may_share_memory(value, self._weight)  # which changes nothing
         self._weigh(self._checked_gain("weight", value))
 
-    def _weigh(self, weight: Array) -> None:
+    def weigh_as_usual(self, *, kinematic: bool) -> None:
+        """Take the default weight for the solver that gets the task, inverse kinematics or not, if none was given."""
+        if not self._weighed and self.kinematic_weight is not None:
+            self._weigh(self.kinematic_weight if kinematic else self.usual["weight"])
+
+    def _weigh(self, weight: ArrayLike) -> None:
         """Take a weight over, scalar or shape (dim,)."""
         self._weight[:] = weight
         self._act()
