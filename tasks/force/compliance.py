@@ -69,7 +69,7 @@ class ComplianceTask(FrameTask):
     """
 
     __slots__ = (
-        "_acceleration", "_frozen", "_gain_of_period", "_measured_wrench", "_motion", "_offset_bound",
+        "_acceleration", "_advanced", "_frozen", "_gain_of_period", "_measured_wrench", "_motion", "_offset_bound",
         "_offset_position", "_offset_rotation", "_period", "_sole", "_still", "_target_rates", "_target_wrench",
         "_time_constant", "_velocity", "_velocity_bound", "_wrench_error", "_wrench_rate",
     )  # fmt: skip
@@ -95,6 +95,7 @@ class ComplianceTask(FrameTask):
         self._frozen[self._keep] = False
         self.velocity_bound, self.offset_bound = velocity_bound, offset_bound
         self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
+        self._advanced = False  # in this tick, by `advance`
         if target_wrench is not None:
             self.target_wrench = target_wrench
         self._target_rates = np.zeros(self.dim), np.zeros(self.dim)
@@ -224,9 +225,22 @@ class ComplianceTask(FrameTask):
                 raise MeasurementError(f"wrench of sole '{self.frame}' is not finite: {wrench}")
             self._measured_wrench[:] = wrench
         self.advance(dt)
+        self._advanced = False
+
+    def unobserved(self, dt: float) -> None:
+        """Yield to the assigned `measured_wrench` for one control period, unless `advance` was called in this tick.
+
+        A task on a sole is refused, since its wrench comes from the measurement.
+        """
+        if not self._advanced:
+            if self._sole is not None:
+                super().unobserved(dt)
+            self.advance(dt)
+        self._advanced = False
 
     def advance(self, dt: float) -> None:
         """Yield to `measured_wrench` for a period dt, s; `observe` calls it if the loop has measurements."""
+        self._advanced = True
         if dt != self._period:
             self._start(dt)
         if self._still and not (self._measured_wrench != self._target_wrench).any():

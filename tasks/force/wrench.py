@@ -20,9 +20,11 @@ class WrenchTask(VariableTask):
     """Task that brings the wrench of one contact to a target.
 
     Rows and residual are along the chosen axes of the contact frame, N and Nm. The weight is a cost per N² and (Nm)²,
-    10⁻³ by default. The wrench is that of the ground on the robot. The task acts on the wrench of the tick itself, so
-    it has no stiffness and no damping. A contact that is off, or that is not in the controller, has zero wrench
-    whatever the target is. A hard task therefore has an effect only while its contact is active.
+    10⁻³ by default. The wrench is that of the ground on the robot, which it has while the contact stands still as the
+    QP holds it: a contact whose frame is not where the robot touches moves, and its pull-back is missing in the force.
+    The task acts on the wrench of the tick itself, so it has no stiffness and no damping. A contact that is off, or
+    that is not in the controller, has zero wrench whatever the target is. A hard task therefore has an effect only
+    while its contact is active.
     """
 
     __slots__ = ("_axes", "_columns", "_contact", "_loaded", "_order", "_size")

@@ -234,6 +234,12 @@ class StabilizerTask(CoMTask):
         self.apply(pendulum, contact, self._places)
         self._aim, self._applied = aim, False
 
+    def unobserved(self, dt: float) -> None:
+        """Go on in a tick in which a walk has set a pendulum reference; see `Task.unobserved`."""
+        if not self._applied:
+            super().unobserved(dt)
+        self._applied = False
+
     def update(
         self,
         target: Pendulum,

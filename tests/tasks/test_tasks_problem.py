@@ -11,6 +11,7 @@ from properties import by_default
 from task_factory import ROBOTS, left_hand, make_robot, near_half_sitting, right_hand, standing
 
 from wbc.base.errors import InputError
+from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.collision import CollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
@@ -21,6 +22,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.solving.other_solvers import solve_by_qpsolvers
 from wbc.core.robot import GRAVITY, Robot
+from wbc.robots import load
 from wbc.tasks import (
     CoMTask,
     ImpedanceTask,
@@ -32,6 +34,7 @@ from wbc.tasks import (
     RelativeFrameTask,
     WrenchTask,
 )
+from wbc.tasks.stabilizer.task import StabilizerTask
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 
@@ -200,3 +203,90 @@ def test_a_diagnosis_changes_no_contact() -> None:
         assert controller.diagnose() == {}
         controller.status_table()
     assert left.normal_force_range == before
+
+
+def settled(controller: Controller, seconds: float = 4.0) -> None:
+    """Integrate the accelerations of a controller until it rests."""
+    robot, dt = controller.robot, controller.dt
+    for _ in range(round(seconds / dt)):
+        v = robot.v + dt * controller.solve().accelerations
+        robot.update(pin.integrate(robot.model, robot.q, dt * 0.5 * (robot.v + v)), v)
+
+
+@pytest.mark.parametrize("name", ["hrp4_class", "talos"])
+def test_by_default_a_posture_leaves_a_hand_at_its_target_and_a_heavy_one_is_named(name: str) -> None:
+    """Where a posture holds a hand back, the weighted residuals cancel along the hand's gradient."""
+    for weight, holds in ((None, False), (0.1, True)):
+        controller = standing(name, dt=0.01, posture=False)
+        robot = controller.robot
+        posture = PostureTask() if weight is None else PostureTask(weight=weight)
+        hand = PositionTask(left_hand(robot))
+        controller.add(CoMTask(), posture, OrientationTask(robot.torso_frame), hand)
+        hand.target = hand.target + [0.15, 0.05, 0.2]
+        settled(controller)
+        assert controller.solve().ok
+        distance = float(np.linalg.norm(hand.target - hand.present(robot)))
+        assert (distance > 0.07) if holds else (distance < 0.01)
+        assert hand.reached is not holds
+        assert (hand.held_back_by[:1] == ("posture",)) if holds else not hand.held_back_by
+        assert ("held back by posture" in controller.status_table()) is holds
+
+
+def test_what_holds_a_task_back_is_named_a_limit_what_must_not_move_or_the_reach() -> None:
+    controller = standing("hrp4_class", dt=0.01, posture=False)
+    robot = controller.robot
+    foot = controller.add(PositionTask(robot.soles[0].frame))
+    foot.target = foot.target + [0.0, 0.0, 0.1]
+    controller.solve()
+    assert foot.held_back_by == ("contacts and hard tasks",)
+    arm = load("panda").robot()
+    kinematics = InverseKinematics(arm, 0.01)
+    elbow = kinematics.add(PostureTask(joints=["panda_joint4"], weight=1.0))
+    kinematics.add(JointLimits(margin=0.1))
+    elbow.target = {"panda_joint4": arm.position_upper[3]}
+    for _ in range(400):
+        kinematics.step()
+    assert elbow.held_back_by == ("limits of panda_joint4",)
+    kinematics.remove(elbow)
+    hand, other = PositionTask("panda_hand"), PositionTask("panda_hand", name="other")
+    kinematics.add(hand)
+    kinematics.add(other, level=1)
+    hand.target = hand.target + [3.0, 0.0, 0.0]
+    for _ in range(400):
+        kinematics.step()
+    assert hand.held_back_by == ("the reach of the robot",) and other.held_back_by == (hand.name,)
+
+
+def test_a_posture_has_the_default_weight_of_its_solver_unless_it_is_given_one() -> None:
+    robot = make_robot("hrp4_class")
+    controller, kinematics = Controller(robot, 0.01), InverseKinematics(robot, 0.01)
+    usual, given, assigned = PostureTask(), PostureTask(weight=1e-3), PostureTask()
+    assigned.weight = 1e-3
+    for solver, weight in ((controller, 1e-3), (kinematics, 1e-4), (controller, 1e-3)):
+        for task, expected in ((usual, weight), (given, 1e-3), (assigned, 1e-3)):
+            solver.add(task)
+            task.weight = task.weight  # gives none
+            np.testing.assert_array_equal(task.weight, expected)
+            solver.remove(task)
+
+
+def test_a_tick_without_the_measurement_that_a_task_reads_is_refused() -> None:
+    """A compliance of a hand goes by the wrench that is assigned, one of a sole by the measured one."""
+    controller = standing("hrp4_class")
+    hand = controller.add(ImpedanceTask(left_hand(controller.robot)))
+    hand.measured_wrench = [0.0, 0.0, 10.0, 0.0, 0.0, 0.0]
+    controller.solve()
+    velocity = hand.compliance_velocity
+    assert velocity[2] > 0.0
+    hand.advance(controller.dt)
+    moved = hand.compliance_velocity
+    controller.solve()  # which does not advance it once more
+    np.testing.assert_array_equal(hand.compliance_velocity, moved)
+    sole = controller.add(ImpedanceTask(controller.robot.soles[0].frame))
+    with pytest.raises(InputError, match=f"{sole.name}.*measurement"):
+        controller.solve()
+    controller.remove(sole)
+    feet = controller.contacts
+    balance = controller.add(StabilizerTask(feet))
+    with pytest.raises(InputError, match=f"{balance.name}.*measurement"):
+        controller.solve()

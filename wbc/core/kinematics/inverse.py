@@ -17,7 +17,7 @@ from wbc.core.kinematics.levels import solve_levels
 from wbc.core.kinematics.reach import Search
 from wbc.core.kinematics.solution import ReachResult, VelocitySolution
 from wbc.core.limits.base import Limit
-from wbc.core.qp.diagnosis import violated_groups
+from wbc.core.qp.diagnosis import held_back, is_far, violated_groups
 from wbc.core.qp.items import Item, Items, ItemT
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
 from wbc.core.qp.task import Task, VariableTask
@@ -273,6 +273,35 @@ class InverseKinematics(Items):
             robot.v[:], self._dirty = velocity, len(tasks) < len(self._tasks)
             self._move(before)
             self._asked = asked
+
+    def held_back(self) -> dict[str, tuple[str, ...]]:
+        """Return the tasks that others hold off their targets at the last step → names of what does; slow.
+
+        A task on a lower level is held back by the tasks on the levels before it.
+        """
+        solution = self._solution
+        if solution is None or not solution.ok or self._dirty:
+            return {}
+        residuals = solution.residuals
+        soft = {
+            task.name: (task, residuals[task.name], np.minimum(task.rate, 1.0 / self._dt))
+            for task in self._tasks
+            if not (task.hard or task.idle)
+        }
+        first = {name: each for name, each in soft.items() if id(each[0]) not in self._levels}
+        lower = {name: each for name, each in soft.items() if name not in first}
+        found = held_back(
+            first, self._assembly.problem, solution.places, solution.limits, solution.multipliers
+        )
+        for name, (task, residual, rate) in lower.items():
+            if is_far(task, residual, rate):
+                level = self._levels[id(task)]
+                found[name] = tuple(
+                    each.name
+                    for each in self._tasks
+                    if self._levels.get(id(each), 0) < level and not each.idle
+                )
+        return found
 
     def diagnose(self) -> dict[str, float]:
         """Return contacts, hard tasks and limits that contradict each other: name → violation, largest first.

@@ -17,7 +17,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly, empty_problem
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
+from wbc.core.qp.diagnosis import groups_not_finite, held_back, status_table, violated_groups
 from wbc.core.qp.items import Item, Items
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.problem import Problem
@@ -144,7 +144,9 @@ class Controller(Items):
         self.model_time = perf_counter() - start
 
     def solve(self, measurement: Measurement | None = None) -> Solution:
-        """Solve the QP at the present state of the robot; tasks that read sensors need the measurement.
+        """Solve the QP at the present state of the robot.
+
+        Tasks that read sensors need the measurement: without it they raise an `InputError`.
 
         An infeasible QP raises no error. Check the `status` of the solution, and call `diagnose` for the constraints
         that contradict each other.
@@ -157,8 +159,10 @@ class Controller(Items):
         before, self._commanded = self._commanded, None
         self._differed, self._before = before is not None, self._torques if before is None else before
         assembly, solver = self._assembly, self._solver
-        if measurement is not None:
-            for task in assembly.listening:
+        for task in assembly.listening:
+            if measurement is None:
+                task.unobserved(self._dt)
+            else:
                 task.observe(measurement, self._dt)
         for contact in self._contacts:
             contact.advance(self._dt)
@@ -263,7 +267,23 @@ class Controller(Items):
     def status_table(self) -> str:
         """Return a printable table of the tasks, contacts and limits at the last tick."""
         items = self._tasks, self._contacts
-        return status_table(self.robot, self.dt, *items, self._regularisation, self._solution)
+        return status_table(
+            self.robot, self.dt, *items, self._regularisation, self._solution, self.held_back()
+        )
+
+    def held_back(self) -> dict[str, tuple[str, ...]]:
+        """Return the tasks that others hold off their targets at the last tick → names of what does; slow."""
+        solution = self._solution
+        if solution is None or not solution.ok or solution.layout is not self._assembly.layout:
+            return {}
+        residuals = solution.residuals
+        soft = {
+            task.name: (task, residuals[task.name], task.stiffness)
+            for task in self._tasks
+            if not (task.hard or task.idle or task is self._released) and task.name in residuals
+        }
+        layout = solution.layout
+        return held_back(soft, self.problem, layout.tasks, layout.limits, solution.multipliers)
 
     def _repr_html_(self) -> str:
         return html_table(self.status_table())

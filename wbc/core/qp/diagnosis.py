@@ -8,14 +8,22 @@ import numpy as np
 import qpsolvers
 from numpy.typing import NDArray
 
+from wbc.base.numbers import Array
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import NEAR, SelectionTask, Task
 from wbc.core.robot import Robot
 
 SLACK_TOLERANCE = 1e-4
 """Violation below which a group counts as satisfied, in the unit of its rows."""
+
+
+OPPOSES = 0.1
+"""Share of the gradient of a task that another one takes off, from which that one is named."""
+
+STUCK = 1e-6
+"""Share of the gradient of a task along free directions below which contacts and hard tasks hold it."""
 
 
 def violated_groups(problem: Problem) -> dict[str, float]:
@@ -72,6 +80,64 @@ def groups_not_finite(
     return {name: float("nan") for name, inside in groups.items() if not inside.all()}
 
 
+def held_back(
+    tasks: Mapping[str, tuple[Task, Array, Array]],
+    problem: Problem,
+    places: Mapping[str, slice],
+    limits: Sequence[str],
+    multipliers: Array,
+) -> dict[str, tuple[str, ...]]:
+    """Return the tasks that others hold off their targets → names of the tasks and limits that do, strongest first.
+
+    At the solution, the gradients of all costs and the multipliers of all limits add up to zero in the directions that
+    contacts, hard tasks and dynamics leave free. Along the gradient of a task, those of the others that oppose it are
+    what holds it back. A task with a smaller residual than that of an error with which it is reached is left out.
+
+    Args:
+        tasks: Name of a soft task → the task, its residual, and the gains that make residuals of its errors, shape
+            (dim,).
+        problem: The QP that has been solved.
+        places: Name of a task that is no selection → its rows.
+        limits: Names of the inequalities.
+        multipliers: Their multipliers.
+    """
+    p = problem
+    pulls: dict[str, Array] = {}
+    for name, (task, residual, _) in tasks.items():
+        cost = task._rows.weight * residual
+        if isinstance(task, SelectionTask):
+            pulls[name] = np.zeros(p.diagonal.size)
+            pulls[name][np.arange(p.diagonal.size)[task.columns]] = cost
+        else:
+            pulls[name] = cost @ p.rows[places[name]]
+    for row in np.flatnonzero(multipliers).tolist():
+        pulls[limits[row]] = pulls.get(limits[row], 0.0) + multipliers[row] * p.inequality[row]
+    _, sizes, axes = np.linalg.svd(p.equality, full_matrices=False)
+    axes = axes[sizes > 1e-9 * sizes.max(initial=0.0)]
+    found = {}
+    for name, (task, residual, gains) in tasks.items():
+        if not is_far(task, residual, gains):
+            continue
+        free = pulls[name] - axes.T @ (axes @ pulls[name])
+        shares = {
+            other: -float(pull @ free / (free @ free)) for other, pull in pulls.items() if other != name
+        }
+        strong = [
+            other for other in sorted(shares, key=lambda other: -shares[other]) if shares[other] > OPPOSES
+        ]
+        firm = np.linalg.norm(free) < STUCK * np.linalg.norm(pulls[name])
+        found[name] = ("contacts and hard tasks",) if firm else tuple(strong) or ("the reach of the robot",)
+    return found
+
+
+def is_far(task: Task, residual: Array, gains: Array) -> bool:
+    """Return true for a residual beyond that of an error with which a task is reached."""
+    sizes = zip(task._parts(), task._sizes(residual), strict=True)
+    return any(
+        size > NEAR.get(unit, NEAR["m"]) * (float(gains[part].max()) or 1.0) for (unit, part), size in sizes
+    )
+
+
 def status_table(
     robot: Robot,
     dt: float,
@@ -79,8 +145,9 @@ def status_table(
     contacts: Sequence[Contact],
     regularisation: float,
     solution: Solution | None,
+    held: Mapping[str, tuple[str, ...]],
 ) -> str:
-    """Return a table: tasks with weight, error and residual, contacts with their forces, active limits."""
+    """Return a table: tasks with weight, error, residual and what holds them back, contacts with forces, limits."""
     lines = [f"{robot!r}  period {1e3 * dt:g} ms"]
     if solution is None:
         lines.append("not solved yet")
@@ -101,7 +168,8 @@ def status_table(
             if task.name in residuals
             else "–"
         )
-        lines.append(f"{task.name:<24}{task.dim:>5}  {weight:>9}  {error:>12}  {residual:>14}")
+        by = f"  held back by {', '.join(held[task.name])}" if task.name in held else ""
+        lines.append(f"{task.name:<24}{task.dim:>5}  {weight:>9}  {error:>12}  {residual:>14}{by}")
     lines.append(f"{'acceleration (all)':<24}{robot.nv:>5}  {regularisation:>9.3g}")
     wrenches = {} if solution is None else solution.wrenches
     for contact in contacts:

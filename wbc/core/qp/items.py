@@ -188,6 +188,10 @@ class Items:
         """Return a contact by name."""
         return _by_name("contact", name, self._contacts)
 
+    def held_back(self) -> dict[str, tuple[str, ...]]:
+        """Return the tasks that others hold off their targets at the last tick → names of what does."""
+        raise NotImplementedError
+
     def move(self, task: Task) -> None:
         """Advance the target of one of the tasks at every tick until it has arrived; its `move_to` calls this."""
         if not any(task is other for other in self._moving):

@@ -304,6 +304,7 @@ class Task(Targeted):
         """True if no move goes on and the robot is at the target: within 10 mm and 0.05 rad, below 0.05 m/s, 0.2 rad/s.
 
         An error in any other unit counts by the numbers for metres; a task for which these are wrong overrides this.
+        `held_back_by` says why a task is not reached.
         The robot is that of the controller: in position control with open feedback it is the commanded robot.
         """
         if self.moving:
@@ -314,6 +315,16 @@ class Task(Targeted):
             off <= NEAR.get(unit, NEAR["m"]) and speed <= SLOW.get(unit, SLOW["m"])
             for (unit, _), off, speed in sizes
         )
+
+    @property
+    def held_back_by(self) -> tuple[str, ...]:
+        """Names of the tasks and limits that held the task off its target in the last tick, the strongest first.
+
+        Empty if nothing did: then the robot is at the target or on its way. "contacts and hard tasks" stand for what
+        must not move, "the reach of the robot" for a target that no joint brings nearer. Slow, not for the tick.
+        """
+        owner = None if self._owner is None else self._owner()
+        return () if owner is None else owner.held_back().get(self.name, ())
 
     def _sizes(self, rows: Array) -> list[float]:
         """Length of each part of some rows."""
@@ -346,6 +357,12 @@ class Task(Targeted):
 
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
         """Read the sensors, at every tick of dt, s, before the rows are written; for subclasses to override."""
+
+    def unobserved(self, dt: float) -> None:
+        """Go on in a tick of dt, s, whose `Controller.solve` gets no measurement, or refuse by an `InputError`."""
+        raise InputError(
+            f"task '{self.name}' reads sensors: give the measurement of the tick, controller.solve(measurement)"
+        )
 
     @abstractmethod
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
