@@ -183,7 +183,7 @@ class VelocityAssembly:
             names += [f"limits of {j}" for j in robot.joint_names] if per_joint else [limit.name] * limit.dim
             at = rows.stop
             single = at if per_joint else single
-        many = slice(single, None)
+        many, self._many = slice(single, None), at > single
         joints = (p.lower[:single], p.upper[:single]) if single else None
         self._attainable = Attainable(p.inequality[many], p.lower[many], p.upper[many], joints, BACK)
         p.yielding[:] = 1
@@ -263,7 +263,8 @@ class VelocityAssembly:
             level.damping = self._regularisation + self._per_error * float(cost.dot(left))
         for limit, matrix, lower, upper in self._limits:
             limit.write_velocity(dt, matrix, lower, upper)
-        self._attainable.cut()
+        if self._many:
+            self._attainable.cut()
 
     def _take_gains(self, dt: float) -> None:
         """Take rates, weights and bounds of errors over where one has changed, or the period, s."""

@@ -220,10 +220,10 @@ class InverseKinematics(Items):
         Raises:
             NoSolutionError: There is no solution; the robot has not moved.
         """
-        velocities = self.solve()
-        if self._solution is not None and not self._solution.ok and not hold:
-            raise NoSolutionError(self._failure(self._solution.status))
-        robot = self.robot
+        velocities, robot = self.solve(), self.robot
+        status = self._solution.status  # type: ignore[union-attr]
+        if not (status.ok or hold):
+            raise NoSolutionError(self._failure(status))
         robot.v[:] = velocities
         self._move(pin.integrate(robot.model, robot.q, self._dt * velocities))
         return velocities

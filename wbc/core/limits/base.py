@@ -109,22 +109,27 @@ class Barrier(Limit):
         """Fill rows and bounds of the acceleration; see `Limit.write`."""
         self.measure(rows, lower, upper)
         speed, drift = rows.dot(self._robot.v), self.drift()
-        most = ATTAINABLE * np.abs(rows).sum(axis=1)
-        np.negative(self._brake(lower, -speed, dt), out=lower)
-        upper[:] = self._brake(upper, speed, dt)
-        lower -= drift
-        upper -= drift
-        np.minimum(lower, most, out=lower)
-        np.maximum(upper, -most, out=upper)
-        uncross(lower, upper)
+        if lower[lower.argmin()] < np.inf:
+            np.negative(self._brake(lower, -speed, dt), out=lower)
+            lower -= drift
+        else:
+            lower.fill(-np.inf)
+        if upper[upper.argmin()] < np.inf:
+            upper[:] = self._brake(upper, speed, dt)
+            upper -= drift
+        _cut_off(ATTAINABLE, rows, lower, upper)
 
     def _brake(self, room: Array, speed: Array, dt: float) -> Array:
         """Return the greatest accelerations towards a bound at rooms and at speeds towards it."""
-        final = (room / self._time - speed) / dt
+        final = room / self._time
+        final -= speed
+        final /= dt
         # At the speed room / time constant a coordinate needs the deceleration room / time constant², and a little more
         # because a period passes before the bound reacts.
-        share = (1.0 + 2.0 * dt / self._time) / self._time**2
-        return np.asarray(np.maximum(final, -share * np.maximum(room, 0.0) - self._back))
+        least = np.maximum(room, 0.0)
+        least *= -(1.0 + 2.0 * dt / self._time) / self._time**2
+        least -= self._back
+        return np.maximum(final, least, out=final)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of a step; see `Limit.write_step`."""
@@ -136,18 +141,23 @@ class Barrier(Limit):
         self.write_step(rows, lower, upper)
         lower /= max(dt, self._time)
         upper /= max(dt, self._time)
-        if (lower > 0.0).any() or (upper < 0.0).any():
-            most = BACK * np.abs(rows).sum(axis=1)
-            np.minimum(lower, most, out=lower)
-            np.maximum(upper, -most, out=upper)
-            uncross(lower, upper)
+        _cut_off(BACK, rows, lower, upper)
 
 
-def uncross(lower: Array, upper: Array) -> None:
-    """Put both bounds of a row between them where the lower one is above the upper one."""
+def _cut_off(most: float, rows: Array, lower: Array, upper: Array) -> None:
+    """Cut demands off where each coordinate would have to give more than `most`, and part bounds that cross."""
+    if not lower.size or not demands(lower, upper):
+        return
+    attainable = most * np.abs(rows).sum(axis=1)
+    np.minimum(lower, attainable, out=lower)
+    np.maximum(upper, -attainable, out=upper)
     crossed = lower > upper
-    if crossed.any():
-        lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
+    lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
+
+
+def demands(lower: Array, upper: Array) -> bool:
+    """Return true if zero is not within all bounds, of which there is at least one."""
+    return bool(lower[lower.argmax()] > 0.0 or upper[upper.argmin()] < 0.0)
 
 
 class Attainable:
@@ -174,25 +184,19 @@ class Attainable:
         self._low, self._high = np.full(rows.shape[1], -fastest), np.full(rows.shape[1], fastest)
 
     def cut(self) -> None:
-        """Cut the demands of all rows off."""
+        """Cut the demands of all rows off; there is at least one row."""
         lower, upper = self._lower, self._upper
-        if not lower.size:
+        # Where a joint must move, all rows may need all others.
+        moved = self._bounds is not None and demands(*self._bounds)
+        if not (moved or demands(lower, upper)):
             return
-        chosen = (lower > 0.0) | (upper < 0.0)
         low, high = self._low, self._high
         if self._bounds is not None:
             least, most = self._bounds
-            if (
-                least[least.argmax()] > 0.0 or most[most.argmin()] < 0.0
-            ):  # a joint must move: it may need all others
-                chosen[:] = True
-            if not chosen.any():
-                return
             joints = slice(low.size - least.size, None)
             low[joints] = np.where(np.isfinite(least), least, np.minimum(most, -self._fastest))
             high[joints] = np.where(np.isfinite(most), most, np.maximum(least, self._fastest))
-        elif not chosen.any():
-            return
+        chosen = slice(None) if moved else (lower > 0.0) | (upper < 0.0)
         rows = self._rows[chosen]
         middle, reach = rows.dot(0.5 * (low + high)), np.abs(rows).dot(0.5 * SHARE * (high - low))
         lower[chosen] = np.minimum(lower[chosen], middle + reach)

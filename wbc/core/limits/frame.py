@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from typing import Annotated
 
 import numpy as np
@@ -13,6 +14,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only
 from wbc.base.settings import Positive
+from wbc.base.vectors import add_cross, turned
 from wbc.core.frames import frame_jacobian
 from wbc.core.limits.base import Barrier, Limit
 from wbc.core.robot import Robot
@@ -24,6 +26,8 @@ FLAT = 0.1
 """Sine of an angle below which the direction of its change turns faster than is followed."""
 
 _WORLD = pin.LOCAL_WORLD_ALIGNED
+
+_NONE = (0.0, 0.0, 0.0)
 
 
 class FrameLimit(Limit):
@@ -87,7 +91,12 @@ class FramePositionLimit(FrameLimit, Barrier):
         axes = finite_array(
             f"directions of the limit of '{frame}'", np.eye(3) if directions is None else directions
         )
-        if axes.ndim != 2 or axes.shape[1] != 3 or not (lengths := np.linalg.norm(axes, axis=1)).all():
+        if (
+            axes.ndim != 2
+            or axes.shape[1] != 3
+            or not len(axes)
+            or not (lengths := np.linalg.norm(axes, axis=1)).all()
+        ):
             raise InputError(
                 f"directions of the limit of '{frame}' must be vectors, shape (n, 3), got {axes}"
             )
@@ -219,7 +228,7 @@ class AxisConeLimit(FrameLimit, Barrier):
             given = finite_array(f"{what} of limit '{self.name}'", vector, (3,))
             if np.linalg.norm(given) < ROUNDING:
                 raise InputError(f"{what} of limit '{self.name}' must not be zero")
-            units.append(given / np.linalg.norm(given))
+            units.append((given / np.linalg.norm(given)).tolist())
         self._axis, self._direction = units
         self._angle, self._least = angle, math.cos(angle)
 
@@ -229,16 +238,18 @@ class AxisConeLimit(FrameLimit, Barrier):
         Where axis and direction are more than a right angle apart, the row is that of their angle, because a·d changes
         the less the nearer they come to opposite directions.
         """
-        axis = self._placement.rotation @ self._axis
-        turn, cosine = np.cross(axis, self._direction), float(axis @ self._direction)
-        self._turn, self._sine, below[0] = turn, 1.0, cosine - self._least
+        axis, direction = turned(self._placement.rotation.tolist(), self._axis), self._direction
+        turn, cosine = add_cross(_NONE, axis, direction), sum(map(operator.mul, axis, direction))
+        sine, below[0] = 1.0, cosine - self._least
         if cosine < 0.0:
-            sine = float(np.linalg.norm(turn))
+            sine = math.hypot(*turn)
             below[0] = self._angle - math.atan2(sine, cosine)
             if sine < ROUNDING:  # any way is a way back
-                turn, sine = np.cross(axis, np.eye(3)[np.abs(axis).argmin()]), 0.0
-            self._turn, self._sine = turn / np.linalg.norm(turn), max(sine, FLAT)
-        rows[0] = self._turn @ self._jacobian()[3:]
+                turn = add_cross(_NONE, axis, np.eye(3)[np.abs(axis).argmin()].tolist())
+            length = math.hypot(*turn)
+            turn, sine = (turn[0] / length, turn[1] / length, turn[2] / length), max(sine, FLAT)
+        self._now = axis, cosine, turn, sine
+        np.dot(turn, self._jacobian()[3:], out=rows[0])
         above[:] = np.inf
 
     def drift(self) -> Array:
@@ -246,11 +257,9 @@ class AxisConeLimit(FrameLimit, Barrier):
 
         The second derivative of a·d = cos θ is α·(a × d) + (ω × (ω × a))·d. That of −θ is (that + cos θ θ̇²) / sin θ.
         """
-        axis = self._placement.rotation @ self._axis
-        velocity, acceleration = self._motion()
-        spin, along = velocity[3:], float(acceleration[3:] @ self._turn)
-        bend = float(np.cross(spin, np.cross(spin, axis)) @ self._direction)
-        cosine = float(axis @ self._direction)
+        (axis, cosine, turn, sine), (velocity, acceleration) = self._now, self._motion()
+        spin = velocity[3:].tolist()
+        bend = sum(map(operator.mul, add_cross(_NONE, spin, add_cross(_NONE, spin, axis)), self._direction))
         if cosine < 0.0:
-            bend = (bend + cosine * float(spin @ self._turn) ** 2) / self._sine
-        return np.array([along + bend])
+            bend = (bend + cosine * sum(map(operator.mul, spin, turn)) ** 2) / sine
+        return np.array([float(acceleration[3:].dot(turn)) + bend])

@@ -426,7 +426,8 @@ class Assembly:
                 low[released.index], high[released.index] = -np.inf, np.inf
         for limit, matrix, lower, upper in self._row_blocks:
             limit.write(dt, matrix, lower, upper)
-        self._attainable.cut()
+        if self._row_blocks:
+            self._attainable.cut()
 
     def kept(
         self, torques: Array, dt: float, previous: Array | None, released: ReleasedJoints | None

@@ -151,8 +151,8 @@ class ActiveSet:
         for _ in range(3):  # the second and third are refinements, for states with large accelerations
             self._x = x = work.shares.dot(work.scaled)
             self._values = values = p.rows.dot(x)
-            if not n_eq:
-                return math.isfinite(x.dot(x))
+            if not n_eq:  # rows, if there are any, show that x is finite
+                return bool(p.lower.size) or math.isfinite(x.dot(x))
             short = np.subtract(self._hard_target, values[:n_eq], out=self._error)
             if short[short.argmax()] <= self._tolerance and short[short.argmin()] >= -self._tolerance:
                 return True
