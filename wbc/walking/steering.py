@@ -253,16 +253,13 @@ class PathSteering(Steering):
             return False
         x, y, _ = self.limited(self.target)
         u, v = self.velocity if any(self.velocity) else (x, y)
-        low_x, high_x, low_y, high_y = self.extent
         (cos, sin), (length, width), s = self.direction, self._sole, self._s
         stop = math.hypot(u, v) / (2.0 * s.acceleration) + s.step_time  # s, at this velocity
         width += max(0.5 * s.width, s.gap + abs(v) * s.step_time / SIDEWAYS)  # feet that come apart
-        for at, low, high, c, s in (
-            (place[0], low_x, high_x, cos, -sin),
-            (place[1], low_y, high_y, sin, cos),
-        ):
-            towards, ahead = c * x + s * y, stop * (c * u + s * v)
-            room = abs(c) * length + abs(s) * width
+        ends = self.extent[:2], self.extent[2:]
+        for at, (low, high), (a, b) in zip(place, ends, ((cos, -sin), (sin, cos)), strict=True):
+            towards, ahead = a * x + b * y, stop * (a * u + b * v)
+            room = abs(a) * length + abs(b) * width
             if (towards > 0.0 and at + ahead + room > high) or (towards < 0.0 and at + ahead - room < low):
                 return True
         return False
