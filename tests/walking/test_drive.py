@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -16,7 +17,9 @@ from pendulum import BY_TIME
 from properties import by_default
 
 from wbc.base.settings import from_json, to_json
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots import load
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import (
     FootstepPlan,
     Gait,
@@ -171,6 +174,43 @@ def test_a_steered_walk_goes_where_it_is_told_and_its_references_never_jump() ->
         p, q = a.pendulum, b.pendulum
         assert np.linalg.norm(q.com - p.com - DT * p.com_velocity) < 1e-4
         assert np.linalg.norm(q.zmp - p.zmp) < 0.02, "the ZMP moves at most a foot in a tenth of a second"
+
+
+@pytest.mark.parametrize("name", ["g1", "hrp4_class", "talos"])
+@pytest.mark.parametrize("seed", by_default(range(4), 1))
+def test_the_com_and_its_velocity_go_on_whatever_is_asked_for_and_wherever_a_push_takes_the_robot(
+    name: str, seed: int
+) -> None:
+    """Where no ZMP within the supports takes the DCM to new steps, and where landings answer pushes, too."""
+    rng, robot = random.Random(seed), ROBOTS[name]
+    walk = planned_walk(robot, FootstepPlan.standing(robot), DT, WalkingControlSettings(), None)
+    weight, due, pushed, off = robot.mass * GRAVITY, 0.5, 0j, 0.0
+    before: Pendulum | None = None
+    for k in range(round(20.0 / DT)):
+        if k * DT > due:
+            due += rng.choice([0.05, 0.3, 0.7, 1.5])
+            velocity = rng.uniform(-0.4, 0.4), rng.uniform(-0.3, 0.3), rng.uniform(-0.8, 0.8)
+            walk.steering.command(None if rng.random() < 0.2 else velocity)
+            walk.take(None)
+            pushed = complex(rng.gauss(0.0, 0.04), rng.gauss(0.0, 0.04)) if rng.random() < 0.5 else 0j
+        loads = [0.5 * weight, 0.5 * weight]
+        if walk.phase is GaitPhase.SINGLE:
+            lands = walk.duration - walk.elapsed < 1.5 * DT
+            loads = [(side == walk.stance or 0.3 * lands) * weight for side in (0, 1)]
+        elif walk.phase is GaitPhase.DOUBLE and walk.step < len(walk.plan):
+            loads = [
+                0.1 * weight if side == walk.plan.steps[walk.step].side else 0.9 * weight for side in SIDES
+            ]
+        now = walk._pattern.dcm_at(walk._since) + pushed
+        pendulum = walk.advance(loads, None, np.array((now.real, now.imag, 0.0))).pendulum
+        off = max(off, abs(walk._off.value))
+        if before is not None:
+            mean = 0.5 * (pendulum.com_velocity + before.com_velocity)
+            most = max(float(np.linalg.norm(each.com_acceleration)) for each in (before, pendulum))
+            assert np.linalg.norm(pendulum.com - before.com - DT * mean) < 1e-4
+            assert np.linalg.norm(pendulum.com_velocity - before.com_velocity) < 1.5 * DT * most + 1e-6
+        before = pendulum
+    assert walk.steps_done > 10 and (seed != 1 or off > 1e-3), "some steps were out of reach of the ZMP"
 
 
 @pytest.mark.parametrize(("when", "speed"), [(0.3, 0.3), (3.05, 0.15), (4.6, 0.3)])

@@ -27,6 +27,7 @@ from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Share, in_units, settings
 from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, SIDES, Robot
+from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.contact import LIFT_OFFS, TOUCH_DOWNS, Event, GaitPhase, touch_down
 from wbc.walking.gait import REPLAN, GaitMachine
@@ -207,6 +208,7 @@ class LipmWalk(GaitMachine):
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
         self._preview, self._adjuster = self._laws[False]
         self._since = 0.0  # the pattern was planned, s
+        self._off = Follower(1.0 / self.omega, 0j)  # of the reference of the CoM from the pattern, m
         start = Pendulum.at_rest(com, float(0.5 * sum(place.translation[2] for place in self._places)))
         self._pattern = self._preview.plan(self.supports(), start)
 
@@ -436,6 +438,7 @@ class LipmWalk(GaitMachine):
         self.plan_steps()
         self.time += self.dt
         self._since += self.dt
+        self._off.follow(-self._off.value, self.dt)
         self.elapsed += self.dt
         if self.phase is not GaitPhase.STANDING:
             self._turned += turned
@@ -459,9 +462,7 @@ class LipmWalk(GaitMachine):
             if self.ground.news:
                 self._look(swing)
             self._yaws[1 - self.stance] = swing.heading(self.elapsed)
-        reference = self._reference(
-            self._pattern.at(self._since), self._places, mean_heading(*self._yaws), events
-        )
+        reference = self._reference(self._pendulum(), self._places, mean_heading(*self._yaws), events)
         if swing is not None:
             self._places[1 - self.stance] = reference.feet[1 - self.stance].placement
         return reference
@@ -519,12 +520,28 @@ class LipmWalk(GaitMachine):
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
         self.set_landing(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
 
+    def _pendulum(self) -> Pendulum:
+        """Return the reference of the pendulum: the CoM goes over to a pattern that begins elsewhere.
+
+        A pattern begins elsewhere where no ZMP within the supports takes the DCM to the steps that are new, as after a
+        push. The reference of the CoM and its velocity go on, and come to the pattern as quickly as the DCM falls. The
+        ZMP is that of the pattern.
+        """
+        pendulum, off = self._pattern.at(self._since), self._off
+        if abs(off.value) + abs(off.velocity) / self.omega < ROUNDING:
+            return pendulum
+        ways = [np.array((each.real, each.imag, 0.0)) for each in (off.value, off.velocity, off.acceleration)]
+        return pendulum.moved(*ways)._replace(zmp=pendulum.zmp)
+
     def _replan(self) -> None:
         """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
         steps = math.ceil(FELT / (self.omega * self.plan.gait.full.cycle))
         count = 2 * steps + (self.phase is not GaitPhase.SINGLE)  # the last support is one on both feet
-        self._pattern = self._preview.plan(self.supports()[:count], self._pattern.at(self._since))
-        self._since = 0.0
+        before = self._pattern.at(self._since)
+        self._pattern = self._preview.plan(self.supports()[:count], before)
+        self._since, now = 0.0, self._pattern.at(0.0)
+        self._off.value += complex(*(before.com - now.com)[:2].tolist())
+        self._off.velocity += complex(*(before.com_velocity - now.com_velocity)[:2].tolist())
 
     def _plan_swing(self, landing: Footstep) -> None:
         """Keep the swing as it is planned now: adjustments are made against it."""
