@@ -9,12 +9,14 @@ from . import tasks as tasks
 from . import walking as walking
 from ._version import __version__ as __version__
 from .base.errors import InputError as InputError
+from .base.errors import NoSolutionError as NoSolutionError
 from .base.errors import WbcError as WbcError
 from .core.drive.hybrid import HybridControl as HybridControl
 from .core.drive.position import PositionControl as PositionControl
 from .core.drive.torque import TorqueControl as TorqueControl
 from .core.estimation.observer import Observer as Observer
 from .core.kinematics.inverse import InverseKinematics as InverseKinematics
+from .core.limits.base import Barrier as Barrier
 from .core.limits.base import Limit as Limit
 from .core.limits.collision import CollisionLimit as CollisionLimit
 from .core.limits.com_polygon import CoMPolygonLimit as CoMPolygonLimit

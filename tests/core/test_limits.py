@@ -14,6 +14,7 @@ from properties import by_default, examples
 from task_factory import ROBOTS, integrate, make_robot, right_hand, standing
 
 import wbc
+from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.limits.joint import BrakingLaw, JointLimits
 from wbc.core.limits.torque import TorqueLimits
@@ -22,7 +23,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solver import Status
 from wbc.core.robot import Robot
 from wbc.robots import load
-from wbc.tasks import CoMTask, PostureTask
+from wbc.tasks import CoMTask, PostureTask, check_rows
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 PERIODS = (0.001, 0.002, 0.0033, 0.005)
@@ -506,3 +507,50 @@ def test_torques_with_other_wrenches_keep_limits_and_rates_too(always: bool) -> 
         differ += int(np.abs(torques - solution.torques).max() > 1.0)
         settled = bool((torques == solution.torques).all())
     assert differ > 10 and settled
+
+
+class Straight(wbc.Barrier):
+    """Keep the elbow of a Panda from bending beyond an angle, as one's own limit would."""
+
+    def __init__(self, most: float) -> None:
+        super().__init__("elbow", 1, time_constant=0.05)
+        self.most = most
+
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        rows[:] = np.eye(self.robot.nv)[3]
+        below[:], above[:] = np.inf, self.most - self.robot.q[3]
+
+    def drift(self) -> Array:
+        return np.zeros(1)
+
+
+@pytest.mark.parametrize("outside", [False, True])
+def test_a_barrier_of_ones_own_holds_in_both_solvers(outside: bool) -> None:
+    """Its room shrinks at room / time constant at most; from outside it comes back."""
+    robot = model_of("panda").clone()
+    most = float(robot.q[3]) + (-0.2 if outside else 0.2)
+    ik, limit = wbc.InverseKinematics(robot, 0.01), Straight(most)
+    with pytest.raises(InputError, match="added"):
+        _ = limit.robot
+    check_rows(Straight(most), model_of("panda"))
+    posture = PostureTask(weight=1.0, stiffness=400.0, error_bound=np.inf)
+    ik.add(JointLimits(), limit, posture)
+    posture.follow(robot.q + 0.5)
+    for _ in range(100):
+        before = most - float(robot.q[3])
+        ik.step()
+        left = most - float(robot.q[3])
+        assert left >= before - max(before * 0.01 / 0.05, -0.01) - 1e-9  # at 1 rad/s at most from outside
+    assert left == pytest.approx(0.0, abs=1e-4)
+    ik.remove(limit, posture)
+    robot = model_of("panda").clone()
+    controller = Controller(robot, 0.002)
+    controller.add(JointLimits(), limit)
+    task = controller.add(PostureTask(weight=1.0, stiffness=400.0, error_bound=np.inf))
+    task.follow(robot.q + 0.5)
+    q, v = np.array(robot.q), np.zeros(robot.nv)
+    for _ in range(800):
+        controller.update(q, v)
+        q, v = integrate(controller, q, v, controller.solve().accelerations)
+        assert outside or q[3] < most + 1e-5
+    assert q[3] == pytest.approx(most, abs=1e-3)

@@ -22,6 +22,9 @@ ATTAINABLE = 100.0
 BACK = 1.0
 """Speed of a coordinate up to which a limit asks for it from outside, rad/s or m/s; of a step rad or m."""
 
+RECOVERY = 2.0
+"""Greatest acceleration back from outside of a bound where none is given, m/s² or rad/s²."""
+
 SHARE = 0.9
 """Share of what the joints attain up to which a limit asks for it: all of it would leave one velocity alone."""
 
@@ -88,8 +91,25 @@ class Barrier(Limit):
     """
 
     _time: float
-    _back: float  # recovery, acceleration from outside, m/s² or rad/s²
+    _back: float  # the recovery
     _robot: Robot
+
+    def __init__(
+        self, name: str, dim: int, *, time_constant: float = 0.1, recovery: float = RECOVERY
+    ) -> None:
+        """Describe the limit: its name, its number of rows, a time constant, s, and a recovery, m/s² or rad/s²."""
+        self.name, self.dim, self._time, self._back = name, dim, time_constant, recovery
+
+    def bind(self, robot: Robot) -> None:
+        """Take the robot; who overrides it calls `super().bind(robot)`."""
+        self._robot = robot
+
+    @property
+    def robot(self) -> Robot:
+        """Robot of the controller."""
+        if not hasattr(self, "_robot"):
+            raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
+        return self._robot
 
     @abstractmethod
     def measure(self, rows: Array, below: Array, above: Array) -> None:

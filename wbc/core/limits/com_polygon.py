@@ -69,19 +69,12 @@ class CoMPolygonLimit(Barrier):
         self.name, self.dim = name, EDGES if polygon is None else max(EDGES, len(convex_hull(polygon)))
         self._margin, self._given_recovery = margin, recovery
         self._given_time = time_constant
-        self._bound: Robot | None = None
         self._normals, self._offsets = np.zeros((self.dim, 2)), np.full(self.dim, np.inf)
         self._edges = 0
         self._polygon: Array | None = None
         self._of_soles = polygon is None
         if polygon is not None:
             self.polygon = polygon
-
-    @property
-    def _robot(self) -> Robot:  # type: ignore[override]
-        if self._bound is None:
-            raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
-        return self._bound
 
     @property
     def polygon(self) -> Array:
@@ -119,7 +112,7 @@ class CoMPolygonLimit(Barrier):
         Raises:
             InputError: No sole is given; as an `UnknownNameError`, the robot has no such sole.
         """
-        robot = self._robot
+        robot = self.robot
         chosen = robot.soles if soles is None else [robot.sole(name) for name in soles]
         corners = [
             robot.placement(sole.frame).act(np.array([x * sole.length, y * sole.width, 0.0]))[:2]
@@ -135,7 +128,7 @@ class CoMPolygonLimit(Barrier):
     def distance(self) -> float:
         """Distance of the CoM to the polygon less its margin, at the last update of the robot, m; negative outside."""
         used = slice(0, self._edges)
-        return float((self._offsets[used] - self._normals[used] @ self._robot.com[:2]).min())
+        return float((self._offsets[used] - self._normals[used] @ self.robot.com[:2]).min())
 
     @checked
     def bind(self, robot: Robot) -> None:
@@ -144,7 +137,7 @@ class CoMPolygonLimit(Barrier):
             raise InputError(
                 f"limit '{self.name}' is of a robot that stands, '{robot.name}' is bolted to the world"
             )
-        self._bound = robot
+        self._robot = robot
         gravity = robot.model.gravity.linear
         self._gravity = np.array(gravity[:2])
         time_constant, recovery = self._given_time, self._given_recovery

@@ -16,11 +16,8 @@ from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only
 from wbc.base.settings import Positive
 from wbc.base.vectors import add_cross, turned
 from wbc.core.frames import frame_jacobian
-from wbc.core.limits.base import Barrier, Limit
+from wbc.core.limits.base import RECOVERY, Barrier, Limit
 from wbc.core.robot import Robot
-
-RECOVERY = 2.0
-"""Greatest acceleration back from outside of a bound, m/s² or rad/s²."""
 
 FLAT = 0.1
 """Sine of an angle below which the direction of its change turns faster than is followed."""
@@ -60,7 +57,16 @@ class FrameLimit(Limit):
         return velocity, pin.getFrameClassicalAcceleration(model, data, self._id, _WORLD).vector
 
 
-class FramePositionLimit(FrameLimit, Barrier):
+class FrameBarrier(FrameLimit, Barrier):
+    """Base of limits that keep coordinates of a frame between bounds."""
+
+    def __init__(self, frame: str, what: str, dim: int, name: str | None, time_constant: float) -> None:
+        """Describe the limit, by default named after frame and `what`; the time constant is in s."""
+        FrameLimit.__init__(self, frame, what, dim, name)
+        Barrier.__init__(self, self.name, dim, time_constant=time_constant)
+
+
+class FramePositionLimit(FrameBarrier):
     """Limit that keeps the origin of a frame inside bounds along directions of the world: in a box, or behind a plane.
 
     FramePositionLimit("hand", lower=(0.2, -0.5, 0.1))
@@ -101,8 +107,7 @@ class FramePositionLimit(FrameLimit, Barrier):
                 f"directions of the limit of '{frame}' must be vectors, shape (n, 3), got {axes}"
             )
         self._axes = axes / lengths[:, None]
-        super().__init__(frame, "bounds", len(axes), name)
-        self._time, self._back = time_constant, RECOVERY
+        super().__init__(frame, "bounds", len(axes), name, time_constant)
         self._lower, self._upper = np.full(self.dim, -np.inf), np.full(self.dim, np.inf)
         self._take(lower, upper)
 
@@ -197,7 +202,7 @@ class FrameSpeedLimit(FrameLimit):
         np.negative(self.speed, out=lower)
 
 
-class AxisConeLimit(FrameLimit, Barrier):
+class AxisConeLimit(FrameBarrier):
     """Limit that keeps an axis of a frame inside a cone about a direction of the world, such as the axis of a full cup.
 
     The limit is a·d ≥ cos(angle), with the axis a and the direction d, both of length 1, along the world axes. The rate
@@ -219,8 +224,7 @@ class AxisConeLimit(FrameLimit, Barrier):
 
         `angle` is half the opening of the cone, rad. `axis` and `direction` have shape (3,) and any length.
         """
-        super().__init__(frame, "cone", 1, name)
-        self._time, self._back = time_constant, RECOVERY
+        super().__init__(frame, "cone", 1, name, time_constant)
         if angle >= math.pi:
             raise InputError(f"angle of limit '{self.name}' must be below π rad, got {angle}")
         units = []
