@@ -136,7 +136,6 @@ HEADER, ROW = "time,x,y,z,qx,qy,qz,qw,a\n", "0,0,0,1,0,0,0,1,0\n"
         HEADER + 2 * ROW,
         HEADER + ROW + ROW.replace("1", "one"),
         GMR | {"joint_names": np.arange(2)},
-        GMR | {"joint_names": np.array(["a", "b"], dtype=object)},
         HEADER.replace("qx", "rot_x") + ROW + ROW,
         (HEADER + ROW + ROW).replace(",", ";").replace("1", "1,0"),
         HEADER + ROW + "0," + ROW,
@@ -152,6 +151,14 @@ def test_files_of_other_content_are_refused_in_one_line(tmp_path: Path, content:
     with pytest.raises(InputError, match=path.name) as refused:
         read_motion(path, joints=("a", "b") if isinstance(content, dict) else None)
     assert "\n" not in str(refused.value)
+
+
+def test_names_in_a_pickle_are_refused_with_the_way_out(tmp_path: Path) -> None:
+    np.savez(tmp_path / "clip.npz", **GMR, joint_names=np.array(["a", "b"], dtype=object))
+    with pytest.raises(
+        InputError, match=r"'joint_names' is of Python objects.*np\.array\(names, dtype=str\)"
+    ):
+        read_motion(tmp_path / "clip.npz")
 
 
 def test_bad_clips_are_refused(arms: MotionClip) -> None:

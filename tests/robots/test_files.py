@@ -103,7 +103,7 @@ def test_shapes_of_links_are_of_who_asked_for_them() -> None:
         'file = "C:\\tools\\biped.xml"',
         'file = "C:\\Users\\me\\biped.xml"',
         'file = "C:\\data\\biped.xml"',
-        'file = "biped.xml"\npackage_dirs = ["C:\\robots\\meshes"]',
+        'file = "biped.xml"\npackage_dirs = ["C:\\robots\\new"]',
     ],
 )
 def test_backslashes_that_are_escapes_are_named(tmp_path: Path, text: str) -> None:
