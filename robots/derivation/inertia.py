@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from wbc.base.errors import ModelError
+from wbc.base.errors import ModelError, shown
 from wbc.base.numbers import Array
 from wbc.robots import urdf
 from wbc.robots.urdf import Element
@@ -146,7 +146,8 @@ def _mass_and_inertia(link: str, inertial: Element) -> tuple[float, Array]:
         kilograms = float(mass.get("value", "nan"))
         ixx, ixy, ixz, iyy, iyz, izz = (float(inertia.get(entry, "0")) for entry in _ENTRIES)
     except ValueError as error:
-        raise ModelError(f"link '{link}': mass or inertia is not a number") from error
+        given = {"mass": mass.get("value"), **inertia.attrib}
+        raise ModelError(f"link '{link}': mass and inertia must be numbers, got {shown(given)}") from error
     matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
     if not (np.isfinite(kilograms) and np.isfinite(matrix).all()):
         raise ModelError(f"link '{link}': mass and inertia must be finite")

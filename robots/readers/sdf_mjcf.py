@@ -113,6 +113,14 @@ class _Reader:
         what = f"{path} of {element.tag} '{element.get('name', '')}'"
         return default if text is None else float(self._numbers(text, 1, what)[0])
 
+    def _limit(self, joint: ET.Element, end: str) -> float:
+        """Return a limit of a joint, rad or m; infinite where the file gives none, or one that is endless."""
+        sign, text = (-1.0 if end == "lower" else 1.0), (joint.findtext(f"axis/limit/{end}") or "inf").strip()
+        if text.lower().lstrip("+-") in ("inf", "infinity"):
+            return sign * np.inf
+        value = self._number(joint, f"axis/limit/{end}", 0.0)
+        return value if abs(value) < ENDLESS else sign * np.inf
+
     def _body(self, name: str, near: str | None) -> Any:
         """Add a link to another one."""
         link, place = self.links[name], self.places[name]
@@ -180,12 +188,9 @@ class _Reader:
                 continue
             made.stiffness[0] = self._number(joint, "axis/dynamics/spring_stiffness", 0.0)
             made.springref = self._number(joint, "axis/dynamics/spring_reference", 0.0)
-            ends_of = [
-                self._number(joint, f"axis/limit/{end}", fail)
-                for end, fail in (("lower", -1e16), ("upper", 1e16))
-            ]
-            if kind != "continuous" and max(map(abs, ends_of)) < 1e15:
-                made.range = ends_of
+            limits = [self._limit(joint, end) for end in ("lower", "upper")]
+            if kind != "continuous" and np.isfinite(limits).any():
+                made.range = limits
             if (effort := self._number(joint, "axis/limit/effort", -1.0)) > 0.0:
                 made.actfrcrange, made.actfrclimited = [-effort, effort], True
 

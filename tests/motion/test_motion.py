@@ -95,7 +95,7 @@ def test_all_formats_become_the_same_clip(arms: MotionClip, tmp_path: Path, name
             read_motion(path, rate=50.0, joints=arms.joint_names)
 
 
-@pytest.mark.parametrize("kind", ["bytes", "padded", "letters", "unused"])
+@pytest.mark.parametrize("kind", ["bytes", "padded", "letters", "opaque", "of C", "unused"])
 def test_names_are_read_however_an_array_holds_them(arms: MotionClip, tmp_path: Path, kind: str) -> None:
     """Bytes of HDF5 or C, padded texts, rows of single letters of MATLAB; what is not read may be a pickle."""
     width = max(map(len, arms.joint_names))
@@ -104,6 +104,8 @@ def test_names_are_read_however_an_array_holds_them(arms: MotionClip, tmp_path: 
         "bytes": np.array([name.encode() for name in arms.joint_names]),
         "padded": np.array([name.encode() for name in padded]),
         "letters": np.array([list(name) for name in padded]),
+        "opaque": np.array([name.encode() for name in arms.joint_names]).view(f"V{width}"),
+        "of C": np.array([list(name.encode()) for name in padded], dtype=np.uint8),
         "unused": np.array(arms.joint_names),
     }[kind]
     more = {"info": np.array({"by": "somebody"})} if kind == "unused" else {}
@@ -137,6 +139,7 @@ HEADER, ROW = "time,x,y,z,qx,qy,qz,qw,a\n", "0,0,0,1,0,0,0,1,0\n"
         HEADER + ROW + ROW.replace("1", "one"),
         GMR | {"joint_names": np.arange(2)},
         HEADER.replace("qx", "rot_x") + ROW + ROW,
+        HEADER.replace("time", "x") + ROW + ROW,
         (HEADER + ROW + ROW).replace(",", ";").replace("1", "1,0"),
         HEADER + ROW + "0," + ROW,
         "".join(f"{name}\n" for name in ("x", "y")),

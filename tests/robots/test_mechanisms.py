@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -774,8 +775,38 @@ def test_a_ball_joint_of_an_sdf_is_three_hinges_and_a_joint_to_the_world_bolts_t
     assert not description.robot().floating
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "found"),
+    [
+        ("-0.5", "1", (-0.5, 1.0)),
+        ("-inf", "1", (-np.inf, 1.0)),
+        ("-1e16", "1", (-np.inf, 1.0)),
+        ("-1", "Infinity", (-1.0, np.inf)),
+        ("-1e16", "inf", (-np.inf, np.inf)),
+    ],
+)
+def test_limits_of_an_sdf_may_be_endless_on_either_side(
+    low: str, high: str, found: tuple[float, float]
+) -> None:
+    limit = f"<limit><lower>{low}</lower><upper>{high}</upper><effort>5</effort></limit>"
+    pin_of = PIN.format(name="neck", kind="revolute", one="base", two="tip", pose="0 0 0 0 0 0", frame="")
+    pin_of = re.sub(r"<limit>.*?</limit>", "", pin_of, flags=re.DOTALL).replace("</axis>", f"{limit}</axis>")
+    tip = BAR.format(name="tip", x=0, z=0.5, turn=0.1, mass=1)
+    robot = RobotDescription.from_mjcf(bars(links=tip, joints=pin_of), feet=False).robot()
+    i = robot.joint_index("neck")
+    assert (robot.position_lower[i], robot.position_upper[i]) == found
+
+
 BAD_SDFS = {  # text → words of the error
     "no model": ('<sdf version="1.6"/>', "one <model>"),
+    "no name": (
+        bars().replace('<joint name="knee"', "<joint"),
+        "<joint> must have a name of its own, got none for",
+    ),
+    "a name twice": (
+        bars().replace('"rod"', '"base"', 1),
+        "<link> must have a name of its own, got 'base' twice",
+    ),
     "no link": ('<sdf version="1.6"><model name="a"/></sdf>', "no link"),
     "no XML": ("<sdf><model>", "SDF string"),
     "other link": (bars(hang=("base", "nowhere")), "'hip' names link 'nowhere'"),

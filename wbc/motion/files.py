@@ -207,7 +207,7 @@ def _need(data: Mapping[str, Any], what: str, *names: str) -> None:
         model = "; parameters of a body model (SMPL) are turned into positions of joints outside"
         raise InputError(
             f"it has no {', '.join(missing)}, but {found}; {what} needs {', '.join(names)}"
-            f"{model if BODY_MODEL & {*data} else ''}"
+            f"{model if BODY_MODEL & {name.removeprefix('smpl_') for name in data} else ''}"
         )
 
 
@@ -235,6 +235,9 @@ def _columns(path: Path) -> dict[str, Any]:
             f"it has no column '{missing}': columns are separated by commas, numbers have a decimal point, and the "
             f"first line names {HEADER}; got {shown(lines[0])}"
         )
+    twice = next((name for name in (*BASE_COLUMNS, "time") if header.count(name) > 1), None)
+    if named and twice is not None:
+        raise InputError(f"a column must occur once, got '{twice}' {header.count(twice)} times")
     try:
         values = np.loadtxt(lines[named:], delimiter=",", comments=None, quotechar='"', ndmin=2)
     except ValueError as error:
@@ -293,6 +296,11 @@ def _placed(data: Mapping[str, Any]) -> tuple[Array, Array]:
 def _texts(names: Any) -> tuple[str, ...]:
     """Return names of an array of texts: of bytes, padded ones and rows of single letters, as MATLAB has them, too."""
     names = np.asarray(names)
+    if names.dtype.kind == "V" or (
+        names.dtype == np.uint8 and names.ndim == 2
+    ):  # opaque bytes, and letters of C
+        width = names.dtype.itemsize * (names.shape[1] if names.dtype == np.uint8 else 1)
+        names = np.ascontiguousarray(names).view(f"S{width}")
     if names.dtype.kind not in "SU":
         raise InputError(f"names must be texts, got an array of type {names.dtype}")
     if names.ndim == 2 and names.dtype.itemsize == np.dtype(f"{names.dtype.kind}1").itemsize:
