@@ -1,0 +1,318 @@
+"""Policies: what a description says, what the network sees, what the drives get, and bad input."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+from wbc.base.errors import InputError, UnknownNameError, WbcError
+from wbc.core.estimation.falls import FallReason
+from wbc.policy import OnnxNetwork, PolicyControl, PolicyDescription, Term
+from wbc.policy.terms import Clock
+
+onnx = pytest.importorskip("onnx")
+pytest.importorskip("onnxruntime")
+
+DT = 0.002
+G1 = wbc.load_robot("g1")
+LEGS = tuple(name for name in G1.joint_names if any(part in name for part in ("hip", "knee", "ankle")))
+TERMS = ("angular_velocity", "gravity", "command", "joint_position", "joint_velocity", "last_action")
+
+
+class Known:
+    """Network that remembers what it saw, and answers with a given action."""
+
+    def __init__(self, inputs: int, outputs: int, action: float | Sequence[float] = 0.0) -> None:
+        self.inputs, self.outputs = inputs, outputs
+        self.action = np.broadcast_to(np.asarray(action, np.float32), (outputs,)).copy()
+        self.seen: list[np.ndarray] = []
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        self.seen.append(observation.copy())
+        return self.action
+
+
+def described(joints: Sequence[str] = LEGS, **values: Any) -> PolicyDescription:
+    n = len(joints)
+    given: dict[str, Any] = {
+        "default": [0.01 * k for k in range(n)],
+        "kp": [50.0 + k for k in range(n)],
+        "kd": [1.0 + 0.1 * k for k in range(n)],
+        "observation": [Term(name) for name in TERMS],
+        "action_scale": 0.25,
+    }
+    return PolicyDescription(joints=tuple(joints), **given | values)
+
+
+def control(network: Any, description: PolicyDescription, **options: Any) -> tuple[wbc.Plant, PolicyControl]:
+    plant = wbc.Plant(G1, control_period=DT, noise="none")
+    return plant, PolicyControl(G1.robot(), network, DT, description=description, **options)
+
+
+def write_network(
+    path: Path, weights: np.ndarray, metadata: dict[str, str] | None = None, **changes: Any
+) -> Path:
+    """Write the network action = weights · observation."""
+    outputs, inputs = weights.shape
+    helper, kind = onnx.helper, changes.get("kind", onnx.TensorProto.FLOAT)
+    given = [
+        helper.make_tensor_value_info(name, kind, changes.get("shape", [1, inputs]))
+        for name in changes.get("names", ["obs"])
+    ]
+    result = helper.make_tensor_value_info("action", kind, [1, outputs])
+    held = onnx.numpy_helper.from_array(weights.T.astype(np.float32), "weights")
+    graph = helper.make_graph(
+        [helper.make_node("MatMul", ["obs", "weights"], ["action"])], "policy", given, [result], [held]
+    )
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", changes.get("opset", 17))], ir_version=8
+    )
+    for key, text in (metadata or {}).items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, text
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+def test_the_network_sees_the_estimate_in_the_order_and_units_of_its_description() -> None:
+    """Joints are permuted, and the robot turned, tilted and moving: every term by its definition."""
+    joints = tuple(np.random.default_rng(0).permutation(LEGS))
+    n = len(joints)
+    network = Known(9 + 3 * n, n, np.linspace(-0.2, 0.2, n))
+    description = described(joints)
+    plant, policy = control(network, description)
+    policy.velocity = (0.3, -0.1, 0.2)
+    robot, names = policy.observer.robot, list(G1.joint_names)
+    for _ in range(25):
+        plant.step(policy.command(plant.measure()))
+    columns = [names.index(joint) for joint in joints]
+    network.seen.clear()
+    while not network.seen:
+        command = policy.command(plant.measure())
+        q, v = np.array(robot.q), np.array(robot.v)
+        plant.step(command)
+    rotation = pin.Quaternion(q[3:7]).matrix()
+    expected = [
+        v[3:6],
+        rotation.T @ [0.0, 0.0, -1.0],
+        [0.3, -0.1, 0.2],
+        q[7:][columns] - description.default,
+        v[6:][columns],
+        network.action,
+    ]
+    np.testing.assert_allclose(network.seen[0], np.concatenate(expected), rtol=1e-5, atol=1e-6)
+
+
+def test_targets_and_gains_are_those_of_the_policy_and_other_joints_are_held() -> None:
+    n = len(LEGS)
+    network = Known(9 + 3 * n, n, 0.1)
+    description = described(
+        default=[float(G1.robot().half_sitting[7 + G1.joint_names.index(j)]) for j in LEGS]
+    )
+    plant, policy = control(network, description)
+    command = policy.command(plant.measure())
+    columns = [G1.joint_names.index(joint) for joint in LEGS]
+    others = [k for k in range(len(G1.joint_names)) if k not in columns]
+    robot = policy.observer.robot
+    np.testing.assert_allclose(
+        command.joint_position[columns], np.array(description.default) + 0.025, atol=1e-12
+    )
+    np.testing.assert_allclose(command.kp[columns], description.kp)
+    np.testing.assert_allclose(command.kd[columns], description.kd)
+    np.testing.assert_allclose(command.joint_position[others], robot.half_sitting[7:][others])
+    np.testing.assert_allclose(command.kp[others], robot.servos.kp[others])
+
+
+def test_torques_that_a_policy_asks_for_stay_within_the_limits() -> None:
+    n = len(LEGS)
+    plant, policy = control(Known(9 + 3 * n, n, 100.0), described(action_scale=10.0))
+    for _ in range(50):
+        m = plant.measure()
+        command = policy.command(m)
+        asked = command.joint_torque + command.kp * (command.joint_position - m.joint_position)
+        asked += command.kd * (command.joint_velocity - m.joint_velocity)
+        assert (np.abs(asked) <= policy.observer.robot.torque_limit * (1.0 + 1e-6)).all()
+        plant.step(command)
+
+
+def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
+    n = len(LEGS)
+    description = described(
+        observation=[Term("command", history=3, scale=(1.0, 2.0, 3.0)), Term("last_action", clip=0.05)]
+    )
+    network = Known(9 + n, n, 0.1)
+    plant, policy = control(network, description)
+    speeds = [0.1, 0.2, 0.3, 0.4]
+    for speed in speeds:
+        policy.velocity = (speed, 0.1, 0.0)
+        for _ in range(10):
+            plant.step(policy.command(plant.measure()))
+    assert len(network.seen) == len(speeds)
+    np.testing.assert_allclose(network.seen[0][:9], [0.1, 0.2, 0.0] * 3, atol=1e-6)  # filled with the first
+    np.testing.assert_allclose(network.seen[3][:9:3], [0.2, 0.3, 0.4], atol=1e-6)  # oldest first
+    np.testing.assert_allclose(network.seen[3][9:], 0.05, atol=1e-6)  # clipped
+    policy.reset()
+    policy.command(plant.measure())
+    assert not network.seen[-1][9:].any()
+
+
+def test_the_clock_of_a_gait_runs_while_the_robot_walks_and_its_feet_are_half_a_period_apart() -> None:
+    clock = Clock(0.8, 0.02)
+    clock.reset()
+    assert (clock.phase == math.pi).all()
+    clock.tick(stands=False)
+    np.testing.assert_allclose(clock.phase, [0.0, math.pi])
+    for k in range(1, 100):
+        clock.tick(stands=False)
+        turned = 2.0 * math.pi * 0.02 * k / 0.8
+        np.testing.assert_allclose(np.cos(clock.phase), [math.cos(turned), -math.cos(turned)], atol=1e-9)
+        assert (np.abs(clock.phase) <= math.pi + 1e-12).all()
+    clock.tick(stands=True)
+    assert (clock.phase == math.pi).all()
+
+
+def test_velocities_beyond_those_of_the_policy_are_asked_for_at_their_most() -> None:
+    n = len(LEGS)
+    plant, policy = control(Known(9 + 3 * n, n), described(fastest=(0.5, 0.2, 0.4)))
+    policy.velocity = (0.9, -0.9, 0.1)
+    assert policy.velocity == (0.9, -0.9, 0.1)
+    np.testing.assert_allclose(policy.observed.command, [0.5, -0.2, 0.1])
+    policy.velocity = None
+    assert policy.velocity is None and not policy.observed.command.any()
+
+
+def test_an_action_that_is_none_fails_the_tick_and_the_robot_is_damped_in_the_end() -> None:
+    n = len(LEGS)
+    network = Known(9 + 3 * n, n)
+    plant, policy = control(network, described())
+    last = policy.command(plant.measure())
+    network.action[3] = math.nan
+    for _ in range(100):
+        command = policy.command(plant.measure())
+        assert np.isfinite(command.joint_torque).all()
+        plant.step(command)
+    assert policy.failures > 0 and policy.stopped and policy.fallen is FallReason.SOLVER
+    assert last.kp is not None and command.kp is None  # damping alone
+
+
+def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> None:
+    n = len(LEGS)
+    numbers = {"kp": [10.0] * n, "kd": [1.0] * n}
+    holosoma = {"dof_names": json.dumps(LEGS), **{key: json.dumps(values) for key, values in numbers.items()}}
+    holosoma["command_ranges"] = json.dumps(
+        {"lin_vel_x": [-1, 0.8], "lin_vel_y": [-0.5, 0.5], "ang_vel_yaw": [-1, 1]}
+    )
+    file = write_network(tmp_path / "a.onnx", np.zeros((n, 6 + n)), holosoma)
+    with pytest.raises(InputError, match=r"default, observation.*a\.toml"):
+        PolicyDescription.of(file)
+    names = '{name = "dof_pos"}, {name = "projected_gravity"}, {name = "base_ang_vel", scale = 0.25}'
+    beside = f"phase = 0.9\nobservation = [{names}]\n"
+    (tmp_path / "a.toml").write_text(f"{beside}[default]\nleft_knee_joint = 0.5\n", encoding="utf-8")
+    description = PolicyDescription.of(file)
+    assert description.joints == LEGS and description.fastest == (0.8, 0.5, 1.0) and description.phase == 0.9
+    assert description.default[LEGS.index("left_knee_joint")] == 0.5 and sum(description.default) == 0.5
+    assert [term.name for term in description.observation] == [
+        "joint_position",
+        "gravity",
+        "angular_velocity",
+    ]
+    PolicyControl(G1.robot(), file, DT)
+
+    mjlab = {
+        "joint_names": ",".join(LEGS),
+        "joint_stiffness": ",".join(["40.5"] * n),
+        "joint_damping": ",".join(["2.5"] * n),
+        "default_joint_pos": ",".join(["0.1"] * n),
+        "action_scale": "0.5",
+        "observation_names": "base_lin_vel,base_ang_vel,joint_pos,actions",
+    }
+    file = write_network(tmp_path / "b.onnx", np.zeros((n, 6 + 2 * n)), mjlab)
+    description = PolicyDescription.of(file)
+    assert (
+        description.kp == (40.5,) * n
+        and description.action_scale == 0.5
+        and description.default == (0.1,) * n
+    )
+    PolicyControl(G1.robot(), file, DT)
+
+
+def test_a_network_of_a_file_is_its_function(tmp_path: Path) -> None:
+    weights = np.random.default_rng(1).normal(size=(4, 7)).astype(np.float32)
+    network = OnnxNetwork(write_network(tmp_path / "w.onnx", weights))
+    seen = np.random.default_rng(2).normal(size=7).astype(np.float32)
+    np.testing.assert_allclose(network(seen), weights @ seen, rtol=1e-5)
+    assert (network.inputs, network.outputs) == (7, 4)
+
+
+N = len(LEGS)
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"kp": [1.0]}, "kp"),
+        ({"kd": [-1.0] * N}, "kd"),
+        ({"default": [math.nan] * N}, "default"),
+        ({"observation": []}, "observation"),
+        ({"observation": [Term("phase_sine")]}, "phase"),
+        ({"period": 0.0}, "period"),
+        ({"period": 20.0}, "period"),
+        ({"action_scale": 0.0}, "action_scale"),
+        ({"action_scale": [0.1]}, "action_scale"),
+        ({"phase": -1.0}, "phase"),
+    ],
+)
+def test_descriptions_that_cannot_be_are_refused(values: dict[str, Any], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        described(**values)
+
+
+@pytest.mark.parametrize(
+    ("make", "error"),
+    [
+        (lambda: Term("joint_psition"), UnknownNameError),
+        (lambda: described(joints=("left_knee_joint", "left_knee_joint")), InputError),
+        (lambda: control(Known(9 + 3 * N, N), described(period=0.003)), InputError),
+        (lambda: control(Known(8 + 3 * N, N), described()), InputError),
+        (lambda: control(Known(9 + 3 * N, N - 1), described()), InputError),
+        (lambda: control(Known(9 + 3, 1), described(joints=("left_gripper",))), UnknownNameError),
+        (
+            lambda: control(Known(3, N), described(observation=[Term("gravity", scale=(1.0, 2.0))])),
+            InputError,
+        ),
+        (lambda: PolicyControl(G1.robot(), Known(3, 3), DT), InputError),
+        (lambda: control("nowhere.onnx", described()), InputError),
+    ],
+)
+def test_policies_that_do_not_fit_are_refused_before_the_first_tick(make: Any, error: type[WbcError]) -> None:
+    with pytest.raises(error):
+        make()
+
+
+def test_files_that_are_no_network_of_a_policy_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "text.onnx").write_text("no network", encoding="utf-8")
+    (tmp_path / "empty.onnx").write_bytes(b"")
+    for name in ("text.onnx", "empty.onnx"):
+        with pytest.raises(InputError, match=name):
+            OnnxNetwork(tmp_path / name)
+    weights = np.zeros((2, 3))
+    write_network(tmp_path / "opset.onnx", weights, opset=900)
+    with pytest.raises(InputError, match="opset"):
+        OnnxNetwork(tmp_path / "opset.onnx")
+    write_network(tmp_path / "free.onnx", weights, shape=[1, "n"])
+    with pytest.raises(InputError, match="width"):
+        OnnxNetwork(tmp_path / "free.onnx")
+    write_network(tmp_path / "two.onnx", weights, names=["obs", "memory"])
+    with pytest.raises(InputError, match="memory"):
+        OnnxNetwork(tmp_path / "two.onnx")
+    lies = {"dof_names": json.dumps(LEGS), "kp": "[1, 2]", "kd": "hello", "command_ranges": "[]"}
+    with pytest.raises(WbcError):
+        PolicyDescription.of(write_network(tmp_path / "lies.onnx", weights, lies))

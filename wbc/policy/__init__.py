@@ -1,0 +1,12 @@
+"""Trained policies beside the QP: descriptions, observations, networks, and the control that runs them.
+
+A new term of an observation goes into `wbc.policy.terms`, another way in which files describe policies into
+`wbc.policy.description`.
+"""
+
+from wbc.policy.control import PolicyControl
+from wbc.policy.description import PolicyDescription, Term
+from wbc.policy.network import Network, OnnxNetwork
+from wbc.policy.terms import TERMS, Observed
+
+__all__ = ["TERMS", "Network", "Observed", "OnnxNetwork", "PolicyControl", "PolicyDescription", "Term"]

@@ -1,0 +1,244 @@
+"""Control by a trained policy: measurements in, references of the servos out, with the library's own estimate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from wbc.base.checked import checked
+from wbc.base.errors import InputError, WbcError, unknown_name
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Period
+from wbc.core.drive.control import FailurePolicy, SafetySettings, State
+from wbc.core.drive.torque import TorqueControl
+from wbc.core.estimation.observer import Observer
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import Robot
+from wbc.core.signals import Command
+from wbc.policy.description import PolicyDescription
+from wbc.policy.network import Network, OnnxNetwork
+from wbc.policy.terms import TERMS, Clock, Observed
+from wbc.walking.plans.sources import Velocity, checked_velocity
+
+
+class PolicyError(WbcError):
+    """An action that is no action: a value that is not finite."""
+
+
+class PolicyControl(TorqueControl):
+    """Control of a robot by a policy that walks, as it is steered.
+
+        policy = PolicyControl(robot, "policy.onnx", plant.control_period)
+        policy.velocity = (0.5, 0.0, 0.0)  # at any tick; None for a stand
+        while policy.fallen is None:
+            plant.step(policy.command(plant.measure()))
+
+    A command has the targets and the gains of the policy for its joints, within the torque limits. The servos of the
+    robot hold its other joints in half-sitting. In between two actions the targets stay. The policy sees the estimate
+    of the `Observer`, never the truth of a simulation.
+
+    Attributes:
+        description: Joints, gains, action and observation of the policy.
+        network: The network.
+        observed: What the terms of the observation read.
+        action: Last action, in the order of the policy's joints.
+    """
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot,
+        policy: str | Path | Network,
+        dt: Period,
+        *,
+        description: PolicyDescription | None = None,
+        observer: Observer | None = None,
+        failures: FailurePolicy | None = None,
+        safety: SafetySettings | None = None,
+    ) -> None:
+        """Check that the policy fits the robot; it begins with the first tick.
+
+        Args:
+            robot: The robot, which stands; it becomes the estimated robot.
+            policy: File of an ONNX network, or a network of your own, for which a description is needed.
+            dt: Control period, s; the policy's is a multiple of it.
+            description: Description; from the file and the TOML file beside it when None.
+            observer: Observer of the robot's state; a new one when None.
+            failures: Reaction to ticks without a usable measurement or action.
+            safety: Ranges of measurements, and the reaction to a fall.
+
+        Raises:
+            InputError: A file that cannot be read, a joint that the robot has not, an observation or an action of
+                another width than that of the network, or a period of the policy that is no multiple of the control
+                period.
+        """
+        network: Network
+        if isinstance(policy, (str, Path)):
+            network = read = OnnxNetwork(policy)
+            if description is None:
+                description = PolicyDescription.of(policy, read.metadata)
+        else:
+            network = policy
+            if description is None:
+                raise InputError("a network of your own needs a description: PolicyDescription(joints=…, …)")
+        super().__init__(Controller(robot, dt), observer, failures, safety=safety)
+        self.network, self.description = network, description
+        self._columns = columns = np.array(joint_columns(robot, description.joints))
+        n = len(columns)
+        self._every = round(description.period / dt)
+        if self._every < 1 or abs(self._every * dt - description.period) > ROUNDING:
+            raise InputError(
+                f"the period of the policy, {description.period:g} s, must be a multiple of the control period, "
+                f"{dt:g} s"
+            )
+        self._default = np.array(description.default)
+        self._scale = np.broadcast_to(np.asarray(description.action_scale), (n,))
+        servos = robot.servos
+        self._kp, self._kd = (
+            (np.zeros(robot.na), np.zeros(robot.na))
+            if servos is None
+            else (servos.kp.copy(), servos.kd.copy())
+        )
+        self._kp[columns], self._kd[columns] = description.kp, description.kd
+        self._target = np.array(robot.half_sitting[7:])
+        self._still = np.zeros(robot.na)
+        self.observed = Observed(
+            self.observer.robot, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(2)
+        )
+        self._clock = Clock(description.phase, description.period)
+        self.observed.phase = self._clock.phase
+        self._terms = [
+            (TERMS[term.name], np.asarray(term.scale), term.clip) for term in description.observation
+        ]
+        sizes = [term(self.observed).size for term, _, _ in self._terms]
+        for term, size in zip(description.observation, sizes, strict=True):
+            if isinstance(term.scale, tuple) and len(term.scale) != size:
+                raise InputError(
+                    f"scale of the term '{term.name}' must have {size} values, got {len(term.scale)}"
+                )
+        width = sum(size * term.history for size, term in zip(sizes, description.observation, strict=True))
+        for what, is_, has in (("observation", network.inputs, width), ("action", network.outputs, n)):
+            if is_ != has:
+                parts = ", ".join(
+                    f"{t.name} {size}" + (f" x {t.history}" if t.history > 1 else "")
+                    for t, size in zip(description.observation, sizes, strict=True)
+                )
+                raise InputError(
+                    f"the network has {what}s of {is_} values, and the description of {has}"
+                    + (f": {parts}" if what == "observation" else ", one for each joint")
+                )
+        self._observation = np.zeros(width, np.float32)
+        self._parts, start = [], 0
+        for size, term in zip(sizes, description.observation, strict=True):
+            stop = start + size * term.history
+            self._parts.append(self._observation[start:stop].reshape(term.history, size))
+            start = stop
+        self._velocity: Velocity | None = None
+        self._fastest = np.array(description.fastest)
+        self._begin_policy()
+
+    def _begin_policy(self) -> None:
+        self._ticks = 0
+        self._fresh = True  # no observation yet
+        self._lost: Exception | None = None  # of the last action
+        self.observed.action[:] = 0.0
+        self._clock.reset()
+
+    def reset(self, q: Array | None = None) -> None:
+        """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
+        super().reset(q)
+        self._begin_policy()
+
+    @property
+    def action(self) -> Array:
+        """Last action, in the order of the policy's joints."""
+        return self.observed.action
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Velocity that is asked for: ahead and aside, m/s, and turn, rad/s; None for a stand. Assign it at any tick.
+
+        The policy is asked for no more than `PolicyDescription.fastest`.
+        """
+        return self._velocity
+
+    @velocity.setter
+    def velocity(self, value: Sequence[float] | None) -> None:
+        velocity = checked_velocity(value)
+        self._velocity = None if value is None else velocity
+        np.clip(velocity, -self._fastest, self._fastest, out=self.observed.command)
+
+    def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
+        """End a tick: let the policy act once in its period, and return the command of the drives."""
+        del wrenches
+        if self.damped:
+            command = self._damp(state)
+        else:
+            if state.ok and self._ticks % self._every == 0:
+                try:
+                    self._step(state)
+                    self._lost = None
+                except Exception as error:  # of a network of the user's own
+                    self._lost = error
+            self._ticks += 1
+            if state.ok and self._lost is not None:  # until the next action
+                state = self.refuse(state, self._lost)
+            if state.ok:
+                self._failing = 0
+            command = self._damp(state) if self.stopped else self._servos(state)
+        if self._released is not None:
+            command = self._without(command, self._released)
+        if self.wrenches is not None:
+            self._sent.sent(command)
+        return command
+
+    def _step(self, state: State) -> None:
+        """Observe, and let the network choose the next targets."""
+        observed, columns = self.observed, self._columns
+        observed.position[:] = state.robot.q[7:][columns] - self._default
+        observed.velocity[:] = state.robot.v[6:][columns]
+        self._clock.tick(not observed.command.any())
+        for part, (term, scale, clip) in zip(self._parts, self._terms, strict=True):
+            values = term(observed) * scale
+            if clip is not None:
+                values = np.clip(values, -clip, clip)
+            if self._fresh:
+                part[:] = values
+            else:
+                part[:-1] = part[1:]
+                part[-1] = values
+        self._fresh = False
+        action = self.network(self._observation)
+        if not np.isfinite(action).all():
+            raise PolicyError(f"the policy's action has {action[~np.isfinite(action)][0]}")
+        most = self.description.action_clip
+        np.clip(action, -most, most, out=observed.action)
+        self._target[columns] = self._default + self._scale * observed.action
+
+    def _servos(self, state: State) -> Command:
+        """Return the targets with the policy's gains, within the torque limits where the joints are now."""
+        m = state.measurement
+        return self.gate.pass_on_with_gains(
+            self._still, self._target, self._still, (self._kp, self._kd), (m.joint_position, m.joint_velocity)
+        )
+
+
+def joint_columns(robot: Robot, joints: Sequence[str]) -> list[int]:
+    """Return the columns of joints by name, with or without the ending "_joint", in the order of a policy.
+
+    Raises:
+        UnknownNameError: A joint that the robot has not.
+    """
+    names = list(robot.joint_names)
+    short = [name.removesuffix("_joint").lower() for name in names]
+    columns = []
+    for joint in joints:
+        if joint in names:
+            columns.append(names.index(joint))
+        elif (key := joint.removesuffix("_joint").lower()) in short:
+            columns.append(short.index(key))
+        else:
+            unknown_name("joint of the robot", joint, names)
+    return columns

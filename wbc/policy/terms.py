@@ -1,0 +1,86 @@
+"""Terms of observations: parts of what a policy sees, each from the estimate and from what was asked for.
+
+Their names and values are those of IsaacLab's managers, along the axes of the base where they have any. A new term is a
+function of `Observed` in `TERMS`, which returns an array; its length may depend on the policy, and never changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.base.numbers import Array
+from wbc.core.robot import Robot
+
+
+@dataclass
+class Observed:
+    """State of a policy's run that its terms read.
+
+    Attributes:
+        robot: The estimated robot.
+        position: Joint positions minus those of the default posture, in the policy's order, rad.
+        velocity: Joint velocities in the policy's order, rad/s.
+        action: Last action.
+        command: Velocity that is asked for: ahead, aside, m/s, and turn, rad/s.
+        phase: Phases of the left and the right foot, from −π to π.
+    """
+
+    robot: Robot
+    position: Array
+    velocity: Array
+    action: Array
+    command: Array
+    phase: Array
+
+
+def _gravity(observed: Observed) -> Array:
+    x, y, z, w = observed.robot.q[3:7].tolist()
+    return np.array([-2.0 * (x * z - w * y), -2.0 * (y * z + w * x), -(1.0 - 2.0 * (x * x + y * y))])
+
+
+TERMS: dict[str, Callable[[Observed], Array]] = {
+    "linear_velocity": lambda o: o.robot.v[:3],  # by the observer: no robot measures it
+    "angular_velocity": lambda o: o.robot.v[3:6],
+    "gravity": _gravity,
+    "command": lambda o: o.command,
+    "command_linear": lambda o: o.command[:2],
+    "command_turn": lambda o: o.command[2:],
+    "joint_position": lambda o: o.position,
+    "joint_velocity": lambda o: o.velocity,
+    "last_action": lambda o: o.action,
+    "phase_sine": lambda o: np.sin(o.phase),
+    "phase_cosine": lambda o: np.cos(o.phase),
+}
+"""Name → function that returns the values of the term."""
+
+
+class Clock:
+    """Clock of a gait: the phases of both feet, half a period apart, which rest while the robot is to stand."""
+
+    def __init__(self, period: float | None, dt: float) -> None:
+        """Take the period of the gait, s, None for a gait without a clock, and the time between two actions, s."""
+        self._step = 0.0 if period is None else 2.0 * math.pi * dt / period
+        self.phase = np.array([0.0, math.pi])
+        self._stood = True
+
+    def reset(self) -> None:
+        """Begin as with a robot that stands."""
+        self.phase[:] = math.pi
+        self._stood = True
+
+    def tick(self, stands: bool) -> None:
+        """Go on by one period of the policy; `stands` is true while no velocity is asked for."""
+        if stands:
+            self.phase[:] = math.pi
+        elif self._stood:
+            self.phase[:] = 0.0, math.pi
+        else:
+            self.phase[:] = np.mod(self.phase + self._step + math.pi, 2.0 * math.pi) - math.pi
+        self._stood = stands
+
+
+__all__ = ["TERMS", "Clock", "Observed"]
