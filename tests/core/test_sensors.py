@@ -229,9 +229,50 @@ def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(lifts: bool) ->
         left = 0.0 if lifts and tick % 60 > 30 else 0.5
         wrench[:, 2] = np.array((left, 1.0 - left)) * ROBOT.mass * GRAVITY
         measurement = at_rest(ROBOT, tick * DT, sole_wrench=wrench)
-        monitor.update(rng.normal(size=len(names)), measurement, seen)
+        monitor.update(1e-3 * rng.normal(size=len(names)), measurement, seen)
         told.append("encoders and gyroscope disagree" in monitor.doubts)
     assert any(told) == (not lifts)
+
+
+def drifting(drift: Any, joints: Any = 5, scale: float = 1.0, motion: float = 0.4) -> list[tuple[float, str]]:
+    """Return what is doubted of encoders that leave the integrals of their velocities, and when, s.
+
+    All joints swing by `motion`, rad, at 1 Hz and in phases of their own; the velocities are `scale` times as large.
+    """
+    names, na, rng = Plausibility(ROBOT, DT).names, ROBOT.na, np.random.default_rng(0)
+    monitor, phases, found = ConsistencyMonitor(ROBOT, DT, names), rng.uniform(0.0, 6.0, ROBOT.na), []
+    for tick in range(600):
+        time, values = tick * DT, 1e-3 * rng.normal(size=len(names))
+        angle = 2.0 * np.pi * time + phases
+        values[:na] += motion * np.sin(angle)
+        values[joints] += drift(time)
+        values[na : 2 * na] += scale * motion * 2.0 * np.pi * np.cos(angle)
+        monitor.update(values, at_rest(ROBOT, time), observed())
+        found += [(time, doubt) for doubt in monitor.doubts]
+    return found
+
+
+@pytest.mark.parametrize(("rate", "within"), [(0.1, 1.6), (-0.3, 0.55), (0.9, 0.25)])
+def test_an_encoder_that_drifts_from_its_velocity_is_named_and_nothing_else(
+    rate: float, within: float
+) -> None:
+    """Long before the difference of their speeds alone would tell."""
+    found = drifting(lambda time: rate * max(time - 1.0, 0.0))
+    assert {doubt for _, doubt in found} == {f"velocity of {ROBOT.joint_names[5]} contradicts its encoder"}
+    assert 1.0 < found[0][0] < 1.0 + within
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.95, 1.05])
+def test_an_encoder_with_an_offset_or_a_velocity_with_a_scale_does_not_drift(scale: float) -> None:
+    assert not drifting(lambda time: 0.05 * (time > 1.0), scale=scale)
+
+
+@pytest.mark.parametrize("ratio", [0.6, 1.8])
+def test_a_clock_that_does_not_run_as_the_machine_does_is_named(ratio: float) -> None:
+    """All joints move more or less than their velocities say, by one ratio."""
+    assert {doubt for _, doubt in drifting(lambda time: 0.0, scale=1.0 / ratio)} == {
+        f"the machine runs at {ratio:.1f} of real time"
+    }
 
 
 def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_air() -> None:
@@ -254,12 +295,13 @@ def test_rounded_readings_that_come_to_rest_and_joints_that_stick_are_not_frozen
     shape, told = rng.uniform(0.5, 1.0, len(names)), []
     for tick in range(600):
         values = 0.3 * shape * np.exp(-0.02 * tick)
+        values[na : 2 * na] = -0.02 / DT * values[:na]  # as the encoders move
         if kind == "rounded":
             values = np.round(values / 0.01) * 0.01
         else:
             values = values + 1e-3 * rng.normal(size=len(names))
             values[:na], values[na : 2 * na] = (
-                (0.3, 0.0) if tick > 300 else (values[:na], values[na : 2 * na])
+                (0.0, 0.0) if tick > 300 else (values[:na], values[na : 2 * na])
             )
         monitor.update(values, at_rest(ROBOT, tick * DT), observed())
         told += monitor.doubts
@@ -285,7 +327,7 @@ def test_a_contradiction_that_begins_with_a_push_is_none() -> None:
             if pushed and 97 <= tick < 115:
                 aside = measurement.specific_force + np.array([0.0, 12.0, 0.0])
                 measurement = replace(measurement, specific_force=aside)
-            monitor.update(rng.normal(size=len(names)), measurement, observed())
+            monitor.update(1e-3 * rng.normal(size=len(names)), measurement, observed())
             told += [measurement.time] * any("too low" in doubt for doubt in monitor.doubts)
         first = told[0] if told else None
         assert first is not None and (first < 100 * DT + 0.2) is not pushed
