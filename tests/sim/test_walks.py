@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -94,6 +95,25 @@ def test_fields_of_a_plan_change_nothing_else_of_it(monkeypatch: pytest.MonkeyPa
         WalkPlan(turn=0.2),
         side.plan,
     ]
+
+
+def test_parameters_of_a_walk_take_the_numbers_of_numpy() -> None:
+    def given(number: Callable[[float], Any], several: Callable[[list[float]], Any]) -> WalkSpec:
+        return WalkSpec(
+            foot="variable",
+            policy="fixed",
+            policy_params={"stiffness": number(5.0)},
+            terrain="stones",
+            amplitude=number(0.5),
+            terrain_params={"length": number(4.0)},
+            changes={"gains.dcm_p": several([4.0, 5.0]), "walk.phases.lift_off": number(0.25)},
+            start=several([0.5, 0.25, 0.0]),
+        )
+
+    plain = given(float, list)
+    for kind in (np.float32, np.float64):
+        spec = given(kind, lambda values, kind=kind: np.array(values, dtype=kind))  # type: ignore[misc]
+        assert spec == plain and WalkSpec.from_json(json.loads(json.dumps(spec.to_json()))) == plain
 
 
 def test_a_push_after_the_end_is_refused_or_told() -> None:

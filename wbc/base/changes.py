@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.settings import may_be_none, nested_settings
+from wbc.base.settings import may_be_none, nested_settings, to_json
 
 T = TypeVar("T")
 
@@ -38,6 +38,7 @@ def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes
 
 
 def _plain(name: str, value: Any) -> Value:
+    value = to_json(value)  # numbers and arrays of NumPy
     if isinstance(value, (list, tuple)) and all(_is_scalar(item) for item in value):
         return tuple(value)
     if not _is_scalar(value):

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
+from textwrap import shorten
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -177,11 +178,12 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
     specs = [trial.spec for trial in study.trials()]
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(options.journal, any_code=any_code))
-        older = left_out(study, journal.entries).other_code
-        if older:
+        older = left_out(study, journal.entries)
+        if older.other_code:
+            why = shorten("; ".join(older.differences), 200, placeholder=" …")
             raise InputError(
-                f"{options.journal} has {older} trials of '{study.name}' by another version of the code: --any-code "
-                f"takes them, or begin another journal"
+                f"{options.journal} has {older.other_code} trials of '{study.name}' by another version of the code "
+                f"({why}): --any-code takes them, or begin another journal"
             )
         executor = None
         if options.cluster is not None:
