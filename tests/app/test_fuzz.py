@@ -43,7 +43,8 @@ def write_valid(folder: Path) -> None:
     for name in ("motion.npz", "motion.csv"):
         write_motion(MotionClip(robot.joint_names, 30.0, q[:, :7], q[:, 7:]), folder / name)
     (folder / "walk.toml").write_text(
-        'seed = 3\nfoot = "soft"\namplitude = 0.02\n[plan]\ndistance = 0.5\n[gait]\nswing_height = 0.06\n'
+        'seed = 3\nfoot = "soft"\nterrain = "stones"\namplitude = 0.02\n'
+        "[plan]\ndistance = 0.5\n[gait]\nswing_height = 0.06\n"
     )
     (folder / "robot.xml").write_text(xml := biped())
     (folder / "robot.toml").write_text('file = "robot.xml"\nname = "little"\nsole_size = [0.2, 0.1]\n')

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
 from pathlib import Path
@@ -10,6 +11,10 @@ import pytest
 from mjcf_biped import biped
 
 from wbc.app import cli
+from wbc.base.errors import InputError
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.solving.solution import Solution
+from wbc.core.signals import Measurement
 from wbc.robots import load
 
 Captured = pytest.CaptureFixture[str]
@@ -72,11 +77,24 @@ def test_a_urdf_whose_feet_are_not_named_is_described_and_said_not_to_walk(capfd
     assert "no feet" in out and "--left left_foot --right right_foot" in out
 
 
-def test_a_stand_with_failed_ticks_is_a_failure(capfd: Captured, tmp_path: Path) -> None:
+def test_a_stand_without_torque_is_a_fall(capfd: Captured, tmp_path: Path) -> None:
     text = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
     (tmp_path / "weak.urdf").write_text(re.sub(r'effort="[^"]+"', 'effort="0.05"', text))
     (tmp_path / "weak.toml").write_text(
         "file = 'weak.urdf'\nleft_sole = 'left_foot'\nright_sole = 'right_foot'\n"
     )
-    code, out, err = wbc_command(capfd, "stand", "--robot", str(tmp_path / "weak.toml"), "--seconds", "0.3")
-    assert code == cli.FAILED and "stood" not in out and "infeasible" in err
+    code, out, _ = wbc_command(capfd, "stand", "--robot", str(tmp_path / "weak.toml"), "--seconds", "0.3")
+    assert code == cli.RAN and "FELL" in out and "stood" not in out
+
+
+def test_a_stand_with_failed_ticks_is_a_failure(capfd: Captured, monkeypatch: pytest.MonkeyPatch) -> None:
+    solve, ticks = Controller.solve, itertools.count()
+
+    def fails_once(controller: Controller, measurement: Measurement) -> Solution:
+        if next(ticks) == 20:
+            raise InputError("this tick fails")
+        return solve(controller, measurement)
+
+    monkeypatch.setattr(Controller, "solve", fails_once)
+    code, out, err = wbc_command(capfd, "stand", "--robot", "g1", "--seconds", "0.3")
+    assert code == cli.FAILED and "stood" not in out and "this tick fails" in err
