@@ -62,8 +62,9 @@ def sources(root: Path) -> str:
         folders[:] = sorted(name for name in folders if not name.startswith((".", "__pycache__")))
         for name in sorted(name for name in files if not name.startswith(".")):
             path = Path(folder, name)
-            content = hashlib.sha256(path.read_bytes()).hexdigest()
-            total.update(f"{path.relative_to(root).as_posix()} {content}\n".encode())
+            if path.is_file():  # and no link that leads nowhere
+                content = hashlib.sha256(path.read_bytes()).hexdigest()
+                total.update(f"{path.relative_to(root).as_posix()} {content}\n".encode())
     return total.hexdigest()[:16]
 
 

@@ -198,7 +198,7 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         plan["drive"] = [[options.seconds or DRIVE_TIME, 0.0, 0.0, 0.0]]
     elif options.seconds is not None and "drive" not in (plan or lower.get("plan") or {}):
         raise InputError("seconds belong to a drive; give --drive as well")
-    if "policy" in {*upper, *lower} and "foot" not in {*upper, *lower}:
+    if "policy" in upper and "foot" not in {*upper, *lower}:
         upper["foot"] = "variable"  # the only one that a policy sets
     changes = read_changes(options.set)
     allow_code(upper, changes)
