@@ -12,6 +12,7 @@ from architecture import architecture_svg
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
+from tick_picture import tick_svg
 
 import wbc
 from wbc.base.numbers import Array
@@ -19,8 +20,8 @@ from wbc.feet.sensing.roughness import RoughnessSettings, low_pass, roughness
 from wbc.feet.sensing.scan import resample
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.lipm.preview import PreviewController
 from wbc.walking.lipm.schedule import schedule
+from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import walk_distance
 
@@ -42,7 +43,8 @@ def draw_pattern(path: Path) -> None:
     size = (sole.length, sole.width)
     plan = walk_distance(FootstepPlan.standing(robot), 0.58)
     supports = schedule(plan)
-    pattern = PreviewController((size, size), float(robot.com[2])).plan(supports, Pendulum.at_rest(robot.com))
+    planner, _ = LipmWalk(robot, plan, float(robot.com[2]), 0.005)._law(climbs=False)  # as a walk makes it
+    pattern = planner.plan(supports, Pendulum.at_rest(robot.com))
     times = np.arange(0.0, pattern.times[-1] + 0.5, 0.005)
     states = [pattern.at(float(t)) for t in times]
     com, dcm, zmp = (np.array([getattr(s, name)[:2] for s in states]) for name in ("com", "dcm", "zmp"))
@@ -65,18 +67,18 @@ def draw_pattern(path: Path) -> None:
     axes["a"].legend(loc="upper left", ncols=3, frameon=False)
     axes["a"].tick_params(labelbottom=False)
     axes["b"].set_xlabel("time (s)")
-    draw_from_above(axes["c"], plan, size, com, zmp)
+    draw_from_above(axes["c"], plan, size, {COM: com, DCM: dcm, ZMP: zmp})
     figure.savefig(path)
     plt.close(figure)
 
 
 def draw_from_above(
-    axis: Axes, plan: FootstepPlan, size: tuple[float, float], com: Array, zmp: Array
+    axis: Axes, plan: FootstepPlan, size: tuple[float, float], ways: dict[str, Array]
 ) -> None:
-    """Footsteps and the paths over them."""
+    """Footsteps and the paths over them, by their colours."""
     for step in (plan.left, plan.right, *plan.steps):
         axis.add_patch(Polygon(corners(step, size)[:, ::-1], color=FOOT, alpha=0.35, lw=0))
-    for values, colour in ((com, COM), (zmp, ZMP)):
+    for colour, values in ways.items():
         axis.plot(values[:, 1], values[:, 0], color=colour, lw=1.4)
     axis.set_aspect("equal")
     axis.invert_xaxis()
@@ -153,6 +155,11 @@ def draw_architecture(path: Path) -> None:
     path.write_text(architecture_svg(Path(__file__).resolve().parents[1]), encoding="utf-8")
 
 
+def draw_tick(path: Path) -> None:
+    """What happens in a tick, in its order."""
+    path.write_text(tick_svg(), encoding="utf-8")
+
+
 def main() -> None:
     """Draw all figures."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images"
@@ -170,6 +177,7 @@ def main() -> None:
         "kinematics.svg": draw_kinematics,
         "pattern.svg": draw_pattern,
         "roughness.svg": draw_roughness,
+        "tick.svg": draw_tick,
     }
     for name, draw in pictures.items():
         draw(folder / name)

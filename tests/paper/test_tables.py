@@ -64,6 +64,19 @@ def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
         == "17 [9, 26]"
     )
     assert [arrived("hypotheses", f"long arch, {k}") for k in (1, 5, 20, 80)] == [275, 295, 292, 261]
+    values = 100.0 * by_sole(table, "arrived")
+    arches = [arm for arm in values.columns if "arch" in arm]
+    found = corrected({arm: gain(values, arm, "rigid", "terrain")[1] for arm in arches})
+    readme = (STUDIES.parents[2] / "README.md").read_text(encoding="utf-8")
+    for said in (
+        "278 of 340",
+        "238 on a rigid sole",
+        "12 [4, 21] %",
+        "p = 0.12",
+        "295 arrive, 17 [9, 26] % more, p = 0.02",
+    ):
+        assert said in readme
+    assert len(arches) == 8 and found["long arch, 5"] == pytest.approx(0.018, abs=0.002)
 
 
 def test_neither_phase_nor_ground_nor_a_scan_has_a_gain() -> None:

@@ -1,0 +1,138 @@
+"""Statements and figures of the pages, against the code that they are about."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import re
+import signal
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import wbc
+from wbc.app import cli
+from wbc.app.cli import BAD_INPUT, RAN, main
+from wbc.base.errors import InputError
+from wbc.sim.balance.push_recovery import recovers
+from wbc.sim.balance.standing import StandSpec
+from wbc.sim.trial.push import WalkPush
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
+from wbc.walking.lipm.walk import LipmWalk
+from wbc.walking.plans.reach import Reach
+
+ROOT = Path(__file__).resolve().parents[2]
+ROBOTS = ("g1", "hrp4_class", "talos")
+
+
+def text_of(name: str) -> str:
+    return " ".join((ROOT / name).read_text(encoding="utf-8").split())
+
+
+def script(name: str, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
+    """Return a program of the folder docs as a module."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    return importlib.import_module(name)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_the_body_goes_as_low_as_the_page_says(robot: str) -> None:
+    """One millimetre lower is refused; bounds are rounded down."""
+    text = (ROOT / "docs" / "walking.md").read_text(encoding="utf-8")
+    heads, free, planned = (
+        [cell.strip(" `") for cell in line.strip("|").split("|")]
+        for line in re.findall(
+            r"^\| (?:Lowest CoM|the robot stands,|planned steps \|).*$", text, re.MULTILINE
+        )
+    )
+    column = heads.index(robot)
+    model = wbc.load_robot(robot).robot()
+    half_sitting = float(model.com[2])
+    standing = FootstepPlan.standing(model)
+    for plan, mode, bound in ((None, "torque", free), (walk_distance(standing, 3.0), "position", planned)):
+        settings = WalkingControlSettings(mode=mode)
+        body = WalkingControl(wbc.load_robot(robot).robot(), plan, 0.005, settings).body
+        body.com_height = half_sitting - 1e-3 * float(bound[column])
+        with pytest.raises(InputError):
+            body.com_height = half_sitting - 1e-3 * float(bound[column]) - 1e-3
+
+
+def test_legs_reach_further_from_a_low_body() -> None:
+    robot = wbc.load_robot("g1").robot()
+    found = re.search(
+        r"steps ([\d.]+) m far from half-sitting, and ([\d.]+) m from (\d+) mm", text_of("docs/walking.md")
+    )
+    assert found is not None
+    high, low = (Reach.of(robot, float(robot.com[2]) - 1e-3 * down).max_length for down in (0, int(found[3])))
+    assert (high, low) == (
+        pytest.approx(float(found[1]), abs=0.005),
+        pytest.approx(float(found[2]), abs=0.005),
+    )
+
+
+@pytest.mark.parametrize(("robot", "inward"), [("talos", 20), ("hrp4_class", 18), ("g1", 10)])
+def test_the_pattern_in_the_figure_is_that_of_a_walk(robot: str, inward: int) -> None:
+    """The reference of the ZMP lies to the inner side of the foot's middle as the page says."""
+    text = text_of("docs/walking.md")
+    assert f"{inward} mm to the inner side" in text or f"{inward} mm on `{robot}`" in text
+    model = wbc.load_robot(robot).robot()
+    plan = walk_distance(FootstepPlan.standing(model), 0.58)
+    planner, _ = LipmWalk(model, plan, float(model.com[2]), 0.005)._law(climbs=False)
+    assert planner.settings.target.inward == pytest.approx(1e-3 * inward)
+    words = {4: "Four", 5: "Five", 6: "Six"}
+    assert robot != "hrp4_class" or f"*{words[len(plan)]} steps of `hrp4_class` as planned" in text
+
+
+def test_the_picture_of_a_tick_has_the_order_of_the_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = script("tick_picture", monkeypatch)
+    svg = (ROOT / "docs" / "images" / "tick.svg").read_text(encoding="utf-8")
+    assert svg == picture.tick_svg(), "draw it anew: python docs/figures.py"
+    assert picture.order(wbc.PositionControl.act, {"_follow": "b", "_hold": "a"}) == ["a", "b"]
+
+
+def test_captions_tell_the_speed_of_films() -> None:
+    tree = ast.parse((ROOT / "docs" / "render_walk.py").read_text(encoding="utf-8"))
+    pace = {
+        node.targets[0].id: next(word.value.value for word in node.value.keywords if word.arg == "pace")
+        for node in tree.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("WALK", "DRIVE")
+    }
+    said = re.search(
+        r"\*Left, at (\w+) the speed: .* Right, at ([\d.]+) times the speed", text_of("README.md")
+    )
+    assert said is not None and pace == {"WALK": 2.0, "DRIVE": float(said[2])} and said[1] == "twice"
+    assert "at twice the speed. (`python docs/render_walk.py`)" in text_of("docs/index.md")
+
+
+def test_as_many_examples_print_more_than_a_line_as_their_page_says() -> None:
+    files = [*(ROOT / "examples").glob("*.py"), *(ROOT / "examples" / "hands").glob("*.py")]
+    more = [file.stem for file in files if file.stem != "_common" and "print(" in file.read_text()]
+    assert len(more) == 3 and "three print more" in text_of("examples/README.md")
+
+
+def test_exit_codes_are_those_of_the_page(capsys: pytest.CaptureFixture[str]) -> None:
+    """A fall is a result; a signal ends with its number and 128."""
+    fall = ["walk", "--distance", "0.2", "--foot", "flat", "--terrain", "flat", "--eyes", "none"]
+    assert main([*fall, "--push", "impulse=3,direction=90,time=0.1"]) == RAN
+    assert "fell" in capsys.readouterr().out.lower()
+    assert main(["walk", "--distance", "far"]) == BAD_INPUT
+    table = dict(re.findall(r"\| ([\d, ]+) \| ([a-z ]+)", text_of("docs/commands.md")))
+    assert [*table] == ["0", "1", "2", "130", "129, 143"]
+    for number in (signal.SIGHUP, signal.SIGTERM):
+        with pytest.raises(SystemExit) as ended:
+            cli._end(number, None)
+        assert str(ended.value.code) in "129, 143"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("feedback", ["closed", "open"])
+def test_a_stand_holds_the_pushes_of_the_page(feedback: str) -> None:
+    found = re.search(
+        r"pushes of ([\d.]+) Ns/kg in closed loop, and of ([\d.]+) Ns/kg", text_of("docs/control.md")
+    )
+    assert found is not None and StandSpec().feedback == "closed"
+    limit = float(found[1 if feedback == "closed" else 2])
+    spec = StandSpec(robot="hrp4_class", mode="position", feedback=feedback, seconds=4.6)
+    held = [recovers(spec, WalkPush(impulse=limit + change, time=0.5)) for change in (-0.01, 0.02)]
+    assert held == [True, False]
