@@ -262,6 +262,34 @@ def test_an_encoder_that_drifts_from_its_velocity_is_named_and_nothing_else(
     assert 1.0 < found[0][0] < 1.0 + within
 
 
+@pytest.mark.parametrize(
+    ("weak", "push", "doubted"),
+    [(1.0, 0.0, False), (1.0, 0.3, False), (0.5, 0.0, True)],
+    ids=["sound", "pushed", "half a knee"],
+)
+def test_a_robot_that_sinks_and_tilts_on_weak_drives_is_not_well(
+    weak: float, push: float, doubted: bool
+) -> None:
+    """Encoders, IMU and force sensors agree with each other: what disagrees is the motion that was commanded."""
+    description = load("g1")
+    plant = Plant(description, control_period=0.002, noise="realistic", visuals=False)
+    control, knee = (
+        TorqueControl(balance_controller(description.robot(), 0.002)),
+        description.robot().joint_index("left_knee_joint"),
+    )
+    monitor, found = control.watch(), set[str]()
+    for tick in range(700):
+        command = control.command(plant.measure())
+        if tick == 300 and push:
+            plant.push(plant.robot.base_frame, [0.0, push * plant.robot.mass / 0.05, 0.0], 0.05)
+        if tick >= 300:
+            command.joint_torque[knee] *= weak
+        plant.step(command)
+        found |= {doubt for doubt in monitor.doubts if "commanded" in doubt}
+    tilted = np.degrees(np.arccos(pin.Quaternion(plant.truth().q[3:7]).matrix()[2, 2]))
+    assert bool(found) == bool(tilted > 10.0) == doubted
+
+
 @pytest.mark.parametrize("scale", [1.0, 0.95, 1.05])
 def test_an_encoder_with_an_offset_or_a_velocity_with_a_scale_does_not_drift(scale: float) -> None:
     assert not drifting(lambda time: 0.05 * (time > 1.0), scale=scale)

@@ -441,7 +441,9 @@ class DriveControl:
         if blind:
             measurement = self._with_wrenches(measurement)
         if self.monitor is not None:
-            self.monitor.update(self.plausibility.values, measurement, self.observer)
+            solution = self.solution if self._follows_estimate and not self._failing else None
+            asked = None if solution is None or not solution.ok or self.damped else solution.accelerations
+            self.monitor.update(self.plausibility.values, measurement, self.observer, asked)
         return measurement
 
     def _estimator(self) -> WrenchEstimator:

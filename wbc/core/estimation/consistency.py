@@ -57,6 +57,11 @@ DRIFT, DRIFT_MEMORY, DRIFTING = 0.1, 2.0, 0.1
 forgotten, and time for which it must last, s. In walks with realistic noise, over stones and with pushes, it is 0.011
 rad at most."""
 
+UNMET_SPEED, UNMET_RATE, UNMET_MEMORY, UNMET = 1.0, 4.0, 0.3, 0.2
+"""Velocity, m/s, and angular velocity, rad/s, by which the base may stay behind the integral of its commanded
+accelerations, time constant with which that is forgotten, and time for which it must last, s. Walks with realistic
+noise over stones come to 0.08 m/s and 0.5 rad/s; a push adds its impulse over the mass, for a shorter time."""
+
 REAL_TIME, AGREEMENT = 0.8, 0.95
 """Ratio of the encoders' speeds to the joint velocities below which a machine's own time runs slower than the stamps,
 or the inverse of that from which on it runs faster, and cosine between the two from which on all joints agree on it."""
@@ -193,6 +198,8 @@ class ConsistencyMonitor:
         self._ticks = 0
         self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
         self._speed = np.zeros(self._na)
+        self._commanded: Array | None = None  # acceleration of the base in the tick before
+        self._base_velocity, self._unmet, self._behind = np.zeros(6), np.zeros(6), 0.0
         self._moved, self._expected, self._drifting = np.zeros(
             (3, self._na)
         )  # the first two are forgotten slowly
@@ -207,13 +214,21 @@ class ConsistencyMonitor:
         if self._feet is not None:
             self._feet.reset()
 
-    def update(self, values: Array, measurement: Measurement, observer: Observer) -> None:
+    def update(
+        self,
+        values: Array,
+        measurement: Measurement,
+        observer: Observer,
+        commanded: Array | None = None,
+    ) -> None:
         """Compare the sensors of one tick.
 
         Args:
             values: All numbers of the measurement, in the order of the channels.
             measurement: The measurement.
             observer: Observer that has seen it.
+            commanded: Accelerations that the last solution asked of the estimated robot, shape (nv,); None if there are
+                none.
         """
         last, self._last = self._last, values
         passed, self._time = measurement.time - self._time, measurement.time
@@ -221,6 +236,8 @@ class ConsistencyMonitor:
         if last is not None:
             drifts = self._drifting_encoders(values, last, passed)
             doubts = self._contradicted_encoders(values, last, passed) + self._frozen_readings(values, last)
+        if self._stays_behind(commanded, observer, passed):
+            doubts.append("the trunk does not accelerate as commanded: weak drives, or something holds it")
         if measurement.wrench_source == "sensor":
             self._sensed = True
         elif self._sensed:
@@ -325,6 +342,25 @@ class ConsistencyMonitor:
         if named.size and (slow := self._own_time(moved, expected)):
             return [slow]
         return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
+
+    def _stays_behind(self, commanded: Array | None, observer: Observer, passed: float) -> bool:
+        """Compare the velocity of the base with the accelerations that were commanded over the last time, s."""
+        if commanded is None:
+            self._commanded, self._behind = None, 0.0
+            self._unmet.fill(0.0)
+            return False
+        velocity, unmet = observer.robot.v[:6], self._unmet
+        if self._commanded is not None and 0.0 < passed < MISSED * self._dt:
+            unmet += passed * self._commanded
+            unmet -= velocity
+            unmet += self._base_velocity
+            unmet *= 1.0 - passed / UNMET_MEMORY
+            linear, angular = unmet[:3], unmet[3:]
+            far = linear.dot(linear) > UNMET_SPEED**2 or angular.dot(angular) > UNMET_RATE**2
+            self._behind = self._behind + self._dt if far else 0.0
+        self._commanded = np.array(commanded[:6])
+        self._base_velocity[:] = velocity
+        return self._behind >= UNMET
 
     @staticmethod
     def _own_time(moved: Array, expected: Array) -> str:
