@@ -178,10 +178,15 @@ def test_a_table_has_intervals_and_the_published_rows(
             "completed": k % 3 == 0,
             "position_error": 0.1,
             "heading_error": 0.1,
+            "energy": {"legs": 5000.0, "arms": 1000.0 * (1 + k % 3)},
+            "vibration": {"legs": 1.2e6},
         }
         for k in range(9)
     ]
     text = table(rows)
+    assert "| 6 | 1.2 |" in text.replace(" [6, 6]", "").replace(
+        " [1.2, 1.2]", ""
+    )  # of the completed runs alone
     assert "80 [" in text and "33 [" in text and all(policy.name in text for policy in PUBLISHED)
     assert text.index("gr00t_wbc") < text.index("**wbc**") < text.index("homie")  # by survival
     file = tmp_path / "rows.jsonl"
