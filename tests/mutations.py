@@ -5,9 +5,9 @@
     python tests/mutations.py core --kinds number         # constants are doubled
 
 Each error changes one place in a copy of the tree: an operator of arithmetic, a comparison, a sign, or the seed of
-random draws. The tests that run through this line, as a run with coverage (needs pytest-cov) has found, run there until
-the first fails. The same seed draws the same errors. Errors that change nothing, or nothing that a test could ask for,
-stand in survivors.txt with the reason.
+random draws. Those of the room's tests that run through this line, as a run with coverage (needs pytest-cov) has found,
+run there until the first fails. The same seed draws the same errors. Errors that change nothing, or nothing that a
+test could ask for, stand in survivors.txt with the reason.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def package_file(file: Path) -> Path:
 
 
 class Covering:
-    """Tests that run through a line, from a run of all default tests with coverage."""
+    """Tests that run through a line, from a run of the rooms' default tests with coverage."""
 
     def __init__(self, data: Path, tree: Path) -> None:
         self._data = CoverageData(str(data))
@@ -152,15 +152,16 @@ def pytest_in(tree: Path, arguments: list[str], timeout: float | None = 10 * SLO
         return 1
 
 
-def cover(tree: Path, data: Path) -> None:
-    """Run all default tests in a tree with coverage, and keep which test ran which line."""
+def cover(tree: Path, data: Path, rooms: list[str]) -> None:
+    """Run the default tests of some rooms in a tree with coverage, and keep which test ran which line."""
     settings = tree / ".coveragerc"
     sources = "\n    ".join(PACKAGES)
     settings.write_text(
         f"[run]\ndata_file = {data}\nsource =\n    {sources}\nrelative_files = true\n", encoding="utf-8"
     )
     options = ["-n", "2", "--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
-    pytest_in(tree, options, timeout=None)
+    folders = [f"tests/{room}" for room in rooms if (tree / "tests" / room).is_dir()]
+    pytest_in(tree, options + (folders if len(folders) == len(rooms) else []), timeout=None)
     if not data.is_file():
         raise SystemExit("the run with coverage left no data; is pytest-cov installed?")
 
@@ -184,7 +185,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds", default="arithmetic,comparison,seed", help=f"of {', '.join(KINDS)}")
     parser.add_argument(
-        "--coverage", type=Path, help="file that keeps the run with coverage for the next call"
+        "--coverage",
+        type=Path,
+        help="file that keeps the run with coverage, for a next call with the same rooms",
     )
     options = parser.parse_args()
     kinds = options.kinds.split(",")
@@ -201,7 +204,7 @@ def main() -> None:
         )
         data = options.coverage.resolve() if options.coverage else Path(folder) / "coverage"
         if not data.is_file():
-            cover(tree, data)
+            cover(tree, data, options.rooms)
         covering = Covering(data, tree)
         for room in options.rooms:
             chosen = [f for f in files if room in package_file(f).parts]
