@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import importlib
 import json
 import os
@@ -161,3 +162,42 @@ def test_a_trial_without_a_result_is_run_again_by_the_printed_command(folder: Pa
     for key, message in (("zz", "no key of the journal 'zz'"), ("", "no key of the journal")):
         assert main(["study", "run", "--journal", "bad journal.jsonl", "--key", key]) == BAD_INPUT
         assert message in capsys.readouterr().err
+
+
+STEERING = "\x1b]0;title\x07\x1b[2J\u202e"
+ODD = STUDY | {
+    "name": f"=1+1 [red]{STEERING}",
+    "about": f"{STEERING}\nforged: 5 done",
+    "cells": {"=cmd|' /C calc'!A0": {}},
+    "arms": {f"@SUM(1){STEERING}": {"foot": "flat"}, "-1 flat": {"foot": "flat"}},
+    "seeds": [1],
+}
+
+
+def test_texts_of_files_are_shown_as_texts(folder: Path, capsys: Captured) -> None:
+    """No character that steers a terminal, no forged line, no formula in a spreadsheet, in whatever is written."""
+    Path("odd").mkdir()
+    Path("odd/study.json").write_text(json.dumps(ODD))
+    with Journal("odd.jsonl") as journal:
+        for trial in Study.from_json(ODD).trials():
+            result = {"outcome": "completed", "steps_done": 2, "=note": f"+1 {STEERING}"}
+            journal.add(Entry(trial.spec.to_json(), "done", result, None, None, provenance()))
+    study = ["odd/study.json", "--journal", "odd.jsonl"]
+    for words in (
+        ["show", "odd"],
+        ["show", "odd/study.json"],
+        ["run", *study],
+        ["table", *study],
+        ["table", *study, "-o", "odd.csv"],
+        ["plot", *study, "-o", "odd.svg"],
+    ):
+        assert main(["study", *words]) == RAN
+        said = capsys.readouterr()
+        for text in (said.out, said.err):
+            assert not set(STEERING) & {"\x1b", "\x07", "\u202e"} & set(text)
+            assert not any(line.startswith("forged") for line in text.splitlines())
+    assert not {"\x1b", "\x07", "\u202e"} & set(Path("odd.svg").read_text() + Path("odd.csv").read_text())
+    with open("odd.csv", newline="") as file:
+        rows = list(csv.reader(file))
+    assert len(rows) == 3 and {"=", "+", "@"}.isdisjoint(cell[:1] for row in rows for cell in row)
+    assert "'-1 flat" in rows[2] and "2" in rows[1]

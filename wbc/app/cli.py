@@ -17,7 +17,7 @@ from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 from wbc._version import __version__
 from wbc.app.commands import COMMANDS, GROUPS, summary
-from wbc.base.errors import InputError, WbcError, printable
+from wbc.base.errors import InputError, WbcError, one_line
 
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: ran (whatever the result), failed, input that cannot be used, stopped by Ctrl-C."""
@@ -133,7 +133,7 @@ def _end(number: int, frame: object) -> None:
 
 
 def _one_line(error: BaseException) -> str:
-    line = printable(" ".join(str(error).split()))
+    line = one_line(str(error))
     return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3]}..."
 
 

@@ -8,8 +8,10 @@ from pathlib import Path
 
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from wbc.app.files import PICTURES
+from wbc.base.errors import printable
 from wbc.base.files import check_target, replacing, save_figure
 
 DPI = 130
@@ -29,6 +31,9 @@ def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
         FileError: The disk is full, for example.
     """
     target = check_target("a picture", path, PICTURES)
+    for text in (text for figure in figures.values() for text in figure.findobj(Text)):
+        if (shown := printable(text.get_text())) != text.get_text():  # of a file of somebody else
+            text.set_text(shown)
     if target.suffix.lower() == ".pdf":
         document = io.BytesIO()
         with PdfPages(document) as pages:

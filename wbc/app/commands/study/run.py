@@ -11,11 +11,12 @@ from textwrap import shorten
 from typing import Annotated, Any
 
 from cyclopts import Parameter
+from rich.markup import escape
 from rich.progress import Progress, TextColumn
 
 from wbc.app.commands.study.show import PartOptions, StudyFile, entries_of
 from wbc.app.output import Output, Report, progress_console, reports
-from wbc.base.errors import InputError, unknown_name
+from wbc.base.errors import InputError, one_line, unknown_name
 from wbc.base.files import check_target, write_text
 from wbc.base.registry import allow_code, code_of
 from wbc.base.settings import Count, Positive, settings
@@ -193,7 +194,7 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
             TextColumn("{task.completed} of {task.total}  {task.fields[rate]}"),
         )
         bar = stack.enter_context(Progress(*columns, console=progress_console()))
-        task = bar.add_task(study.name, total=len(specs), rate="")
+        task = bar.add_task(escape(one_line(study.name)), total=len(specs), rate="")
 
         def progress(summary: SweepSummary) -> None:
             per_hour = summary.per_hour
