@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import json
 import re
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
-import docstring_parser
 from docutils.nodes import Element, SkipNode
 from docutils.utils.math.latex2mathml import tex2mathml
 from numpy.typing import ArrayLike
@@ -28,6 +26,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from wbc import __version__  # noqa: E402 - the path comes first
+from wbc.app.commands.settings import settings_of  # noqa: E402
 from wbc.base.numbers import Array  # noqa: E402
 
 project, author = "wbc", "The wbc developers"
@@ -65,6 +64,9 @@ TABLES = re.compile(
 )
 """Comments in whose place tables are put: of a tree of settings, of all commands, grounds, studies."""
 
+CLONE = re.compile(r"^> In a clone .*\n", re.MULTILINE)
+"""Line for those who read a page in a clone, where what is made from the code is missing."""
+
 OUTSIDE = re.compile(r"\]\((\.\./[\w/]+\.md)(?:#[\w-]+)?\)")
 """Links to Markdown outside of the documentation."""
 
@@ -73,7 +75,7 @@ SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Yields|Source):.*")
 
 def fill_tables(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put tables in the place of comments, made from the code, so that nothing is written twice."""
-    text = TABLES.sub(_tables, source[0])
+    text = TABLES.sub(_tables, CLONE.sub("", source[0]))
     source[0] = OUTSIDE.sub(r"](path:\1)", text)
 
 
@@ -104,33 +106,13 @@ def _tables(match: re.Match[str]) -> str:
 
 def _settings(kind: type, path: str) -> Iterator[str]:
     """Tables of a tree of settings, one a class: names as `--set` takes them, defaults, meanings."""
-    about = {
-        each.arg_name: " ".join((each.description or "").split())
-        for parent in reversed(kind.__mro__)
-        for each in docstring_parser.parse(inspect.cleandoc(parent.__doc__ or "")).params
-    }
-    values, trees = [], []
-    for field in dataclasses.fields(kind):
-        made = field.default_factory
-        default = field.default if made is dataclasses.MISSING else made()
-        name = f"{path}.{field.name}".lstrip(".")
-        if dataclasses.is_dataclass(default):
-            trees.append((type(default), name))
-        elif field.name in about:
-            text = re.sub(r"([|*])", r"\\\1", about[field.name])
-            values.append(f"| `{name}` | {_shown(default)} | {text} |")
-    if values:
-        yield from (f"\n### {kind.__name__}\n", "| | Default | |", "|---|---|---|", *values)
-    for each, name in trees:
-        yield from _settings(each, name)
-
-
-def _shown(default: Any) -> str:
-    if isinstance(default, tuple):
-        return ", ".join(map(_shown, default))
-    if isinstance(default, float):
-        return f"{default:g}"
-    return "–" if default in (None, dataclasses.MISSING) else str(default)
+    owner = ""
+    for each in settings_of(kind, path):
+        if each.owner != owner:
+            owner = each.owner
+            yield from (f"\n### {owner}\n", "| | Default | |", "|---|---|---|")
+        text = re.sub(r"([|*])", r"\\\1", each.about)
+        yield f"| `{each.name}` | {each.default} | {text} |"
 
 
 def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:

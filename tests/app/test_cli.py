@@ -33,6 +33,7 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
     ),
     "foot": (["--robot", "g1"], {"feet"}),
     "terrain": ([], {"terrains", "scenes"}),
+    "settings": (["gains.dcm_p"], {"settings"}),
     "terrain stones": (["--amplitude", "0.02"], {"terrain", "amplitude_m", "roughness"}),
 }
 

@@ -24,6 +24,7 @@ COMMANDS = {
     "robots": "robots:robots",
     "foot": "foot:foot",
     "terrain": "terrain:terrain",
+    "settings": "settings:settings",
     "study show": "study.show:show",
     "study run": "study.run:run",
     "study table": "study.show:table",

@@ -1,0 +1,67 @@
+"""`wbc settings`: every setting of a walk, with its default and its meaning."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple
+
+from cyclopts import Parameter
+
+from wbc.app.arguments import attribute_docs
+from wbc.app.output import Output, Report, reports
+from wbc.base.errors import InputError
+from wbc.sim.plant.settings import Machine
+from wbc.sim.walks.settings import TrialSettings
+from wbc.walking.plans.gait import Gait
+
+
+class Setting(NamedTuple):
+    """A setting: its class, its name as `--set` takes it, its default and its meaning."""
+
+    owner: str
+    name: str
+    default: str
+    about: str
+
+
+@reports
+def settings(
+    part: Annotated[str, Parameter(help="Part of the names that are listed; all when left out.")] = "",
+    /,
+    *,
+    output: Output,
+) -> Report:
+    """List the settings of a walk, which `wbc walk --set NAME=VALUE` changes."""
+    trees = ((TrialSettings, ""), (Gait, "gait"), (Machine, "machine"))
+    found = [each for kind, path in trees for each in settings_of(kind, path) if part in each.name]
+    if not found:
+        raise InputError(f"no setting has '{part}' in its name; `wbc settings` lists all")
+    facts = {each.name: {"default": each.default, "about": each.about} for each in found}
+    return output.report(
+        {"settings": facts}, "\n".join(f"{n} = {d}\n    {about}" for _, n, d, about in found)
+    )
+
+
+def settings_of(kind: type, path: str = "") -> Iterator[Setting]:
+    """Yield the settings of a class, and then those of the classes inside, by their full names behind a path."""
+    about = attribute_docs(kind)
+    trees = []
+    for field in dataclasses.fields(kind):
+        made = field.default_factory
+        default = field.default if made is dataclasses.MISSING else made()
+        name = f"{path}.{field.name}".lstrip(".")
+        if dataclasses.is_dataclass(default):
+            trees.append((type(default), name))
+        elif about.get(field.name):
+            yield Setting(kind.__name__, name, _shown(default), about[field.name])
+    for each, name in trees:
+        yield from settings_of(each, name)
+
+
+def _shown(default: Any) -> str:
+    if isinstance(default, tuple):
+        return ", ".join(map(_shown, default))
+    if isinstance(default, float):
+        return f"{default:g}"
+    return "–" if default in (None, dataclasses.MISSING) else str(default)
