@@ -28,6 +28,7 @@ FOLDERS = {
     "wbc.tasks": ROOT / "tasks",
     "wbc.walking": ROOT / "wbc" / "walking",
     "wbc.motion": ROOT / "wbc" / "motion",
+    "wbc.policy": ROOT / "wbc" / "policy",
     "wbc.machine": ROOT / "wbc" / "machine",
     "wbc.sim": ROOT / "sim",
     "wbc.app": ROOT / "wbc" / "app",

@@ -18,6 +18,7 @@ FLOORS = (
     ("wbc.tasks",),
     ("wbc.walking",),
     ("wbc.motion",),
+    ("wbc.policy",),
     ("wbc.machine",),
     ("wbc.sim",),
     ("wbc.app",),

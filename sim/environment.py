@@ -102,6 +102,10 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         for name in ("seed", "plan", "pushes"):
             if name in fields:
                 raise InputError(f"{name} is set by the environment; leave it out")
+        if task == "stand" and fields.get("trained") is not None:
+            raise InputError(
+                "a trained policy has no body to set: leave 'trained' out, or take the task 'walk'"
+            )
         self._fields = {"robot": robot, **fields}
         first = self._spec(0, ())
         self._ticks = max(1, round(min(period, seconds) / first.period))
@@ -147,7 +151,9 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     def _begin(self, spec: WalkSpec, hooks: Sequence[TrialHook] = ()) -> Array:
         """Begin an episode, and return its first observation."""
         self.trial, self._hooks = WalkTrial(spec, visuals=bool(hooks)), hooks
-        self._height, self._actions = self.trial.walking.body.com_height, []
+        self._actions = []
+        if self._task == "stand":
+            self._height = self.trial.walking.body.com_height
         with one_thread():  # sums of several threads depend on their number
             self.trial.start(hooks)
             self.trial.step()
@@ -247,8 +253,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
     def _observer(self) -> Observer:
         assert self.trial is not None
-        observer: Observer = self.trial.walking.control.observer
-        return observer
+        return self.trial.drives.observer
 
     def _observation(self) -> Array:
         observer = self._observer()

@@ -3,7 +3,8 @@
 Tasks, contacts and limits become one quadratic program (QP) over Pinocchio dynamics. It is solved at every control
 tick. A plant simulates the robot in MuJoCo, with rigid, soft or variable-stiffness feet. This package exports the names
 that first programs need. They are listed in `__init__.pyi` and imported at their first use. All other names are in
-`wbc.tasks`, `wbc.robots`, `wbc.feet`, `wbc.walking`, `wbc.motion`, `wbc.machine`, `wbc.sim` and `wbc.app`.
+`wbc.tasks`, `wbc.robots`, `wbc.feet`, `wbc.walking`, `wbc.motion`, `wbc.policy`, `wbc.machine`, `wbc.sim` and
+`wbc.app`.
 """
 
 import os
@@ -17,7 +18,7 @@ if os.environ.get("MUJOCO_GL"):
 
 _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-_ROOMS = ("tasks", "walking", "motion", "robots", "feet", "ground", "machine", "sim", "app")
+_ROOMS = ("tasks", "walking", "motion", "policy", "robots", "feet", "ground", "machine", "sim", "app")
 
 _ELSEWHERE = {
     "FrameTask": ("PoseTask", "PositionTask", "OrientationTask"),

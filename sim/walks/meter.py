@@ -9,8 +9,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.base.hull import hull_and_area
+from wbc.core.drive.control import DriveControl
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
+from wbc.policy.control import PolicyControl
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.loops import TrialLoop
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
@@ -74,8 +76,8 @@ class _Moment(NamedTuple):
 class WalkMeter(TrialHook):
     """The figures of one walk."""
 
-    def __init__(self, plant: TrialLoop, walking: WalkingControl) -> None:
-        """Begin without any tick."""
+    def __init__(self, plant: TrialLoop, walking: WalkingControl | PolicyControl) -> None:
+        """Begin without any tick; of a policy, which has no references, torques and work alone are measured."""
         self._plant, self._walking = plant, walking
         self._zmp: list[float] = []
         self._com: list[float] = []
@@ -98,13 +100,15 @@ class WalkMeter(TrialHook):
 
     def tick(self, tick: TrialTick) -> None:
         """Record a tick, before the plant moves on."""
+        if isinstance(self._walking, PolicyControl):
+            return
         reference, output = self._walking.reference, self._walking.output
         if reference is None or reference is self._reference:
             return  # the controller has had no good measurement, yet or this time
         self._reference = reference
         progress = self._walking.progress
         dcm_error = None if output is None else self._record_errors(reference, output)
-        self._record_events(reference.events, tick.measurement)
+        self._record_events(reference.events, tick.measurement, self._walking.control)
         self._swing = progress.swing
         self._record_stance(progress, dcm_error)
 
@@ -129,9 +133,11 @@ class WalkMeter(TrialHook):
         self._dcm.append(math.hypot(*dcm_error))
         return dcm_error
 
-    def _record_events(self, events: tuple[Event, ...], measurement: Measurement) -> None:
+    def _record_events(
+        self, events: tuple[Event, ...], measurement: Measurement, control: DriveControl
+    ) -> None:
         now = measurement.time
-        used = measurement if measurement.sole_wrench is not None else self._walking.control.measurement
+        used = measurement if measurement.sole_wrench is not None else control.measurement
         assert used is not None  # there is a reference: the tick had a good measurement
         self._forces.append(used.wrenches[:, 2].tolist())
         for event in events:

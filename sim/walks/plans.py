@@ -12,6 +12,7 @@ import numpy as np
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Angle, Count, Number, settings
+from wbc.policy.control import PolicyControl
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.loop import Trial, TrialHook
@@ -234,7 +235,9 @@ def check_drive(rows: Sequence[Sequence[float]]) -> None:
 class Drive(TrialHook):
     """Commanded velocities of a walk, row by row."""
 
-    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: WalkingControl) -> None:
+    def __init__(
+        self, rows: Sequence[Sequence[float]] | None, walking: WalkingControl | PolicyControl
+    ) -> None:
         """Begin with the first row of `WalkPlan.drive`; None for a walk along a plan."""
         self._pending, self._walking = list(rows or ()), walking
 

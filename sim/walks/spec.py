@@ -15,6 +15,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, file_hash
 from wbc.base.numbers import whole_number
 from wbc.base.settings import Angle, NonNegative, Number, Seed, json_object, settings
+from wbc.core.drive.control import Mode
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
@@ -36,6 +37,8 @@ from wbc.sim.walks.settings import (
     without_law,
 )
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
+from wbc.sim.walks.trained import check_trained, driven
+from wbc.sim.walks.trained import stamped as stamped_policy
 from wbc.walking.plans.gait import Gait
 
 
@@ -95,6 +98,8 @@ class WalkSpec(TrialSpec):
         changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
         start: Pose of the robot at the start: x (m), y (m) and heading (rad).
         pushes: Pushes during the walk.
+        trained: ONNX file of a trained policy that walks in torque control in place of the library's steps, such as
+            walk.onnx; its description is in its metadata, or in walk.toml beside it.
     """
 
     kind: ClassVar[str] = "walk"
@@ -117,6 +122,7 @@ class WalkSpec(TrialSpec):
     changes: NamedValues = ()
     start: Annotated[tuple[Number, Number, Angle], "m, m, rad"] = (0.0, 0.0, 0.0)
     pushes: tuple[WalkPush, ...] = ()
+    trained: str | None = None
 
     def __post_init__(self) -> None:
         def store(name: str, value: Any) -> None:
@@ -124,6 +130,8 @@ class WalkSpec(TrialSpec):
 
         store("robot", stamped(self.robot))
         load(self.robot).needs_feet("a walk")
+        if self.trained is not None:
+            store("trained", self._check_trained(stamped_policy(self.trained)))
         super().__post_init__()
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
             raise InputError(
@@ -156,6 +164,25 @@ class WalkSpec(TrialSpec):
                 raise InputError(
                     f"a push at {push.time:g} s comes after the walk, which ends by {prepared.time_limit:g} s"
                 )
+
+    def _check_trained(self, name: str) -> str:
+        """Return the name of a policy with its hash; `InputError` for a walk that it cannot do."""
+        check_trained(name, load(self.robot).robot())
+        driven(self.plan)
+        for field_, is_, rule in (
+            ("mode", self.mode not in (None, "torque"), "torque: its gains and targets are its own"),
+            ("eyes", self.eyes != "none", "none: it does not see the ground"),
+            ("gait", bool(self.gait.given), "left out: its gait is its own"),
+        ):
+            if is_:
+                raise InputError(
+                    f"{field_} of a walk by a trained policy must be {rule}, got {shown(getattr(self, field_))}"
+                )
+        return name
+
+    def _usual_mode(self) -> Mode | None:
+        """See `TrialSpec`."""
+        return None if self.trained is None else "torque"
 
     @property
     def scheduling(self) -> tuple[str | None, Changes]:
@@ -247,7 +274,7 @@ class WalkSpec(TrialSpec):
             load(self.robot),
             self.servo,
             self.foot_design(),
-            self.plan,
+            self.plan if self.trained is None else driven(self.plan),
             TOE_GAIT if self.eyes == "toes" and self.gait == Gait() else self.gait,
             self.settings(),
             self.period,

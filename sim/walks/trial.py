@@ -15,11 +15,13 @@ import numpy as np
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, choose
+from wbc.core.drive.control import DriveControl
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.ground import KnownGround
+from wbc.policy.control import PolicyControl
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.families.base import terrain_families
@@ -37,6 +39,7 @@ from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter
 from wbc.sim.walks.stiffness_policy import make_policy
+from wbc.sim.walks.trained import trained_control, turned
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
@@ -119,31 +122,41 @@ class WalkTrial(Trial):
             plant = _plant(spec, prepared, robot, visuals)
             scheduler = _scheduler(spec, prepared, robot, policy)
             walking = _walking(spec, prepared, robot, scheduler)
+        planned = walking if isinstance(walking, WalkingControl) else None
         standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
-        lowering = max(0.0, standing_com - (walking.source.com_height or standing_com))
+        walked = None if planned is None else planned.source.com_height
+        lowering = max(0.0, standing_com - (walked or standing_com))
         com = plant.com_height - _ground(plant) - lowering
-        self.walking: WalkingControl
+        self.walking: Any
         limits = prepared.settings.falls
         super().__init__(plant, walking, BodyLimits(com - limits.drop * robot.length_scale, limits.tilt))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self._pushes = PushSchedule(spec.pushes)
         self.scenario += [self._drive, self._pushes]
         self.meter = WalkMeter(plant, walking)
-        self.sole_meter = None if walking.stiffness is None else StiffnessMeter(cast(Plant, plant), walking)
+        self.sole_meter = None
+        if planned is not None and planned.stiffness is not None:
+            self.sole_meter = StiffnessMeter(cast(Plant, plant), planned)
         self.meters += [self.meter] if self.sole_meter is None else [self.meter, self.sole_meter]
         self._origin = middle(plant)
-        self._steered = walking.steered
-        if self._arrival is not None:
+        self._steered = planned is None or planned.steered
+        if self._arrival is not None and planned is not None:
             self.scenario.append(self._arrival)
             if self._steered and prepared.plan.steps:
-                walking.follow(prepared.plan)
+                planned.follow(prepared.plan)
             elif self._steered:
-                walking.go_to(*self._arrival.goal)
+                planned.go_to(*self._arrival.goal)
 
     @property
     def walker(self) -> WalkingControl:
-        """The controller."""
-        return self.walking
+        """The controller; of a trained policy, its `PolicyControl`."""
+        return cast(WalkingControl, self.walking)
+
+    @property
+    def drives(self) -> DriveControl:
+        """Drives of the controller, with the observer."""
+        drives: DriveControl = getattr(self.walking, "control", self.walking)
+        return drives
 
     @property
     def ground(self) -> float:
@@ -161,7 +174,7 @@ class WalkTrial(Trial):
         walking, diverged = self.walking, self.diverged
         fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
         # A robot that a hook has steered has another goal than its plan's.
-        arrival = None if walking.steered and not self._steered else self._arrival
+        arrival = self._arrival if self._steered or not walking.steered else None
         if diverged is not None:
             outcome = "diverged"
         elif fall is not None:
@@ -191,7 +204,7 @@ class WalkTrial(Trial):
             track_error=None if arrival is None else arrival.track_error,
             **figures,
             stiffness=None if self.sole_meter is None else tuple(self.sole_meter.steps()),
-            failures=walking.control.failures,
+            failures=self.drives.failures,
             notes=(*self._prepared.notes, *(self._pushes.not_begun if outcome == "completed" else ())),
             clock=WallClock(
                 wall_s=time.perf_counter() - self._begin,
@@ -216,8 +229,10 @@ class WalkTrial(Trial):
         c, s = math.cos(yaw), math.sin(yaw)
         dx, dy = (middle(self.plant) - self._origin).tolist()
         weight = self.plant.robot.mass * GRAVITY
-        reference = self.walking.reference
+        reference = getattr(self.walking, "reference", None)
         desired = yaw if reference is None else reference.heading
+        if self.spec.trained is not None:  # which has no reference
+            desired += turned(self._prepared.orders or ())
         return {
             "distance": c * dx + s * dy,
             "drift": c * dy - s * dx,
@@ -236,7 +251,7 @@ def _ground(plant: TrialLoop) -> float:
 
 def _walking(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, scheduler: StiffnessScheduler | None
-) -> WalkingControl:
+) -> WalkingControl | PolicyControl:
     """Return the controller of a robot that stands at the start."""
     settings = prepared.settings
     # Planned steps need no more of the estimate than where its parts are and how they move.
@@ -245,6 +260,8 @@ def _walking(
     )
     observer.reset(prepared.configuration)
     robot.update(prepared.configuration, np.zeros(robot.nv))
+    if spec.trained is not None:
+        return trained_control(spec.trained, robot, observer, spec.period)
     return WalkingControl(
         robot,
         prepared.plan,

@@ -13,10 +13,15 @@ import pinocchio as pin
 import pytest
 
 import wbc
+from wbc.app import Log, Recorder
 from wbc.base.errors import InputError, UnknownNameError, WbcError
 from wbc.core.estimation.falls import FallReason
-from wbc.policy import OnnxNetwork, PolicyControl, PolicyDescription, Term
+from wbc.policy import FootContacts, OnnxNetwork, PolicyControl, PolicyDescription, Term
 from wbc.policy.terms import Clock
+from wbc.sim import WalkSpec
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.trial import WalkTrial
+from wbc.walking.contact import GaitPhase
 
 onnx = pytest.importorskip("onnx")
 pytest.importorskip("onnxruntime")
@@ -316,3 +321,88 @@ def test_files_that_are_no_network_of_a_policy_are_refused(tmp_path: Path) -> No
     lies = {"dof_names": json.dumps(LEGS), "kp": "[1, 2]", "kd": "hello", "command_ranges": "[]"}
     with pytest.raises(WbcError):
         PolicyDescription.of(write_network(tmp_path / "lies.onnx", weights, lies))
+
+
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a policy whose joints stay in half-sitting, by the servos of the robot."""
+    robot = G1.robot()
+    file = tmp_path_factory.mktemp("policy") / "stand.onnx"
+    n = len(G1.joint_names)
+    meta = {
+        "joint_names": json.dumps(list(G1.joint_names)),
+        "joint_stiffness": json.dumps(robot.servos.kp.tolist()),
+        "joint_damping": json.dumps(robot.servos.kd.tolist()),
+        "default_joint_pos": json.dumps(robot.half_sitting[7:].tolist()),
+        "observation_names": "projected_gravity",
+    }
+    return write_network(file, np.zeros((n, 3)), meta)
+
+
+def test_a_policy_walks_in_trials_logs_and_environments(standing: Path, tmp_path: Path) -> None:
+    """A spec with the policy is one walk: read again and repeated from its log it is the same, bit for bit."""
+    spec = WalkSpec(
+        robot="g1", trained=str(standing), noise="none", plan=WalkPlan(drive=((0.5, 0.0, 0.0, 0.0),))
+    )
+    assert spec.chosen == "torque" and WalkSpec.from_json(spec.to_json()) == spec
+    with Recorder(tmp_path / "log.arrow") as recorder:
+        result = WalkTrial(spec).run([recorder])
+    assert result.outcome == "completed" and result.failures == 0 and result.steps_done == 0
+    assert 2.0 <= result.seconds < 2.6 and abs(result.distance) < 0.05 and result.peak_torque_ratio > 0.01
+    assert WalkTrial(WalkSpec.from_json(spec.to_json())).run().record() == result.record()
+    log, knee = Log.open(tmp_path / "log.arrow"), "left_knee_joint"
+    held = G1.robot().half_sitting[7 + G1.joint_names.index(knee)]
+    np.testing.assert_allclose(log[f"joint/position_reference/{knee}"], held, atol=1e-6)
+
+
+def test_an_environment_steers_a_policy(standing: Path) -> None:
+    environment = pytest.importorskip("wbc.sim.environment")
+    env = environment.WbcEnv(robot="g1", trained=str(standing), noise="none", seconds=0.5)
+    observation, _ = env.reset(seed=0)
+    for _ in range(3):
+        observation, _, terminated, _, _ = env.step([0.3, 0.0, 0.1])
+    assert env.trial.walking.velocity == (0.3, 0.0, 0.1) and not terminated and np.isfinite(observation).all()
+    with pytest.raises(InputError, match="trained"):
+        environment.WbcEnv("stand", robot="g1", trained=str(standing))
+
+
+def test_steps_of_a_policy_are_counted_by_the_loads_of_its_feet() -> None:
+    contacts = FootContacts(G1.robot(), DT)
+    weight = G1.robot().mass * 9.81
+    assert contacts.progress.phase is GaitPhase.STANDING
+    for _ in range(3):  # left, right, left swing for 0.4 s each; the right one bounces in between
+        for loads, ticks in (((0.0, weight), 200), ((0.5 * weight, 0.5 * weight), 25)):
+            for _ in range(ticks):
+                contacts.update(loads)
+    assert contacts.steps_done == 3 and contacts.progress.phase is GaitPhase.DOUBLE
+    for _ in range(20):  # thrown off the ground for 0.04 s
+        contacts.update((weight, 0.0))
+    assert contacts.progress.swing == 1 and contacts.air == pytest.approx([0.0, 0.04])
+    contacts.update((0.5 * weight, 0.5 * weight))
+    assert contacts.steps_done == 3 and contacts.landed[1] == pytest.approx(DT)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"mode": "position"},
+        {"eyes": "depth"},
+        {"plan": WalkPlan(turn=0.5)},
+        {"gait": {"step_length": 0.1}},
+        {"robot": "hrp4_class"},
+        {"trained": "nowhere.onnx"},
+    ],
+)
+def test_walks_that_no_policy_does_are_refused(standing: Path, fields: dict[str, Any]) -> None:
+    with pytest.raises(WbcError):
+        WalkSpec(**({"robot": "g1", "trained": str(standing)} | fields))
+
+
+def test_another_policy_of_the_same_name_is_another_walk(standing: Path, tmp_path: Path) -> None:
+    file = tmp_path / "mine.onnx"
+    file.write_bytes(standing.read_bytes())
+    before = WalkSpec(robot="g1", trained=str(file)).to_json()
+    file.with_suffix(".toml").write_text("action_scale = 0.5\n", encoding="utf-8")
+    assert WalkSpec(robot="g1", trained=str(file)).to_json() != before
+    with pytest.raises(InputError, match="changed"):
+        WalkSpec.from_json(before)

@@ -19,6 +19,7 @@ from wbc.robots import load
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.spec import SOURCE, WalkSpec
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
+from wbc.sim.walks.trained import stamped
 
 if TYPE_CHECKING:
     from wbc.sim.trial.loop import Trial, TrialTick
@@ -96,6 +97,12 @@ def _located(plain: dict[str, Any], log: Log) -> dict[str, Any]:
         values = plain.get(part)
         if isinstance(values, dict) and key in values:
             located[part] = {**values, key: found(values[key], values.get(CONTENT), check_hash)}
+    trained = plain.get("trained")
+    if isinstance(trained, str) and "#" in trained:
+        name, _, content = trained.rpartition("#")
+        located["trained"] = (
+            f"{found(name, content, lambda file, stamp: stamped(f'{file}#{stamp}'))}#{content}"
+        )
     robot = plain.get("robot")
     if isinstance(robot, str) and "#" in robot:
         name, _, content = robot.rpartition("#")

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 
 from wbc.sim.walks.result import Spread, WalkResult
 from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trained import file_of
 
 REASONS = {
     "height": "it dropped",
@@ -42,6 +44,8 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     if spec.free:  # none are planned
         steps = f"{result.steps_done} steps"
     free = "free steps, " if spec.free else ""
+    if spec.trained is not None:
+        free = f"trained policy {Path(file_of(spec.trained)).name}, "
     lines = [
         f"{result.robot} on {foot}, {ground}, seed {result.seed}, {free}{spec.chosen} control, noise {spec.noise}"
     ]
@@ -71,12 +75,14 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
             f"  errors    ZMP {_mm(result.zmp_error)}, CoM {_mm(result.com_error)}, DCM {_mm(result.dcm_error)} mm, at "
             f"most {1e3 * result.dcm_error_max:.0f} mm"
         ]
+    landing = f"  landing   {down.early} early, {down.on_time} on time, {down.late} late, {down.missed} without ground"
+    if result.impact is not None:
+        landing += f"; at most {result.impact:.2f} x weight"
     lines += [
         f"  distance  {result.distance:.2f} m, {100 * result.drift:+.1f} cm to the left, heading off by "
         f"{math.degrees(result.yaw_error):+.1f}°",
         *errors,
-        f"  landing   {down.early} early, {down.on_time} on time, {down.late} late, {down.missed} without ground"
-        + ("" if result.impact is None else f"; at most {result.impact:.2f} x weight"),
+        *([] if spec.trained is not None else [landing]),
         f"  torque    up to {100 * result.peak_torque_ratio:.0f} % of its limit ({result.peak_torque_joint})",
     ]
     lines += _soles_lines(result)

@@ -4,9 +4,19 @@ A new term of an observation goes into `wbc.policy.terms`, another way in which 
 `wbc.policy.description`.
 """
 
+from wbc.policy.contacts import FootContacts
 from wbc.policy.control import PolicyControl
 from wbc.policy.description import PolicyDescription, Term
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.terms import TERMS, Observed
 
-__all__ = ["TERMS", "Network", "Observed", "OnnxNetwork", "PolicyControl", "PolicyDescription", "Term"]
+__all__ = [
+    "TERMS",
+    "FootContacts",
+    "Network",
+    "Observed",
+    "OnnxNetwork",
+    "PolicyControl",
+    "PolicyDescription",
+    "Term",
+]

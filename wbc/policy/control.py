@@ -17,10 +17,15 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.signals import Command
+from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.terms import TERMS, Clock, Observed
-from wbc.walking.plans.sources import Velocity, checked_velocity
+from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
+from wbc.walking.source import Progress
+
+SETTLES = 2.0
+"""Time in which a policy that is asked for a stand comes to one, s."""
 
 
 class PolicyError(WbcError):
@@ -43,7 +48,7 @@ class PolicyControl(TorqueControl):
         description: Joints, gains, action and observation of the policy.
         network: The network.
         observed: What the terms of the observation read.
-        action: Last action, in the order of the policy's joints.
+        contacts: Contacts of the feet, by their measured loads.
     """
 
     @checked
@@ -135,6 +140,7 @@ class PolicyControl(TorqueControl):
             stop = start + size * term.history
             self._parts.append(self._observation[start:stop].reshape(term.history, size))
             start = stop
+        self.contacts = FootContacts(robot, dt)
         self._velocity: Velocity | None = None
         self._fastest = np.array(description.fastest)
         self._begin_policy()
@@ -143,6 +149,8 @@ class PolicyControl(TorqueControl):
         self._ticks = 0
         self._fresh = True  # no observation yet
         self._lost: Exception | None = None  # of the last action
+        self._asked = 0.0  # time since a velocity was asked for, s
+        self.contacts.reset()
         self.observed.action[:] = 0.0
         self._clock.reset()
 
@@ -170,12 +178,45 @@ class PolicyControl(TorqueControl):
         self._velocity = None if value is None else velocity
         np.clip(velocity, -self._fastest, self._fastest, out=self.observed.command)
 
+    def stop(self) -> None:
+        """Come to a stand."""
+        self.velocity = None
+
+    @property
+    def steered(self) -> bool:
+        """True: a policy has nothing but its velocity."""
+        return True
+
+    @property
+    def velocity_limits(self) -> VelocityLimits:
+        """Largest velocities that the policy is made for."""
+        forward, aside, turn = self.description.fastest
+        return VelocityLimits(forward, forward, aside, turn)
+
+    @property
+    def progress(self) -> Progress:
+        """Phase of the feet and number of steps, by the measured loads."""
+        return self.contacts.progress
+
+    @property
+    def steps_done(self) -> int:
+        """Number of landings."""
+        return self.contacts.steps_done
+
+    @property
+    def done(self) -> bool:
+        """True when no velocity has been asked for during the last 2 s, and after a fall."""
+        return self._asked >= SETTLES or self.fallen is not None
+
     def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
         """End a tick: let the policy act once in its period, and return the command of the drives."""
         del wrenches
         if self.damped:
             command = self._damp(state)
         else:
+            self._asked = 0.0 if self.observed.command.any() else self._asked + self.controller.dt
+            if state.ok:
+                self.contacts.update(state.measurement.wrenches[:, 2].tolist())
             if state.ok and self._ticks % self._every == 0:
                 try:
                     self._step(state)
@@ -188,8 +229,8 @@ class PolicyControl(TorqueControl):
             if state.ok:
                 self._failing = 0
             command = self._damp(state) if self.stopped else self._servos(state)
-        if self._released is not None:
-            command = self._without(command, self._released)
+        if (released := self.controller.released) is not None:
+            command = self._without(command, released)
         if self.wrenches is not None:
             self._sent.sent(command)
         return command

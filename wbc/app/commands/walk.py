@@ -62,7 +62,7 @@ DRIVE_TIME = 3600.0
 OPTIONS = Fields(
     WalkSpec,
     "robot eyes foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
-    "amplitude param=terrain_params scene seed noise distance=plan.distance velocity=plan.velocity "
+    "amplitude param=terrain_params scene trained seed noise distance=plan.distance velocity=plan.velocity "
     "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes loop",
     defaults=DEFAULTS,
     help={
@@ -204,7 +204,9 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
     allow_code(upper, changes)
     loop = changes.get("loop", upper.get("loop", lower.get("loop", PLANT)))
     # A spec is the same walk in a program, and another simulation may have only a floor and the robot's own soles.
-    defaults = DEFAULTS if options.spec is None and loop == PLANT else {}
+    # A trained policy walks blind on the soles that it was trained for.
+    trained = changes.get("trained", upper.get("trained", lower.get("trained")))
+    defaults = DEFAULTS if options.spec is None and loop == PLANT and trained is None else {}
 
     def built(**more: str) -> WalkSpec:
         values: dict[str, Any] = copy.deepcopy(upper) | more

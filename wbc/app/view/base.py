@@ -23,6 +23,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.drive.control import DriveControl
 from wbc.core.qp.controller import Controller
+from wbc.policy.control import PolicyControl
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program
@@ -70,6 +71,7 @@ class View(ABC):
     Attributes:
         stage: Model, its state, and sizes of what is drawn.
         walking: Controller of a walk; None for any other.
+        steered: Controller of a walk, or a trained policy; None for any other.
         frames: Number of pictures so far.
         url: Address of the page.
         closed: True after `close`.
@@ -127,6 +129,7 @@ class View(ABC):
         self._control = control.control if isinstance(control, WalkingControl) else control
         self._controller = control if isinstance(control, Controller | None) else control.controller
         self.walking = control if isinstance(control, WalkingControl) else None
+        self.steered = control if isinstance(control, (WalkingControl, PolicyControl)) else None
         self.stage: SimulatedStage | DescribedStage
         if isinstance(source, RobotDescription) and self.walking is None:
             self.stage = DescribedStage(source)

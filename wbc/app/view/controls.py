@@ -35,6 +35,7 @@ from wbc.sim.plant.plant import Plant
 from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
+    from wbc.policy.control import PolicyControl
     from wbc.sim.plant.robot import SimulatedRobot
     from wbc.sim.trial.loops import TrialLoop
     from wbc.walking.control import WalkingControl
@@ -93,7 +94,7 @@ class LiveControls:
     def __init__(
         self,
         plant: SimulatedRobot | TrialLoop | None,
-        walking: WalkingControl | None,
+        walking: WalkingControl | PolicyControl | None,
         controller: Controller | None = None,
         *,
         repeat: Iterable[dict[str, Any]] = (),
@@ -124,8 +125,9 @@ class LiveControls:
         """Settings of the run by name; tasks come and go."""
         walking, foot = self._walking, self._plant.foot if isinstance(self._plant, Plant) else None
         found: list[Setting] = []
-        if walking is not None and walking.stabilizer is not None:
-            gains = walking.stabilizer.gains.for_mass(walking.stabilizer.mass)
+        stabilizer = getattr(walking, "stabilizer", None)
+        if stabilizer is not None:
+            gains = stabilizer.gains.for_mass(stabilizer.mass)
             for name, unit in STABILIZER_GAINS.items():
                 value = float(np.max(getattr(gains, name)))
                 take = partial(self._set_gain, name)

@@ -64,7 +64,7 @@ class Workbench(View):
 
     def _build(self) -> None:
         robot = self.stage.robot if isinstance(self.stage, SimulatedStage) else None
-        self.controls = LiveControls(robot, self.walking, self._controller)
+        self.controls = LiveControls(robot, self.steered, self._controller)
         for command in self._commands:
             command.remove()
         self._commands.clear()
@@ -147,8 +147,8 @@ class Workbench(View):
         if program is not None:
             with gui.add_folder("program"):
                 self._page.text(lambda: program_text(program))
-        if "drive" in offered and self.walking is not None:
-            self._drive_folder(self.walking.velocity_limits)
+        if "drive" in offered and self.steered is not None:
+            self._drive_folder(self.steered.velocity_limits)
         elif "stop" in offered:
             stop = gui.add_button("stop walking", hint="the run ends when the robot stands")
             when(stop.on_click, lambda _: order({"do": "stop"}))

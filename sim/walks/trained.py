@@ -1,0 +1,96 @@
+"""Walks of a trained policy: its file with a hash of the content, and the velocities that a plan asks it for."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+from pathlib import Path
+
+from wbc.base.errors import InputError
+from wbc.base.files import decoding
+from wbc.core.estimation.observer import Observer
+from wbc.core.robot import Robot
+from wbc.policy.control import PolicyControl, joint_columns
+from wbc.policy.description import PolicyDescription
+from wbc.sim.walks.plans import STEP_TIME, WalkPlan
+
+SPEED, START = 0.3, 1.0
+"""Velocity of a walk over a distance, m/s, and the time of the stand before a walk, s."""
+
+STAMPED = re.compile(r"(.+)#([0-9a-f]{16})", re.DOTALL)
+"""Name of a file with the hash of its content."""
+
+
+def stamped(name: str) -> str:
+    """Return the name of a policy's file with the hash of its content, and of the description beside it.
+
+    Raises:
+        InputError: A file that cannot be read, or whose content is not that of a hash in the name.
+    """
+    given = STAMPED.fullmatch(name)
+    file, digest = given[1] if given else name, hashlib.sha256()
+    for each in (Path(file), Path(file).with_suffix(".toml")):
+        if each == Path(file) or each.is_file():
+            with decoding(each, "policy") as path:
+                digest.update(path.read_bytes())
+    found = digest.hexdigest()[:16]
+    if given and found != given[2]:
+        raise InputError(f"{file} has changed: its hash is {found}, the walk was specified with {given[2]}")
+    return f"{file}#{found}"
+
+
+def file_of(name: str) -> str:
+    """Return the file of a name with a hash."""
+    return name.rpartition("#")[0]
+
+
+@lru_cache(maxsize=16)
+def described(name: str) -> PolicyDescription:
+    """Return the description of a policy, by the name of its file with the hash."""
+    return PolicyDescription.of(file_of(name))
+
+
+def check_trained(name: str, robot: Robot) -> None:
+    """Raise an `InputError` for a policy that moves joints that the robot has not."""
+    joint_columns(robot, described(name).joints)
+
+
+def driven(plan: WalkPlan) -> WalkPlan:
+    """Return the velocities that a policy is asked for in place of a plan: it has no goal and plans no steps.
+
+    A distance is walked at 0.3 m/s, and steps of a velocity take 0.8 s.
+    """
+    if plan.drive is not None:
+        return plan
+    if plan.distance is not None:
+        velocity, time = (math.copysign(SPEED, plan.distance), 0.0, 0.0), abs(plan.distance) / SPEED
+    elif plan.velocity is not None:
+        velocity, time = plan.velocity, STEP_TIME * (plan.steps or 1)
+    else:
+        raise InputError(
+            "a trained policy walks a distance, steps of a velocity, or velocities over time: its plan has distance, "
+            "velocity or drive"
+        )
+    return replace(
+        plan,
+        distance=None,
+        velocity=None,
+        steps=None,
+        first=None,
+        drive=((START, *velocity), (START + max(time, 0.1), 0.0, 0.0, 0.0)),
+    )
+
+
+def turned(orders: Sequence[Sequence[float]]) -> float:
+    """Return the angle that rows of `WalkPlan.drive` ask for, rad."""
+    return sum(row[3] * (after[0] - row[0]) for row, after in pairwise(orders))
+
+
+def trained_control(name: str, robot: Robot, observer: Observer, period: float) -> PolicyControl:
+    """Return the control of a robot that stands, by a policy of a spec."""
+    return PolicyControl(robot, file_of(name), period, description=described(name), observer=observer)
