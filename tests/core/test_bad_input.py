@@ -8,11 +8,12 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
 from wbc.base.errors import InputError, ModelError, UnknownNameError
-from wbc.core.limits.shapes import CollisionSphere
+from wbc.core.limits.shapes import CollisionSphere, Obstacle
 from wbc.core.robot import Robot
 from wbc.robots import load
 from wbc.tasks.balance import balance_controller
@@ -141,6 +142,10 @@ def controller() -> wbc.Controller:
     return made
 
 
+def released() -> Any:
+    return controller().release(["left_elbow_joint"])
+
+
 def limit(kind: type[Any]) -> Any:
     return next(each for each in controller().limits if isinstance(each, kind))
 
@@ -171,6 +176,18 @@ ASSIGNED: dict[str, tuple[Callable[[], Any], tuple[str, ...], tuple[object, ...]
         ("far", NAN, [0.0], [0.0, 0.0, NAN], [True, 0.0, 0.0]),
     ),
     "contact": (lambda: controller().contact("left_foot"), ("active",), (NAN, 1, "no", None, [True])),
+    "obstacle": (
+        lambda: Obstacle("box", BALL),
+        ("placement",),
+        (
+            pin.SE3(2.0 * np.eye(3), np.zeros(3)),
+            pin.SE3(np.diag([1.0, 1.0, -1.0]), np.zeros(3)),
+            np.eye(4),
+            None,
+        ),
+    ),
+    "obstacle's parts": (lambda: Obstacle("box", BALL), ("name", "shape"), (BALL, "ball", None)),
+    "released joints": (released, ("response",), (0.0, -1.0, NAN, math.inf, "quick", None)),
     "task": (lambda: controller().tasks[0], ("spared",), (NAN, -1, "12", [-1], [0.5], [[1]], None)),
     "target": (lambda: controller().tasks[0], ("held_by",), (NAN, True, ["arm"])),
     "control": (

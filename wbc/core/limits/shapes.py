@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
+from wbc.base.checked import fixed
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import Positive, settings
@@ -202,6 +203,9 @@ class Obstacle:
         shape: The shape in the frame of the obstacle.
     """
 
+    name: str = fixed("make another obstacle")
+    shape: Shape = fixed("make another obstacle")
+
     def __init__(self, name: str, shape: Shape, placement: pin.SE3 | None = None) -> None:
         """Describe the obstacle; without a placement its frame is the world frame."""
         if not isinstance(name, str) or not name:
@@ -229,6 +233,11 @@ class Obstacle:
         if np.abs(place).max() > FARTHEST:
             raise InputError(
                 f"placement of obstacle '{self.name}' must lie within ±{FARTHEST:g} m, got {shown(value.translation)}"
+            )
+        turn = place[:3, :3]
+        if np.linalg.det(turn) <= 0.0 or abs(turn @ turn.T - np.eye(3)).max() > 1e-6:
+            raise InputError(
+                f"placement of obstacle '{self.name}' must have a rotation matrix, got {shown(turn)}"
             )
         if isinstance(self.shape, CollisionHeights) and not value.isApprox(pin.SE3.Identity(), 0.0):
             raise InputError(

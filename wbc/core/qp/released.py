@@ -14,14 +14,17 @@ diagonal.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dposv
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import Positive
 from wbc.core.qp.axes import distinct_joints, joint_columns
 from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import Robot
@@ -45,7 +48,6 @@ class ReleasedJoints(SelectionTask):
     Attributes:
         mask: True for each of them, shape (na,).
         index: Their indices in arrays of the robot's joints, shape (dim,).
-        response: Time in which their servos follow what is told, s.
     """
 
     unit = "rad"
@@ -59,7 +61,7 @@ class ReleasedJoints(SelectionTask):
             some = ", ".join(robot.joint_names[joint] for joint in sorted(legs))
             raise InputError(f"legs balance the robot and cannot be released: {some}")
         super().__init__("released joints", len(names), weight=WEIGHT, stiffness=0.0, damping=0.0)
-        self.joints, self.response = tuple(names), RESPONSE
+        self.joints, self._response = tuple(names), RESPONSE
         self.mask = np.zeros(robot.na, dtype=bool)
         self.mask[self.index] = True
         self.mask.setflags(write=False)
@@ -82,6 +84,16 @@ class ReleasedJoints(SelectionTask):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Leave no error: the acceleration is known."""
         error[:] = 0.0
+
+    @property
+    def response(self) -> float:
+        """Time in which the joints' servos follow what is told, s."""
+        return self._response
+
+    @response.setter
+    @checked
+    def response(self, value: Annotated[Positive, "s"]) -> None:
+        self._response = value
 
     def tell(
         self, position: ArrayLike | None, velocity: ArrayLike = 0.0, acceleration: ArrayLike = 0.0
@@ -127,7 +139,7 @@ class ReleasedJoints(SelectionTask):
         velocity, known = v[self.columns], self._acceleration
         if self._told is not None:
             position, speed, push = self._told
-            rate = 1.0 / self.response
+            rate = 1.0 / self._response
             known[:] = push + (speed - velocity) * (2.0 * rate) + (position - q[self._places]) * (rate * rate)
         elif self._before is not None:
             self._measured += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._measured)
