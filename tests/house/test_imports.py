@@ -42,6 +42,48 @@ assert "matplotlib" not in sys.modules and "meshcat" not in sys.modules, "someth
     assert done.returncode == 0, done.stderr
 
 
+CORE = """
+import sys, wbc
+assert "numpy" not in sys.modules, "names are loaded when they are asked for"
+controller = wbc.balance_controller(wbc.load_robot("hrp4_class").robot(), 0.005)
+assert controller.solve().ok and wbc.TorqueControl and wbc.InverseKinematics and wbc.WalkingControl
+"""
+SLOW = {
+    "mujoco",
+    "matplotlib",
+    "pandas",
+    "sklearn",
+    "pyarrow",
+    "rich",
+    "cyclopts",
+    "gymnasium",
+    "PIL",
+    "viser",
+}
+"""Libraries that a controller does not need."""
+
+
+@pytest.mark.parametrize(
+    ("program", "unasked"),
+    [
+        (CORE, SLOW),
+        ("import sys, wbc; wbc.Plant('hrp4_class').measure()", SLOW - {"mujoco"}),
+        ("import sys; from wbc.sim import WalkSpec; WalkSpec().prepare()", SLOW - {"mujoco"}),
+        (
+            "import sys; from wbc.app import Log, Recorder, Replay",
+            {"matplotlib", "pandas", "sklearn", "viser"},
+        ),
+    ],
+    ids=["core", "plant", "walk", "log"],
+)
+def test_slow_libraries_are_loaded_when_they_are_asked_for(program: str, unasked: set[str]) -> None:
+    end = f"loaded = {unasked!r} & set(sys.modules); assert not loaded, loaded"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{program}\n{end}"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
 SIMULATES = """
 import wbc, mujoco
 wbc.Plant("hrp4_class").step(wbc.Plant("hrp4_class").hold())
