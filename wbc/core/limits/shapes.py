@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from wbc.base.checked import fixed
+from wbc.base.checked import result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import Positive, settings
@@ -203,8 +203,9 @@ class Obstacle:
         shape: The shape in the frame of the obstacle.
     """
 
-    name: str = fixed("make another obstacle")
-    shape: Shape = fixed("make another obstacle")
+    __slots__ = ("__weakref__", "_name", "_placement", "_shape", "_velocity")
+    name: str = result("_name", "make another obstacle")
+    shape: Shape = result("_shape", "make another obstacle")
 
     def __init__(self, name: str, shape: Shape, placement: pin.SE3 | None = None) -> None:
         """Describe the obstacle; without a placement its frame is the world frame."""
@@ -214,7 +215,7 @@ class Obstacle:
             raise InputError(
                 f"shape of obstacle '{name}' must be a shape such as a CollisionBox, got {shown(shape)}"
             )
-        self.name, self.shape = name, shape
+        self._name, self._shape = name, shape
         self._velocity = np.zeros(6)
         self.placement = pin.SE3.Identity() if placement is None else placement
 
