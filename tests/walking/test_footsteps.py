@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
@@ -14,6 +15,9 @@ from properties import examples
 
 from wbc.base.errors import InputError
 from wbc.robots import load
+from wbc.sim import Plant
+from wbc.walking import WalkingControl
+from wbc.walking.plans.effort import SwingLeg, swing_effort
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
@@ -108,6 +112,98 @@ def test_a_turn_about_a_point_ahead_keeps_its_distance_and_faces_it(angle: float
         middle = 0.5 * (feet["left"].position + feet["right"].position)
         points.append(middle + [math.cos(yaw), math.sin(yaw), 0.0])
     assert points == pytest.approx(np.tile(points[0], (len(points), 1)), abs=0.02)
+
+
+def quick(name: str, time: float, share: float, height: float) -> FootstepPlan:
+    """Return a plan with a time on one foot, s, and shares of the greatest length and height of steps."""
+    robot = load(name).robot()
+    reach = Reach.of(robot)
+    gait = Gait(
+        single_support=time,
+        double_support=0.1,
+        step_length=share * reach.max_length,
+        swing_height=height * reach.max_swing_height,
+        takeoff_time=0.03,
+        landing_time=0.05,
+    )
+    plan = walk_distance(FootstepPlan.standing(robot, gait), 5.0 * share * reach.max_length)
+    check_plan(plan, reach)
+    return plan
+
+
+@pytest.mark.parametrize("name", ["hrp4_class", "talos"])
+@pytest.mark.parametrize(
+    ("time", "share", "height", "good"),
+    [
+        *((0.8, 0.95, 0.15, True), (0.3, 0.45, 0.15, True), (0.8, 0.4, 0.5, True)),
+        *((0.3, 0.95, 0.15, False), (0.3, 0.4, 0.7, False), (0.36, 0.95, 0.15, False)),
+    ],
+)
+def test_the_size_of_a_step_is_checked_in_its_time(
+    name: str, time: float, share: float, height: float, *, good: bool
+) -> None:
+    """A long step takes its time, a quick one is short and low: each limit alone is kept by all of these."""
+    if good:
+        assert len(quick(name, time, share, height)) >= 5
+        return
+    with pytest.raises(InputError, match="single_support, shorter steps or a lower swing_height"):
+        quick(name, time, share, height)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "time", "share", "height"),
+    [
+        ("hrp4_class", 0.5, 0.7, 0.15),
+        ("talos", 0.5, 0.95, 0.15),
+        ("g1", 0.3, 0.95, 0.2),
+        ("talos", 0.8, 0.3, 0.85),
+    ],
+)
+def test_plans_near_the_limits_are_walked(name: str, time: float, share: float, height: float) -> None:
+    plan, plant = quick(name, time, share, height), Plant(load(name), noise="realistic", seed=5)
+    walking = WalkingControl(plant.description.robot(), plan, plant.control_period)
+    while not walking.done and plant.time < 15.0:
+        plant.step(walking.command(plant.measure()))
+    assert walking.finished and walking.steps_done >= len(plan)
+
+
+@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
+def test_the_gaits_of_speeds_are_within_what_legs_give(name: str) -> None:
+    start = FootstepPlan.standing(load(name).robot())
+    leg = Reach.of(load(name).robot()).leg
+    efforts = []
+    for speed in (0.15, 0.2, 0.25, 0.3):
+        gait = Gait.for_speed((speed, 0.0, 0.0), start.gait)
+        step = speed * gait.cycle
+        efforts.append(swing_effort(leg, gait, -step, step, 0.0))
+        assert efforts[-1] < swing_effort(leg, gait, -step, step, step) + 1e-9
+    assert efforts == sorted(efforts) and efforts[-1] < 1.0
+
+
+def test_the_joints_of_a_leg_bring_its_ankle_to_its_place() -> None:
+    leg = SwingLeg(0.35, 0.31, 0.6, 1.0, 1.0, 1.0)
+    for ahead, below in itertools.product((-0.3, 0.0, 0.2), (0.3, 0.55)):
+        hip, knee = leg.joints(ahead, below)
+        assert knee > 0.0
+        angles, bars = np.array((hip, hip - knee)), np.array((leg.thigh, leg.shank))
+        assert bars @ np.sin(angles) == pytest.approx(ahead)
+        assert bars @ np.cos(angles) == pytest.approx(below)
+
+
+@examples(60)
+@given(st.floats(0.0, 0.3), st.floats(0.0, 0.3), st.floats(0.0005, 0.02))
+def test_the_shortest_swing_is_accepted_and_stays_so_on_every_grid(
+    takeoff: float, landing: float, period: float
+) -> None:
+    """Half of the time on one foot may be take-off and landing: 0.05 + 0.1 is no more than half of 0.3."""
+    single = max(2.0 * (takeoff + landing), takeoff + landing + 0.1)
+    gait = Gait(single_support=single, takeoff_time=takeoff, landing_time=landing)
+    on_grid, _ = gait.on_grid(period)
+    assert on_grid.single_support is not None
+    ticks = on_grid.single_support / period
+    assert ticks == pytest.approx(round(ticks)) and -1e-9 <= on_grid.single_support - single <= period
+    assert Gait(single_support=0.3, takeoff_time=0.05, landing_time=0.1).full.cycle == pytest.approx(0.6)
 
 
 @pytest.mark.parametrize("together", [True, False])

@@ -28,7 +28,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Positive
 
-ValueT = TypeVar("ValueT", float, Array)
+ValueT = TypeVar("ValueT", float, Array, complex)
 
 SAMPLES = 100
 """Samples of a piece, with which the greatest speed and acceleration of a path are found: to 0.1 % of them."""

@@ -149,7 +149,7 @@ class LipmWalk(GaitMachine):
         full, _ = plan.gait.full.on_grid(dt)
         for note in plan.gait.on_grid(dt)[1]:  # of what is given
             logger.warning("%s", note)
-        check_plan(replace(plan, gait=full), self.reach, extent)
+        check_plan(plan, self.reach, extent)
         self.lift_room = full.swing_height
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)  # of plans to come
         self._drive = drive or DriveSettings()

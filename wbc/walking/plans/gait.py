@@ -131,12 +131,12 @@ class Gait:
 
     def __post_init__(self) -> None:
         gait = self.full
-        if gait.takeoff_time + gait.landing_time > 0.5 * gait.single_support:
+        if gait.takeoff_time + gait.landing_time > 0.5 * gait.single_support + ROUNDING:
             raise InputError(
                 f"takeoff_time + landing_time must be at most half of the single support, "
                 f"{0.5 * gait.single_support:g} s, got {gait.takeoff_time + gait.landing_time:g} s"
             )
-        if gait.single_support < gait.swing.shortest:
+        if gait.single_support < gait.swing.shortest - ROUNDING:
             raise InputError(
                 f"single_support must be at least {gait.swing.shortest:g} s for take-off, swing and landing, got "
                 f"{gait.single_support:g} s"
@@ -155,14 +155,21 @@ class Gait:
 
     @checked
     def on_grid(self, period: Period) -> tuple[Self, tuple[str, ...]]:
-        """Return the gait with its given timings rounded to multiples of a period, s, and a message for each change."""
+        """Return the gait with its given timings rounded to multiples of a period, s, and a message for each change.
+
+        A time on one foot that take-off and landing need whole is rounded up.
+        """
         changed: dict[str, Any] = {}
+        full = self.full
+        least = max(full.swing.shortest, 2.0 * (full.takeoff_time + full.landing_time))
         notes = []
         for name in TIMINGS:
             value = getattr(self, name)
             if value is None:
                 continue
             ticks = round(value / period)
+            if name == "single_support":
+                ticks = max(ticks, math.ceil(least / period - ROUNDING))
             if ticks < 2:
                 raise InputError(
                     f"{name} of {value:g} s must span two control periods of {period:g} s or more"

@@ -14,7 +14,8 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import Positive, in_units, settings
 from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, moved
+from wbc.walking.plans.effort import SwingLeg, swing_effort
+from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, SoleSizes, moved
 from wbc.walking.plans.gait import Gait, StepGait
 
 MAX_SLOPE = 0.5
@@ -72,6 +73,7 @@ class Reach:
         max_swing_height: Greatest swing height, m.
         min_single_support: Least time on one foot, s.
         soles: (length, width) of the left and of the right sole, m.
+        leg: Leg that swings.
     """
 
     max_length: Annotated[Positive, "m"]
@@ -82,6 +84,7 @@ class Reach:
     max_swing_height: Annotated[Positive, "m"]
     min_single_support: Annotated[Positive, "s"]
     soles: Annotated[SoleSizes, "m"]
+    leg: SwingLeg
 
     def __post_init__(self) -> None:
         if self.min_spacing >= self.max_spacing:
@@ -110,6 +113,7 @@ class Reach:
             max_swing_height=leg.length / 2.0,
             min_single_support=QUICKEST * math.sqrt(leg.com_height / GRAVITY),
             soles=((left.length, left.width), (right.length, right.width)),
+            leg=leg.swing(com_height),
         )
 
     def allows(self, stance: Footstep, step: Footstep) -> bool:
@@ -243,12 +247,24 @@ class Leg:
             return self.com_height
         return self.com_height - max(0.0, self.hip_height - max(stretch * self.length, self.shortest))
 
+    @property
+    def _hip(self) -> int:
+        """Index of the hip's pitch in velocities."""
+        return int(
+            self._robot.model.joints[max(self._above, key=lambda joint: abs(self._pitch(joint)))].idx_v
+        )
+
     def hip_acceleration(self) -> float:
         """Return the angular acceleration of the leg by the whole torque of its hip, rad/s²."""
-        robot = self._robot
+        robot, hip = self._robot, self._hip
         inertia = pin.crba(robot.model, robot.model.createData(), robot.half_sitting)
-        hip = robot.model.joints[max(self._above, key=lambda joint: abs(self._pitch(joint)))].idx_v
         return float(robot.torque_limit[hip - BASE_DOF]) / float(inertia[hip, hip])
+
+    def swing(self, com_height: float | None) -> SwingLeg:
+        """Return the leg that swings below the hips of a CoM height over the soles, m; see `hips`."""
+        hip, knee = (float(self._robot.velocity_limit[joint]) for joint in (self._hip - BASE_DOF, self.knee))
+        push = self.length * self.hip_acceleration()
+        return SwingLeg(self.length - self.shank, self.shank, self.hips(com_height), hip, knee, push)
 
 
 def _hip_yaw_range(robot: Robot) -> float:
@@ -297,23 +313,32 @@ def sized(gait: Gait, robot: Robot) -> Gait:
 
 
 @checked
-def check_plan(plan: FootstepPlan, reach: Reach, extent: Extent | None = None) -> None:
-    """Raise an `InputError` unless legs of a reach walk a plan on a ground of an extent, m; None is endless."""
-    height = plan.gait.full.swing_height
-    if height > reach.max_swing_height:
+def check_plan(
+    plan: FootstepPlan, reach: Reach, extent: Extent | None = None, *, effort: bool = True
+) -> None:
+    """Raise an `InputError` unless legs of a reach walk a plan on a ground of an extent, m; None is endless.
+
+    Without `effort` the speeds and torques that its swings need are not checked: those of a plan that was accepted are
+    the same from a place beside it.
+    """
+    gait = plan.gait.full.for_stairs() if plan.climbs else plan.gait.full
+    height = gait.swing_height
+    if height > reach.max_swing_height + ROUNDING:
         raise InputError(
             f"swing_height of {height:g} m is out of reach: the legs lift a foot by up to "
             f"{reach.max_swing_height:.3f} m"
         )
-    if plan.gait.full.single_support < reach.min_single_support:
+    if gait.single_support < reach.min_single_support - ROUNDING:
         raise InputError(
-            f"single_support of {plan.gait.full.single_support:g} s is too quick: the robot needs "
+            f"single_support of {gait.single_support:g} s is too quick: the robot needs "
             f"{reach.min_single_support:.3f} s at least, {QUICKEST:g}/ω"
         )
     _check_overlap("the feet at the start", plan.left, plan.right, reach)
     for i, step in enumerate(plan.steps):
         _check_step(f"step {i + 1} of {len(plan)} ({step.side})", plan.stance(i), step, reach)
         _check_overlap(f"step {i + 1} of {len(plan)}", step, plan.stance(i), reach)
+        if effort:
+            _check_effort(plan, i, gait, reach)
     if extent is not None:
         _check_extent(plan, reach, extent)
 
@@ -337,6 +362,25 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
                 f"{what} {verb} {size} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
                 + (": a smaller step_length or velocity fits" if verb.startswith("goes") else "")
             )
+
+
+def _check_effort(plan: FootstepPlan, index: int, gait: StepGait, reach: Reach) -> None:
+    """Raise an `InputError` for a step on level ground that is long, quick and high at once; stairs take their time."""
+    step, stance = plan.steps[index], plan.stance(index)
+    before = plan.feet(index)[SIDES.index(step.side)]
+    (begin, from_side, down, _), (end, to_side, up, _) = (foot.seen_from(stance) for foot in (before, step))
+    if max(abs(down), abs(up)) >= LEAST_STAIR:
+        return
+    share = max(abs(end) / reach.max_length, gait.swing_height / reach.max_swing_height)
+    places = round(begin, 3), round(end, 3), round(to_side - from_side, 3)
+    effort = share * swing_effort(reach.leg, gait, *places)
+    if effort > 1.0:
+        way, height = math.hypot(end - begin, places[2]), 1e3 * gait.swing_height
+        raise InputError(
+            f"step {index + 1} of {len(plan)} ({step.side}) moves a foot by {way:.3f} m, {height:.0f} mm high, in "
+            f"{gait.single_support:g} s: that takes {effort:.2f} times what hip and knee give in that time; a longer "
+            "single_support, shorter steps or a lower swing_height fit"
+        )
 
 
 def _check_overlap(what: str, a: Footstep, b: Footstep, reach: Reach) -> None:

@@ -197,7 +197,7 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
     if now.reach is not None and (planner.to_check != 0 or extent is not None):
         steps = plan.steps[: planner.to_check or None]
         checked = replace(plan, left=now.start.left, right=now.start.right, steps=steps)
-        check_plan(checked, now.reach, extent)
+        check_plan(checked, now.reach, extent, effort=planner.to_check is None)
     return plan
 
 
