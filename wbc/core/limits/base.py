@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import weakref
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
+from wbc.base.settings import Count, NonNegative, Positive
 from wbc.core.robot import Reads, Robot
 
 OPTIONS = "it follows from the robot and from the options with which the limit was made: make another limit"
@@ -94,8 +96,14 @@ class Barrier(Limit):
     _back: float  # the recovery
     _robot: Robot
 
+    @checked
     def __init__(
-        self, name: str, dim: int, *, time_constant: float = 0.1, recovery: float = RECOVERY
+        self,
+        name: str,
+        dim: Count,
+        *,
+        time_constant: Annotated[Positive, "s"] = 0.1,
+        recovery: Annotated[NonNegative, "m/s² or rad/s²"] = RECOVERY,
     ) -> None:
         """Describe the limit: its name, its number of rows, a time constant, s, and a recovery, m/s² or rad/s²."""
         self.name, self.dim, self._time, self._back = name, dim, time_constant, recovery
