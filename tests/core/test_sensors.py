@@ -199,8 +199,9 @@ def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_sh
     assert any(run(legs=4.0)) and any(run(ground=4.0)) and any(run(share=0.2))
 
 
+@pytest.mark.parametrize("lost", [0, 1])
 @pytest.mark.parametrize("late", [0, 1])
-def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(late: int) -> None:
+def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(late: int, lost: int) -> None:
     """A push of 40 m/s² on the pelvis of a robot that stands: of all its speed nothing may be lost."""
     inertial = SimpleNamespace(rotation=np.eye(3), legs=(0.0, 0.0))
     observer = SimpleNamespace(
@@ -212,9 +213,9 @@ def test_a_push_that_the_legs_show_a_period_later_leaves_the_accelerometer_in(la
     check = AccelerometerCheck(DT)
     for tick in range(-120, 16):
         if tick >= late:
-            inertial.legs = (inertial.legs[0] + DT * 40.0, 0.0)
+            inertial.legs = (inertial.legs[0] + (1 + lost) * DT * 40.0, 0.0)
         push = 40.0 if tick >= 0 else 0.0
-        check.check(at_rest(ROBOT, 0.0, specific_force=[push, 0.0, GRAVITY]), observer)  # type: ignore[arg-type]
+        check.check(at_rest(ROBOT, tick * (1 + lost) * DT, specific_force=[push, 0.0, GRAVITY]), observer)  # type: ignore[arg-type]
         assert not check.left_out, tick
 
 

@@ -113,7 +113,7 @@ class AccelerometerCheck:
 
     def __init__(self, dt: float) -> None:
         """Start at rest; dt is the control period, s."""
-        self._dt, self._gain, self._rate = dt, lag_gain(dt, MEAN), 1.0 / dt
+        self._dt, self._gain = dt, lag_gain(dt, MEAN)
         self.reset()
 
     def reset(self) -> None:
@@ -122,11 +122,13 @@ class AccelerometerCheck:
         self._shown = self._moved = 0j
         self._stands = 0.0  # time for which every foot has carried, s
         self._legs: Vector | None = None
+        self._time = 0.0  # of the last measurement, s
 
     def check(self, measurement: Measurement, observer: Observer) -> Measurement:
         """Return a plausible measurement, without the accelerometer's direction where it contradicts all others."""
         inertial, before = observer.inertial, self._legs
         self._legs = legs = inertial.legs
+        passed, self._time = measurement.time - self._time, measurement.time
         self._stands = self._stands + self._dt if observer.least_share > CARRIES else 0.0
         if before is None or legs is None or self._stands < STANDING:
             self._shown = self._moved = 0j
@@ -134,7 +136,8 @@ class AccelerometerCheck:
             return measurement
         rotation = inertial.rotation
         x, y, _ = rotation.dot(measurement.specific_force).tolist()
-        moved = complex(legs[0] - before[0], legs[1] - before[1]) * self._rate
+        passed = passed if passed > 0.0 else self._dt  # more than a period where measurements are lost
+        moved = complex(legs[0] - before[0], legs[1] - before[1]) / passed
         sooner = self._shown
         self._shown = shown = self._shown + self._gain * (complex(x, y) - self._shown)
         self._moved += self._gain * (moved - self._moved)
