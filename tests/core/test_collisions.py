@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from collision_layouts import CONTROLS, MARGIN, Outcome, panda, run
 from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
@@ -20,7 +20,6 @@ from wbc.core.limits.shapes import geometry_of
 from wbc.core.robot import Robot
 from wbc.ground import HeightMap
 from wbc.ground.height_map import HeightMapSettings
-from wbc.robots import RobotDescription
 from wbc.tasks import check_rows
 
 BALL = wbc.CollisionSphere(0.06)
@@ -32,11 +31,6 @@ SHAPES = {
     "hull": wbc.CollisionHull(((0.1, 0.0, 0.0), (-0.1, 0.05, 0.0), (0.0, -0.1, 0.1), (0.0, 0.0, -0.15))),
     "half-space": wbc.CollisionHalfSpace((0.2, 0.0, 1.0), -0.3),
 }
-
-
-@cache
-def panda() -> RobotDescription:
-    return wbc.load_robot("panda")
 
 
 def arm() -> wbc.InverseKinematics:
@@ -329,6 +323,112 @@ def test_a_margin_is_never_crossed(seed: int, dt: float, inside: bool) -> None:
         curved = float(np.linalg.norm(robot.v[:-1])) ** 2 * dt**2
         assert distance >= min(before, margin) - curved - 1e-6
         before = distance
+
+
+def step_rows(limit: wbc.CollisionLimit, robot: Robot) -> tuple[Array, Array]:
+    rows, lower, upper = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
+    limit.write_step(rows, lower, upper)
+    return rows[np.isfinite(lower)], -lower[np.isfinite(lower)]
+
+
+def test_every_corner_of_a_box_above_a_plane_has_its_height() -> None:
+    robot, rng = panda().robot(), np.random.default_rng(2)
+    size, floor = np.array([0.2, 0.06, 0.1]), wbc.Obstacle("floor", wbc.CollisionHalfSpace())
+    box = {"panda_hand": wbc.CollisionBox(tuple(size.tolist()))}
+    limit = wbc.CollisionLimit(
+        obstacles=[floor], against=["panda_hand"], shapes=box, margin=0.0, influence=2.0
+    )
+    limit.bind(robot)
+    corners = 0.5 * size * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    for _ in range(10):
+        robot.update_jacobians(pin.integrate(robot.model, robot.q, 0.1 * rng.normal(size=robot.nv)))
+        hand = robot.placement("panda_hand")
+        heights = np.sort(corners.dot(hand.rotation[2]) + hand.translation[2])
+        up = np.array([0.0, 0.0, heights[0] - 0.03])
+        floor.placement = pin.SE3(np.eye(3), up)
+        found = np.sort(step_rows(limit, robot)[1])
+        expected = heights[:4] - up[2]
+        assert found == pytest.approx(expected[expected < 0.1], abs=1e-6)
+
+
+def test_no_row_holds_the_spin_of_a_cylinder_about_its_axis() -> None:
+    robot = panda().robot()
+    cylinder = wbc.CollisionCylinder(0.05, (0.0, 0.0, 0.0), (0.0, 0.0, 0.1))
+    table = wbc.Obstacle("table", wbc.CollisionBox((0.6, 0.6, 0.1)))
+    hand = robot.placement("panda_hand")
+    limit = wbc.CollisionLimit(obstacles=[table], against=["panda_hand"], shapes={"panda_hand": cylinder})
+    limit.bind(robot)
+    for tilt in ([0.0, 0.0, 0.0], [0.05, 0.03, 0.0], [1.5, 0.0, 0.3]):
+        table.placement = hand * pin.SE3(
+            pin.exp3(np.array(tilt)), np.array([0.02, 0.0, 0.1 + 0.07 + 0.2 * max(tilt)])
+        )
+        rows, _ = step_rows(limit, robot)
+        assert len(rows) > 2
+        assert (
+            abs(rows[:, 6]).max() < 1e-4 < abs(rows).max()
+        )  # the last joint turns the hand about its z axis
+
+
+def check(outcomes: list[Outcome]) -> None:
+    """In no period shapes come closer to each other by more than θ² ℓ, never by 1 mm in all, and they come to rest."""
+    assert len(outcomes) > 20 and not any(outcome.unsolved for outcome in outcomes)
+    assert max(outcome.steepest for outcome in outcomes) < 1.0
+    worst = max(outcomes, key=lambda outcome: outcome.deepest)
+    assert worst.deepest < 1e-3, worst
+    assert np.mean([outcome.jump < 0.05 for outcome in outcomes]) > 0.9
+
+
+@pytest.mark.parametrize(
+    ("control", "layouts"),
+    [
+        ("kinematics", range(120)),
+        ("torque", range(30)),
+        pytest.param("kinematics", range(120, 320), marks=pytest.mark.slow),
+        pytest.param("torque", range(30, 230), marks=pytest.mark.slow),
+    ],
+)
+def test_shapes_of_any_kind_keep_the_margin_before_a_target_behind_an_obstacle(
+    control: str, layouts: range
+) -> None:
+    check([outcome for seed in layouts if (outcome := run(seed, control)) is not None])
+
+
+@pytest.mark.slow
+@pytest.mark.long
+@pytest.mark.parametrize("control", CONTROLS)
+def test_shapes_of_any_kind_keep_the_margin_in_ten_thousand_layouts(control: str) -> None:
+    check([outcome for seed in range(1000, 11000) if (outcome := run(seed, control)) is not None])
+
+
+@pytest.mark.parametrize(
+    ("name", "hand", "wall"),
+    [
+        ("hrp4_class", wbc.CollisionBox((0.1, 0.04, 0.16)), wbc.CollisionBox((0.1, 0.5, 0.5))),
+        (
+            "g1",
+            wbc.CollisionCapsule(0.03, (0.0, 0.0, -0.08), (0.0, 0.0, 0.08)),
+            wbc.CollisionBox((0.1, 0.5, 0.5)),
+        ),
+    ],
+)
+def test_a_hand_in_torque_control_rests_at_a_wall(name: str, hand: wbc.Shape, wall: wbc.Shape) -> None:
+    robot, dt = wbc.load_robot(name).robot(), 0.005
+    controller = wbc.balance_controller(robot, dt)
+    link = robot.frames["right_hand"]
+    obstacle = wbc.Obstacle(
+        "wall", wall, pin.SE3(np.eye(3), robot.placement(link).translation + [0.25, 0.0, 0.0])
+    )
+    limit = wbc.CollisionLimit(obstacles=[obstacle], against=[link], shapes={link: hand}, margin=MARGIN)
+    controller.add(limit, wbc.PositionTask(link, obstacle.placement.translation, weight=30.0))
+    q, v, least, jump = robot.q.copy(), robot.v.copy(), np.inf, np.inf
+    for _ in range(600):
+        controller.update(q, v)
+        change = dt * controller.solve().accelerations
+        v, jump = v + change, float(np.abs(change).max())
+        q = pin.integrate(robot.model, q, dt * v)
+        least = min(least, limit.distances[link, "wall"])
+    assert least > MARGIN - 1e-3
+    assert jump < 1e-2 and np.abs(v).max() < 0.05
 
 
 def hills(seed: int, origin: tuple[float, float, float] = (0.3, -0.2, 0.4)) -> HeightMap:
