@@ -431,6 +431,33 @@ def test_a_hand_in_torque_control_rests_at_a_wall(name: str, hand: wbc.Shape, wa
     assert jump < 1e-2 and np.abs(v).max() < 0.05
 
 
+def flat_map(height: float) -> HeightMap:
+    ground = HeightMap(HeightMapSettings(cell=0.05), (0.3, -0.2, 0.4))
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(-0.9, 1.3, 0.02), np.arange(-0.9, 0.9, 0.02)))
+    ground.add(np.stack([x, y, np.full(x.size, height)], axis=1), np.full(x.size, 1e-3), 0.0)
+    return ground
+
+
+@pytest.mark.parametrize("kind", ["table", "map"])
+def test_a_box_that_is_pressed_at_a_flat_face_keeps_the_margin_and_rests(kind: str) -> None:
+    ik, top = arm(), 0.425
+    table: wbc.Shape = wbc.CollisionBox((0.6, 0.6, 2.0 * top))
+    table = table if kind == "table" else wbc.CollisionHeights(flat_map(top))
+    place = pin.SE3(np.eye(3), np.array([0.55, 0.3, 0.0])) if kind == "table" else pin.SE3.Identity()
+    box = {"panda_hand": wbc.CollisionBox((0.2, 0.06, 0.1))}
+    obstacle = wbc.Obstacle("table", table, place)
+    limit = ik.add(
+        wbc.CollisionLimit(obstacles=[obstacle], against=["panda_hand"], shapes=box, margin=MARGIN)
+    )
+    ik.add(wbc.PositionTask("panda_hand", [0.55, 0.3, top - 0.025]))
+    least, speed = np.inf, np.inf
+    for _ in range(600):
+        speed = float(np.abs(ik.step()).max())
+        least = min(least, limit.distances["panda_hand", "table"])
+    assert least > MARGIN - 1e-3
+    assert speed < 0.02
+
+
 def hills(seed: int, origin: tuple[float, float, float] = (0.3, -0.2, 0.4)) -> HeightMap:
     """Return a map of steps and slopes about the reach of an arm, with a hole of which nothing is known."""
     ground, rng = HeightMap(HeightMapSettings(cell=0.05), origin), np.random.default_rng(seed)

@@ -307,12 +307,8 @@ class CollisionLimit(Limit):
             item.geometry.computeLocalAABB()
         self._grounds = [grounds.get(pair.second) for pair in geometry.collisionPairs]
         self._changing = np.array([ground is not None for ground in self._grounds])  # measured at every tick
-        self._facing = Facing(geometry, self._geometry_data)
-        corners = [
-            has and ground is None
-            for has, ground in zip(self._facing.has_corners, self._grounds, strict=True)
-        ]
-        self._facing.has_corners = corners
+        self._facing = Facing(geometry, self._geometry_data, self._grounds)
+        corners = self._facing.has_corners
         self._separation = Separation(geometry, self._geometry_data, np.array(corners))
         self._spread = self._separation.spread.tolist()
         self.dim = self._n_pairs + min(POINTS * sum(corners), MOST_CORNERS)

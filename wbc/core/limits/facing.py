@@ -12,7 +12,7 @@ Source of the idea: E. Coumans, "Contact generation between 3D convex meshes", G
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import coal
@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
+from wbc.core.limits.heights import Columns
 
 POINTS = 8
 """Corners of a pair that count besides its nearest points: those with the least distances."""
@@ -50,8 +51,17 @@ Those may be left out that are less far along the unit vector than the last argu
 class Facing:
     """Corners of pairs of shapes of a geometry, at the placements in its data."""
 
-    def __init__(self, geometry: pin.GeometryModel, data: pin.GeometryData) -> None:
-        """Find out of each shape how its faces are found."""
+    def __init__(
+        self, geometry: pin.GeometryModel, data: pin.GeometryData, grounds: Sequence[Columns | None]
+    ) -> None:
+        """Find out of each shape how its faces are found.
+
+        Args:
+            geometry: Shapes and pairs.
+            data: Their placements.
+            grounds: Columns that are in the place of the second shape of a pair, for each pair.
+        """
+        self._grounds = grounds
         self._shapes = [item.geometry for item in geometry.geometryObjects]
         self._faces = [_face_of(shape) for shape in self._shapes]
         self._radii = [float(s.radius) if isinstance(s, coal.Capsule) else 0.0 for s in self._shapes]
@@ -78,54 +88,74 @@ class Facing:
             within: Distance up to which corners count, m.
         """
         first, second = self._pairs[pair]
-        places = self._data.oMg
+        places, ground = self._data.oMg, self._grounds[pair]
         one, other = places[first], places[second]
         # The other shape lies behind the plane through its nearest point: what is far from this plane is far from it.
-        height = float(normal.dot(nearest))
-        slack = within - distance
+        height, slack = float(normal.dot(nearest)), within - distance
         inside = height - self._radii[first] - slack
-        outside = height + distance + self._radii[second] + slack
         points = self._faces[first](one.rotation, one.translation, normal, inside)
-        others = self._faces[second](other.rotation, other.translation, -normal, -outside)
-        if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
-            crossings = _crossings(points, others, normal)
-            if crossings:
-                points = np.concatenate((points, crossings))
-        found: list[Corner] = []
-        x0, y0, z0 = nearest.tolist()
-        for corners, item, target, lowest, side in (
-            (points, first, second, inside, 1.0),
-            (others, second, first, -outside, -1.0),
-        ):
-            shape, radius, there = self._shapes[target], self._radii[item], None
-            axis = places[item].rotation[:, 2].tolist() if self._spins[item] else None
-            if not len(corners):
-                continue
-            for i in (corners.dot(normal) * side >= lowest).nonzero()[0].tolist():
-                point = corners[i]
-                if there is None:
-                    there = coal.Transform3s(places[target].rotation, places[target].translation)
-                self._at.setTranslation(point)
-                self._result.clear()
-                gap = coal.distance(self._point, self._at, shape, there, self._request, self._result) - radius
-                if gap > within:
-                    continue
-                x, y, z = point.tolist()
-                nx, ny, nz = self._result.normal.tolist()
-                if side < 0.0:
-                    nx, ny, nz = -nx, -ny, -nz
-                mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
-                if axis is not None:  # a cylinder that spins about its axis stays where it is
-                    (ax, ay, az), (cx, cy, cz) = axis, places[item].translation.tolist()
-                    spin = ax * (mx - cy * nz + cz * ny) + ay * (my - cz * nx + cx * nz)
-                    spin += az * (mz - cx * ny + cy * nx)
-                    mx, my, mz = mx - spin * ax, my - spin * ay, mz - spin * az
-                away = radius if side > 0.0 else -radius - gap
-                x, y, z = x + away * nx, y + away * ny, z + away * nz
-                if max(abs(x - x0), abs(y - y0), abs(z - z0)) > SAME:
-                    found.append((gap, nx, ny, nz, mx, my, mz, x, y, z))
+        if ground is None:
+            outside = height + distance + self._radii[second] + slack
+            others = self._faces[second](other.rotation, other.translation, -normal, -outside)
+            if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
+                crossings = _crossings(points, others, normal)
+                if crossings:
+                    points = np.concatenate((points, crossings))
+            near = points[points.dot(normal) >= inside]
+            found = self._found(near, first, 1.0, self._nearest(near, second), within)
+            near = others[others.dot(normal) <= outside]
+            found += self._found(near, second, -1.0, self._nearest(near, first), within)
+        else:
+            gaps, towards = ground.below(points, within + self._radii[first])
+            found = self._found(points, first, 1.0, zip(gaps.tolist(), towards, strict=True), within)
+        x, y, z = nearest.tolist()
+        found = [
+            corner
+            for corner in found
+            if max(abs(corner[7] - x), abs(corner[8] - y), abs(corner[9] - z)) > SAME
+        ]
         found.sort()
         return found[:POINTS]
+
+    def _nearest(self, points: Array, target: int) -> Iterator[tuple[float, Array]]:
+        """Yield the distance of each point to a shape, and the normal from the point to the shape."""
+        if len(points):
+            shape, place, result = self._shapes[target], self._data.oMg[target], self._result
+            there = coal.Transform3s(place.rotation, place.translation)
+            for point in points:
+                self._at.setTranslation(point)
+                result.clear()
+                distance = coal.distance(self._point, self._at, shape, there, self._request, result)
+                yield distance, result.normal
+
+    def _found(
+        self,
+        points: Array,
+        item: int,
+        side: float,
+        nearest: Iterable[tuple[float, Array]],
+        within: float,
+    ) -> list[Corner]:
+        """Return the corners among points of one shape, the first one on side 1, within a distance of the other."""
+        found, radius, place = list[Corner](), self._radii[item], self._data.oMg[item]
+        axis = place.rotation[:, 2].tolist() if self._spins[item] else None
+        for point, (distance, normal) in zip(points, nearest, strict=True):
+            gap = distance - radius
+            if gap > within:
+                continue
+            (x, y, z), (nx, ny, nz) = point.tolist(), normal.tolist()
+            if side < 0.0:
+                nx, ny, nz = -nx, -ny, -nz
+            mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+            if axis is not None:  # a cylinder that spins about its axis stays where it is
+                (ax, ay, az), (cx, cy, cz) = axis, place.translation.tolist()
+                spin = ax * (mx - cy * nz + cz * ny) + ay * (my - cz * nx + cx * nz)
+                spin += az * (mz - cx * ny + cy * nx)
+                mx, my, mz = mx - spin * ax, my - spin * ay, mz - spin * az
+            away = radius if side > 0.0 else -radius - gap
+            x, y, z = x + away * nx, y + away * ny, z + away * nz
+            found.append((gap, nx, ny, nz, mx, my, mz, x, y, z))
+        return found
 
 
 def _face_of(shape: coal.CollisionGeometry) -> Face:

@@ -13,6 +13,7 @@ from typing import Any
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.base.numbers import Array
 from wbc.core.limits.shapes import DEPTH, CollisionHeights
@@ -46,26 +47,17 @@ class Columns:
         inside, reach = self._known[item]
         place = data.oMg[item]
         points = inside.dot(place.rotation.T) + place.translation
-        ox, oy, yaw = self._heights.origin
-        cell, away = self._cell, influence + reach
-        turn = complex(math.cos(yaw), math.sin(yaw))
-        grid = ((points[:, 0] - ox) + 1j * (points[:, 1] - oy)) * turn.conjugate()
-        first = np.floor([(grid.real.min() - away) / cell, (grid.imag.min() - away) / cell])
-        last = np.ceil([(grid.real.max() + away) / cell, (grid.imag.max() + away) / cell])
-        x, y = ((np.arange(a, b) + 0.5) * cell for a, b in zip(first, last, strict=True))
-        centres = (x[:, None] + 1j * y[None, :]).ravel()
-        heights = self._heights.at(centres * turn + complex(ox, oy))[0]
-        low = float(points[:, 2].min()) - away
-        kept = np.flatnonzero(heights >= low)  # NaN is no height
-        if not kept.size:
+        cell = self._cell
+        grid, turn, centres, heights = self._around(points, influence + reach)
+        if not centres.size:
             return None
-        centres, heights = centres[kept], heights[kept]
         apart = grid[:, None] - centres
         ahead = np.maximum(np.abs(apart.real) - 0.5 * cell, 0.0)
         aside = np.maximum(np.abs(apart.imag) - 0.5 * cell, 0.0)
         above = np.maximum(points[:, 2, None] - heights, 0.0)
         bounds = np.sqrt((ahead**2 + aside**2 + above**2).min(axis=0)) - reach
         best, least, result = -1, influence, None
+        ox, oy, _ = self._heights.origin
         at = centres * turn + complex(ox, oy)
         for number in np.argsort(bounds).tolist():
             if bounds[number] >= least:
@@ -80,6 +72,46 @@ class Columns:
         result = self._measure(geometry, data, row, at[best], float(heights[best]), turn)
         self._box.halfSide = self._narrow
         return result
+
+    def below(self, points: Array, within: float) -> tuple[Array, Array]:
+        """Return the distances of points to the columns, shape (n,), m, and unit vectors to the nearest ones, (n, 3).
+
+        Distances of points inside the ground are negative; those beyond `within`, m, are infinite.
+        """
+        grid, turn, centres, heights = self._around(points, within)
+        distances, towards = np.full(len(points), np.inf), np.zeros((len(points), 3))
+        if not centres.size:
+            return distances, towards
+        apart, half = centres - grid[:, None], 0.5 * self._cell
+        ahead = np.sign(apart.real) * np.maximum(np.abs(apart.real) - half, 0.0)
+        aside = np.sign(apart.imag) * np.maximum(np.abs(apart.imag) - half, 0.0)
+        above = points[:, 2, None] - heights
+        far = np.sqrt(ahead**2 + aside**2 + np.maximum(above, 0.0) ** 2)
+        far = np.where(far > 0.0, far, above)  # inside a column it is the depth below its top
+        nearest = (np.arange(len(points)), far.argmin(axis=1))
+        distances[:] = far[nearest]
+        across = (ahead[nearest] + 1j * aside[nearest]) * turn
+        outside = distances > 0.0
+        towards[:, 0], towards[:, 1] = across.real, across.imag
+        towards[:, 2] = -np.maximum(above[nearest], 0.0)
+        towards[outside] /= distances[outside, None]
+        towards[~outside] = [0.0, 0.0, -1.0]
+        return distances, towards
+
+    def _around(
+        self, points: Array, away: float
+    ) -> tuple[NDArray[np.complex128], complex, NDArray[np.complex128], Array]:
+        """Return places of points on the grid, its heading, and centres and heights of the columns that are near, m."""
+        ox, oy, yaw = self._heights.origin
+        cell, turn = self._cell, complex(math.cos(yaw), math.sin(yaw))
+        grid = ((points[:, 0] - ox) + 1j * (points[:, 1] - oy)) * turn.conjugate()
+        first = np.floor([(grid.real.min() - away) / cell, (grid.imag.min() - away) / cell])
+        last = np.ceil([(grid.real.max() + away) / cell, (grid.imag.max() + away) / cell])
+        x, y = ((np.arange(a, b) + 0.5) * cell for a, b in zip(first, last, strict=True))
+        centres = (x[:, None] + 1j * y[None, :]).ravel()
+        heights = self._heights.at(centres * turn + complex(ox, oy))[0]
+        kept = np.flatnonzero(heights >= float(points[:, 2].min()) - away)  # NaN is no height
+        return grid, turn, centres[kept], heights[kept]
 
     @property
     def _cell(self) -> float:
