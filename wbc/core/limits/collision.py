@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,21 +16,17 @@ from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
 from wbc.core.limits.facing import POINTS, Facing
 from wbc.core.limits.heights import Columns
+from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs, urdf_primitives
 from wbc.core.limits.separation import YZX, ZXY, Separation
 from wbc.core.limits.shapes import ENDLESS, SHAPES, CollisionHeights, Obstacle, Shape, geometry_of
 from wbc.core.robot import Robot
 
-POSTURES = 1000
-"""Random postures in which pairs are looked for that can touch."""
-
-SAMPLES = 200
-"""Postures in which a pair is looked at that is closer than its margin in half-sitting."""
+__all__ = ["CollisionLimit", "srdf_pairs"]
 
 NEAR = 0.1
 """Distance beyond the margin from which on pairs count among velocities, m: in a period a link comes less far."""
@@ -53,24 +48,6 @@ SUDDEN = 100.0
 
 ATTAINABLE = 100.0
 """Acceleration of a joint up to which a limit asks for it, rad/s² or m/s²; the braking of `JointLimits` at most."""
-
-
-def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the pairs of some links for `CollisionLimit`, but for the `disable_collisions` of an SRDF.
-
-    The SRDF is a path or the XML itself; the links are such as those of `RobotDescription.collision_shapes`.
-    """
-    root = _xml(srdf, "SRDF")
-    left_out = {frozenset((each.get("link1"), each.get("link2"))) for each in root.iter("disable_collisions")}
-    return [pair for pair in itertools.combinations(links, 2) if frozenset(pair) not in left_out]
-
-
-def _xml(source: str | Path, what: str) -> ET.Element:
-    text = str(source)
-    try:
-        return parse_xml(text if text.lstrip().startswith("<") else read_xml(Path(text), what))
-    except (ET.ParseError, InputError) as error:
-        raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
 
 
 Kept = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
@@ -251,7 +228,7 @@ class CollisionLimit(Limit):
         for frame in dict.fromkeys((*wanted, *(self._shapes if self._all else ()), *near)):
             made = [_geometry_object(robot, frame, shape) for shape in self._shapes.get(frame, ())]
             if not made and self._urdf is not None:
-                primitives = _urdf_primitives(robot, self._urdf) if primitives is None else primitives
+                primitives = urdf_primitives(robot, self._urdf) if primitives is None else primitives
                 made = primitives.get(frame, [])
             if not made:
                 known = ", ".join(sorted({*self._shapes, *(primitives or {})})) or "none"
@@ -287,10 +264,12 @@ class CollisionLimit(Limit):
                     f"'{first}' and '{second}' of limit '{self.name}' are parts of one rigid body"
                 )
             self._add_pair(first, second)
-        self._check_separable()
+        pairs = [(row[:2], names) for row, names in zip(self._rows, self._names, strict=True)]
+        check_separable(robot, geometry, pairs, self._margin, self.name)
         if self._all:
-            for pair in self._all_pairs():
-                self._add_pair(*pair)
+            for pair in pairs_that_touch(robot, geometry, objects, self._margin):
+                if pair not in self._given and pair[::-1] not in self._given:
+                    self._add_pair(*pair)
         for place in self._places:
             first_row = len(self._rows)
             for link in near:
@@ -349,42 +328,6 @@ class CollisionLimit(Limit):
         self._rows.append((items[i].parentJoint, items[k].parentJoint, self._radii[i], self._radii[k]))
         self._names.append((first, second))
         self._moving.append(obstacle)
-
-    def _all_pairs(self) -> list[tuple[str, str]]:
-        """Return the pairs of links that can touch, and do not in half-sitting, but for neighbours and given ones."""
-        robot, model = self._robot, self._robot.model
-        joints = {link: model.frames[robot.frame_id(link)].parentJoint for link in self._objects}
-        trial, pairs = self._geometry.copy(), []
-        trial.removeAllCollisionPairs()
-        for first, second in itertools.combinations(self._objects, 2):
-            a, b = joints[first], joints[second]
-            given = (first, second) in self._given or (second, first) in self._given
-            if given or a == b or model.parents[a] == b or model.parents[b] == a:
-                continue
-            for i in self._objects[first]:
-                for k in self._objects[second]:
-                    trial.addCollisionPair(pin.CollisionPair(i, k))
-                    pairs.append((first, second))
-        state, data = model.createData(), trial.createData()
-
-        def close(q: Array) -> set[tuple[str, str]]:
-            pin.computeCollisions(model, state, trial, data, q, False)
-            hits = [result.isCollision() for result in data.collisionResults]
-            return {pair for pair, hit in zip(pairs, hits, strict=True) if hit}
-
-        for request in data.collisionRequests:
-            request.security_margin = self._margin
-        q, random = np.array(robot.half_sitting), np.random.default_rng(0)
-        touching = close(q)
-        low, high = (
-            np.nan_to_num(x, neginf=-np.pi, posinf=np.pi)
-            for x in (robot.position_lower, robot.position_upper)
-        )
-        found: set[tuple[str, str]] = set()
-        for _ in range(POSTURES):
-            q[robot.nq - robot.na :] = random.uniform(low, high)
-            found |= close(q)
-        return [pair for pair in dict.fromkeys(pairs) if pair in found and pair not in touching]
 
     def _check_obstacles(self, distances: Array) -> None:
         """Refuse an obstacle that is inside the robot."""
@@ -608,43 +551,6 @@ class CollisionLimit(Limit):
         self._owners[rows] = pairs
         return _Near(rows, pairs, values[:, 0], values[:, 1], values[:, 2], values[:, 3:9], values[:, 9:])
 
-    def _check_separable(self) -> None:
-        """Refuse a pair that is in collision in half-sitting, or closer than the margin wherever its joints are."""
-        robot, model = self._robot, self._robot.model
-        state, data = model.createData(), self._geometry.createData()
-        random = np.random.default_rng(0)
-        low, high = (
-            np.nan_to_num(x, neginf=-np.pi, posinf=np.pi)
-            for x in (robot.position_lower, robot.position_upper)
-        )
-        for row, (first, second, *_) in enumerate(self._rows):
-            one, other = self._names[row]
-            between = sorted({*model.supports[first]} ^ {*model.supports[second]})
-            first_joint = robot.nq - robot.na
-            joints = [
-                model.joints[j].idx_q - first_joint
-                for j in between
-                if model.joints[j].idx_q >= first_joint and j > 0
-            ]
-            q, furthest = np.array(robot.half_sitting), -np.inf
-            for _ in range(SAMPLES):
-                pin.updateGeometryPlacements(model, state, self._geometry, data, q)
-                distance = pin.computeDistance(self._geometry, data, row).min_distance
-                if furthest == -np.inf and distance <= 0.0:
-                    raise InputError(
-                        f"'{one}' and '{other}' of limit '{self.name}' are {-distance:.3f} m inside each other in "
-                        "half-sitting; leave the pair out or give smaller shapes"
-                    )
-                furthest = max(furthest, distance)
-                if furthest > self._margin:
-                    break
-                q[first_joint:][joints] = random.uniform(low, high)[joints]
-            else:
-                raise InputError(
-                    f"no joint brings '{one}' and '{other}' of limit '{self.name}' further apart than "
-                    f"{furthest:.4f} m, its margin is {self._margin:g} m; leave the pair out, or lower the margin"
-                )
-
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', rows={self.dim})"
 
@@ -682,22 +588,3 @@ def _geometry_object(robot: Robot, frame: str, shape: Shape) -> pin.GeometryObje
     parent = robot.model.frames[index]
     body, local = geometry_of(shape)
     return pin.GeometryObject(frame, parent.parentJoint, index, parent.placement * local, body)
-
-
-def _urdf_primitives(robot: Robot, urdf: str | Path) -> dict[str, list[pin.GeometryObject]]:
-    """Collision geometry of a URDF that is made of primitives, by link; that of another robot is an `InputError`."""
-    root = _xml(urdf, "URDF")
-    for link in root.iter("link"):
-        for item in (*link.findall("visual"), *link.findall("collision")):
-            if item.tag == "visual" or item.find("geometry/mesh") is not None:
-                link.remove(item)
-    try:
-        geometry = pin.buildGeomFromUrdfString(
-            robot.model, ET.tostring(root, encoding="unicode"), pin.COLLISION
-        )
-    except (ValueError, RuntimeError) as error:
-        raise InputError(f"the URDF of a collision limit does not fit {robot!r}: {error}") from error
-    found: dict[str, list[pin.GeometryObject]] = {}
-    for item in geometry.geometryObjects:
-        found.setdefault(str(robot.model.frames[item.parentFrame].name), []).append(pin.GeometryObject(item))
-    return found
