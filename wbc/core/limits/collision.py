@@ -31,10 +31,12 @@ __all__ = ["CollisionLimit", "srdf_pairs"]
 NEAR = 0.1
 """Distance beyond the margin from which on pairs count among velocities, m: in a period a link comes less far."""
 
-TURNING = 10.0
-"""Angular velocity up to which shapes turn against each other in inverse kinematics, rad/s.
+TURNING, TURNED = 10.0, 50.0
+"""Angular velocity and acceleration up to which shapes turn against each other, rad/s and rad/s².
 
-Corners count that such a turn may bring to the margin in a period; rows of nearest points hold all other motion.
+In inverse kinematics corners have rows that such a velocity may bring to the margin in a period. In a controller those
+have rows that such an acceleration may make too fast for their distance until the next tick, which is still early
+enough. Rows of nearest points hold all other motion.
 """
 
 MOST_CORNERS = 64
@@ -367,7 +369,7 @@ class CollisionLimit(Limit):
             (bounds <= needed).nonzero()[0],
             self._influence,
             self._influence,
-            self._time * dt * ATTAINABLE,
+            self._time * dt * TURNED,
             twists,
             dt,
         )

@@ -101,13 +101,18 @@ class Facing:
                 crossings = _crossings(points, others, normal)
                 if crossings:
                     points = np.concatenate((points, crossings))
+            found = list[Corner]()
             near = points[points.dot(normal) >= inside]
-            found = self._found(near, first, 1.0, self._nearest(near, second), within)
+            if len(near):
+                found = self._found(near, first, 1.0, self._nearest(near, second), within)
             near = others[others.dot(normal) <= outside]
-            found += self._found(near, second, -1.0, self._nearest(near, first), within)
+            if len(near):
+                found += self._found(near, second, -1.0, self._nearest(near, first), within)
         else:
             gaps, towards = ground.below(points, within + self._radii[first])
             found = self._found(points, first, 1.0, zip(gaps.tolist(), towards, strict=True), within)
+        if not found:
+            return found
         x, y, z = nearest.tolist()
         found = [
             corner
@@ -119,14 +124,13 @@ class Facing:
 
     def _nearest(self, points: Array, target: int) -> Iterator[tuple[float, Array]]:
         """Yield the distance of each point to a shape, and the normal from the point to the shape."""
-        if len(points):
-            shape, place, result = self._shapes[target], self._data.oMg[target], self._result
-            there = coal.Transform3s(place.rotation, place.translation)
-            for point in points:
-                self._at.setTranslation(point)
-                result.clear()
-                distance = coal.distance(self._point, self._at, shape, there, self._request, result)
-                yield distance, result.normal
+        shape, place, result = self._shapes[target], self._data.oMg[target], self._result
+        there = coal.Transform3s(place.rotation, place.translation)
+        for point in points:
+            self._at.setTranslation(point)
+            result.clear()
+            distance = coal.distance(self._point, self._at, shape, there, self._request, result)
+            yield distance, result.normal
 
     def _found(
         self,
