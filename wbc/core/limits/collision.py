@@ -19,7 +19,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.limits.base import Limit
-from wbc.core.limits.facing import POINTS, Facing
+from wbc.core.limits.facing import CORNERS, Facing
 from wbc.core.limits.heights import Columns
 from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs, urdf_primitives
 from wbc.core.limits.separation import YZX, ZXY, Separation
@@ -41,6 +41,9 @@ enough. Rows of nearest points hold all other motion.
 
 MOST_CORNERS = 64
 """Rows for corners of faces that a limit has at most."""
+
+TOUCHING = 2e-3
+"""Distance beyond the margin up to which earlier nearest points of a pair count as corners, m."""
 
 DEEP = 1e-3
 """Depth of a collision from which on its corners have no rows, m: the nearest points lead out of it."""
@@ -292,7 +295,7 @@ class CollisionLimit(Limit):
         corners = self._facing.has_corners
         self._separation = Separation(geometry, self._geometry_data, np.array(corners))
         self._spread = self._separation.spread.tolist()
-        self.dim = self._n_pairs + min(POINTS * sum(corners), MOST_CORNERS)
+        self.dim = self._n_pairs + min(CORNERS * sum(corners), MOST_CORNERS)
         self._owners = np.arange(self.dim)  # the pair of each row
         self._leaders = _leaders(robot)
         # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
@@ -536,7 +539,7 @@ class CollisionLimit(Limit):
             if distance < reach:
                 least = min(room, 0.0)  # what has come too close may not come closer
                 for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(
-                    row, distance, normal, point, reach
+                    row, distance, normal, point, reach, room < TOUCHING
                 ):
                     growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
                     if gap + time * growth < late:

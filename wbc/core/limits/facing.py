@@ -6,6 +6,8 @@ looks at the other shape, and the crossings of the edges of both faces, seen alo
 a point of one shape, and its distance to the whole other shape is at least that of the shapes. The distance of a point
 to a convex shape is a convex function of the place of the point: its linearisation is never too large.
 
+Between curved shapes that turn freely, nearest points go to and fro. The last ones are kept, as points of their shapes.
+
 Source of the idea: E. Coumans, "Contact generation between 3D convex meshes", GDC 2010 (contact manifolds of engines).
 """
 
@@ -22,10 +24,13 @@ import pinocchio as pin
 from wbc.base.numbers import Array
 from wbc.core.limits.heights import Columns
 
-POINTS = 8
+KEPT = 2
+"""Earlier nearest points of each shape that count as corners."""
+
+CORNERS = 8 + 2 * KEPT
 """Corners of a pair that count besides its nearest points: those with the least distances."""
 
-RIM = np.exp(0.25j * np.pi * np.arange(POINTS))
+RIM = np.exp(0.25j * np.pi * np.arange(8))
 """Directions of points on the rim of a cylinder that stands on its end."""
 
 AROUND = np.stack((RIM.real, RIM.imag))
@@ -35,8 +40,8 @@ CONE = 0.1 * AROUND
 STANDS = math.sqrt(0.5)
 """Component of the axis of a cylinder along the normal from which on it stands on its end."""
 
-SAME = 1e-6
-"""Distance up to which points are one, m."""
+SAME, MOVED = 1e-6, 1e-4
+"""Distance up to which points are one, and from which on a nearest point is another one, m."""
 
 Corner = tuple[float, float, float, float, float, float, float, float, float, float]
 """Distance of a corner, normal from the first shape to the second, its moment, and the point of the first shape."""
@@ -62,6 +67,8 @@ class Facing:
             grounds: Columns that are in the place of the second shape of a pair, for each pair.
         """
         self._grounds = grounds
+        #: Earlier nearest points of both shapes of each pair, in the frames of the shapes.
+        self._kept: list[tuple[list[Array], list[Array]]] = [([], []) for _ in grounds]
         self._shapes = [item.geometry for item in geometry.geometryObjects]
         self._faces = [_face_of(shape) for shape in self._shapes]
         self._radii = [float(s.radius) if isinstance(s, coal.Capsule) else 0.0 for s in self._shapes]
@@ -76,7 +83,7 @@ class Facing:
         ]
 
     def corners(
-        self, pair: int, distance: float, normal: Array, nearest: Array, within: float
+        self, pair: int, distance: float, normal: Array, nearest: Array, within: float, touching: bool
     ) -> list[Corner]:
         """Return the corners of a pair that are within a distance, m, but for its nearest point; nearest ones first.
 
@@ -86,6 +93,7 @@ class Facing:
             normal: Common normal from the first shape to the second, shape (3,).
             nearest: Nearest point of the first shape, shape (3,), m.
             within: Distance up to which corners count, m.
+            touching: Whether the pair is so near that earlier nearest points count.
         """
         first, second = self._pairs[pair]
         places, ground = self._data.oMg, self._grounds[pair]
@@ -101,6 +109,12 @@ class Facing:
                 crossings = _crossings(points, others, normal)
                 if crossings:
                     points = np.concatenate((points, crossings))
+            if touching:
+                earlier = self._earlier(pair, normal, nearest, distance)
+                if earlier[0]:
+                    points = np.concatenate((points, earlier[0]))
+                if earlier[1]:
+                    others = np.concatenate((others, earlier[1]))
             found = list[Corner]()
             near = points[points.dot(normal) >= inside]
             if len(near):
@@ -120,7 +134,26 @@ class Facing:
             if max(abs(corner[7] - x), abs(corner[8] - y), abs(corner[9] - z)) > SAME
         ]
         found.sort()
-        return found[:POINTS]
+        return found[:CORNERS]
+
+    def _earlier(
+        self, pair: int, normal: Array, nearest: Array, distance: float
+    ) -> tuple[list[Array], list[Array]]:
+        """Return the last nearest points of both shapes where they are no longer nearest, and keep the present ones."""
+        found: tuple[list[Array], list[Array]] = ([], [])
+        for side, item, kept in zip((0, 1), self._pairs[pair], self._kept[pair], strict=True):
+            place, radius = self._data.oMg[item], self._radii[item]
+            now = nearest + (distance + radius if side else -radius) * normal
+            x, y, z = now.tolist()
+            for local in kept:
+                point = place.act(local)
+                a, b, c = point.tolist()
+                if abs(a - x) > MOVED or abs(b - y) > MOVED or abs(c - z) > MOVED:
+                    found[side].append(point)
+            if len(found[side]) == len(kept):
+                kept.append(place.actInv(now))
+                del kept[:-KEPT]
+        return found
 
     def _nearest(self, points: Array, target: int) -> Iterator[tuple[float, Array]]:
         """Yield the distance of each point to a shape, and the normal from the point to the shape."""
