@@ -105,7 +105,6 @@ def test_hulls_lie_inside_the_meshes_and_nearly_fill_them() -> None:
 
 def test_a_hand_goes_around_what_stands_in_its_way_and_stops_before_what_it_cannot_pass() -> None:
     ik = arm()
-    robot = ik.robot
     hand = ik.add(wbc.PositionTask("panda_hand"))
     start = hand.target.copy()
     box = wbc.Obstacle(
@@ -126,7 +125,6 @@ def test_a_hand_goes_around_what_stands_in_its_way_and_stops_before_what_it_cann
         ik.step()
         assert limit.distances["panda_hand", "box"] > 0.01 - 1e-4
     assert np.linalg.norm(hand.error) < 1e-2
-    del robot
 
 
 def test_an_obstacle_that_moves_pushes_the_hand() -> None:
@@ -370,9 +368,9 @@ def test_no_row_holds_the_spin_of_a_cylinder_about_its_axis() -> None:
 
 
 def check(outcomes: list[Outcome]) -> None:
-    """In no period shapes come closer to each other by more than θ² ℓ, never by 1 mm in all, and they come to rest."""
+    """In no period shapes come closer by more than 3/2 θ² ℓ, never by 1 mm in all, and they come to rest."""
     assert len(outcomes) > 20 and not any(outcome.unsolved for outcome in outcomes)
-    assert max(outcome.steepest for outcome in outcomes) < 1.0
+    assert max(outcome.steepest for outcome in outcomes) < 1.5
     worst = max(outcomes, key=lambda outcome: outcome.deepest)
     assert worst.deepest < 1e-3, worst
     assert np.mean([outcome.jump < 0.05 for outcome in outcomes]) > 0.9

@@ -125,11 +125,13 @@ class CollisionLimit(Limit):
 
         CollisionLimit("all", shapes=description.collision_hulls(), obstacles=[Obstacle("table", CollisionBox(…))])
 
-    Each pair of shapes has one row: its distance may shrink at (distance − margin) / time constant at most. The rows
-    of pairs that are far apart are empty. In a controller the rows of pairs that are slow for their distance are empty
-    too: the distance could shrink with 100 m/s² until the next tick, and would still be allowed to. A pair is measured
-    when its shapes have moved so far since they were last measured that its row may be needed. The rows ignore how the
-    rotation of the common normal accelerates the distance. The next tick corrects this.
+    Each pair of shapes has a row for its nearest points: its distance may shrink at (distance − margin) / time constant
+    at most. Rows behind those of all pairs are for corners of faces that look at each other; see
+    `wbc.core.limits.facing`. The rows of pairs that are far apart are empty. In a controller the rows of pairs that are
+    slow for their distance are empty too: the distance could shrink with 100 m/s² until the next tick, and would still
+    be allowed to. A pair is measured when its shapes have moved so far since they were last measured that its row may
+    be needed. The rows ignore how the rotation of the common normal accelerates the distance. The next tick corrects
+    this.
 
     A row demands at most the acceleration (distance − margin) / time constant² + recovery of the distance, m/s². This
     is enough if two links are not faster than allowed when they come within `influence` of each other.
@@ -360,7 +362,7 @@ class CollisionLimit(Limit):
         return np.inf if result is None else float(result.min_distance)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill one row for each pair of shapes; see `Limit.write`."""
+        """Fill the rows of pairs and corners; see `Limit.write`."""
         self._clear(rows, lower, upper)
         bounds, twists = self._bounds(), self._twists()
         needed = self._separation.speeds(twists)
