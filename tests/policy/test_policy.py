@@ -21,6 +21,7 @@ from wbc.policy.terms import Clock
 from wbc.sim import WalkSpec
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.trial import WalkTrial
+from wbc.tasks import RelativeFrameTask
 from wbc.walking.contact import GaitPhase
 
 onnx = pytest.importorskip("onnx")
@@ -406,3 +407,110 @@ def test_another_policy_of_the_same_name_is_another_walk(standing: Path, tmp_pat
     assert WalkSpec(robot="g1", trained=str(file)).to_json() != before
     with pytest.raises(InputError, match="changed"):
         WalkSpec.from_json(before)
+
+
+ARMS = tuple(G1.joint_names[15:])
+REST = {name: float(q) for name, q in zip(G1.joint_names, G1.robot().half_sitting[7:], strict=True)}
+
+
+def bobbing(**options: Any) -> tuple[wbc.Plant, PolicyControl]:
+    """Return a policy that bends the knees by 0.15 rad and stretches them, once in a second, soles level."""
+
+    class Bob:
+        inputs, outputs = 2 + len(G1.joint_names), len(G1.joint_names)
+        seen: list[np.ndarray] = []
+
+        def __call__(self, observation: np.ndarray) -> np.ndarray:
+            self.seen.append(observation.copy())
+            action = np.zeros(self.outputs, np.float32)
+            for part, share in (("hip_pitch", -0.5), ("knee", 1.0), ("ankle_pitch", -0.5)):
+                for side in ("left", "right"):
+                    action[G1.joint_names.index(f"{side}_{part}_joint")] = share * 0.15 * observation[0]
+            return action
+
+    servos = G1.robot().servos
+    description = PolicyDescription(
+        joints=tuple(G1.joint_names),
+        default=tuple(REST.values()),
+        kp=tuple(servos.kp),
+        kd=tuple(servos.kd),
+        observation=(Term("phase_sine"), Term("joint_position")),
+        phase=1.0,
+    )
+    return control(Bob(), description, **options)
+
+
+def hands_error(plant: wbc.Plant, policy: PolicyControl, carried: bool = True) -> float:
+    """Greatest distance of the left hand from its place before the pelvis, m, after 1.5 s of 3 s."""
+    task = policy.controller.add(
+        RelativeFrameTask("left_rubber_hand", "pelvis", axes=("x", "y", "z"), weight=10.0, stiffness=400.0)
+    )
+    task.target = pin.SE3(task.target.rotation, np.array([0.3, 0.15, 0.2]))
+    if not carried:
+        policy._carried.measured = lambda measurement: None  # type: ignore[method-assign]
+    policy.velocity = (0.1, 0.0, 0.0)
+    truth, worst = G1.robot(), 0.0
+    while plant.time < 3.0:
+        plant.step(policy.command(plant.measure()))
+        state = plant.truth()
+        truth.update(np.array(state.q), np.array(state.v))
+        place = truth.placement("pelvis").actInv(truth.placement("left_rubber_hand")).translation
+        if plant.time > 1.5:
+            worst = max(worst, float(np.linalg.norm(place - task.target.translation)))
+    assert policy.status() == "ok"
+    return worst
+
+
+def test_hands_of_the_qp_stay_while_the_policy_moves_the_pelvis() -> None:
+    """The pelvis moves up and down by its IMU's acceleration: without it the hands lag."""
+    error, blind = hands_error(*bobbing(arms=ARMS)), hands_error(*bobbing(arms=ARMS), carried=False)
+    assert error < 1e-3 and blind > 3.0 * error
+
+
+@pytest.mark.parametrize("sees", [False, True])
+def test_a_policy_sees_the_arms_of_the_qp_at_rest_or_as_they_are(sees: bool) -> None:
+    plant, policy = bobbing(arms=ARMS, sees_arms=sees)
+    policy.posture.target = {"left_elbow_joint": REST["left_elbow_joint"] + 0.3}
+    elbow = G1.joint_names.index("left_elbow_joint")
+    for _ in range(500):
+        plant.step(policy.command(plant.measure()))
+    seen = policy.network.seen[-1][2 + elbow]
+    assert policy.observer.robot.q[7 + elbow] - REST["left_elbow_joint"] == pytest.approx(0.3, abs=0.03)
+    assert seen == pytest.approx(0.3, abs=0.03) if sees else seen == 0.0
+
+
+def test_arms_without_a_solution_are_damped_and_the_policy_goes_on() -> None:
+    plant, policy = bobbing(arms=ARMS)
+    for place in (0.0, 1.0):
+        policy.controller.add(
+            wbc.tasks.PositionTask(
+                "left_rubber_hand", hard=True, target=np.full(3, place), name=f"at {place}"
+            )
+        )
+    knee, elbow = (G1.joint_names.index(f"left_{part}_joint") for part in ("knee", "elbow"))
+    for _ in range(200):
+        measurement = plant.measure()
+        command = policy.command(measurement)
+        assert command.kp[knee] > 0.0 and command.kp[elbow] == 0.0
+        assert command.joint_torque[elbow] * measurement.joint_velocity[elbow] <= 0.0
+        plant.step(command)
+    assert policy.arm_failure and "arms damped" in policy.status() and policy.fallen is None
+
+
+def test_a_policy_that_is_too_slow_is_asked_for_more() -> None:
+    """The velocity that is asked for as well is the integral of what lacks, at most 0.5 m/s."""
+    plant, policy = bobbing(regain=0.5)
+    policy.velocity = (0.2, 0.0, 0.0)
+    for _ in range(1000):
+        plant.step(policy.command(plant.measure()))
+    assert policy.observed.command[0] == pytest.approx(
+        0.2 + 2.0 * 0.5 * 0.2, abs=0.03
+    )  # it does not walk at all
+
+
+@pytest.mark.parametrize("arms", [("left_knee_joint",), ("left_gripper",), (*ARMS, ARMS[0])])
+def test_arms_that_the_qp_cannot_have_are_refused(arms: tuple[str, ...]) -> None:
+    with pytest.raises(WbcError):
+        bobbing(arms=arms)
+    with pytest.raises(InputError, match="shared"):
+        bobbing(arms=ARMS)[1].release(["left_elbow_joint"])

@@ -2,27 +2,39 @@
 
 from __future__ import annotations
 
+import logging
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, WbcError, unknown_name
+from wbc.base.errors import InputError, WbcError, names_in, unknown_name
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import Period
+from wbc.base.settings import NonNegative, Period
 from wbc.core.drive.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
 from wbc.core.signals import Command
+from wbc.policy.arms import share_with_policy
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.terms import TERMS, Clock, Observed
+from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.source import Progress
+
+logger = logging.getLogger(__name__)
+
+MOST_LACK = 0.5
+"""Greatest velocity that is asked for as well, m/s."""
 
 SETTLES = 2.0
 """Time in which a policy that is asked for a stand comes to one, s."""
@@ -40,6 +52,11 @@ class PolicyControl(TorqueControl):
         while policy.fallen is None:
             plant.step(policy.command(plant.measure()))
 
+    The QP moves the arms, if they are given, beside the policy:
+
+        policy = PolicyControl(robot, "policy.onnx", dt, arms=robot.joint_names[15:])
+        hand = policy.controller.add(RelativeFrameTask("left_rubber_hand", "pelvis", axes=("x", "y", "z"), weight=10.0))
+
     A command has the targets and the gains of the policy for its joints, within the torque limits. The servos of the
     robot hold its other joints in half-sitting. In between two actions the targets stay. The policy sees the estimate
     of the `Observer`, never the truth of a simulation.
@@ -49,6 +66,9 @@ class PolicyControl(TorqueControl):
         network: The network.
         observed: What the terms of the observation read.
         contacts: Contacts of the feet, by their measured loads.
+        controller: The controller; tasks and limits on the arms are added to it.
+        arm_failure: Reason for which the QP has no torques for the arms, which are damped meanwhile; else empty.
+        posture: Task on the posture of the arms; None without arms of the QP.
     """
 
     @checked
@@ -59,6 +79,9 @@ class PolicyControl(TorqueControl):
         dt: Period,
         *,
         description: PolicyDescription | None = None,
+        arms: Sequence[str] = (),
+        sees_arms: bool = False,
+        regain: Annotated[NonNegative, "1/s"] = 0.0,
         observer: Observer | None = None,
         failures: FailurePolicy | None = None,
         safety: SafetySettings | None = None,
@@ -70,6 +93,12 @@ class PolicyControl(TorqueControl):
             policy: File of an ONNX network, or a network of your own, for which a description is needed.
             dt: Control period, s; the policy's is a multiple of it.
             description: Description; from the file and the TOML file beside it when None.
+            arms: Names of joints that the QP of the controller moves, such as those of both arms; not of a leg. The
+                policy moves the others.
+            sees_arms: Let the policy see the arms of the QP where they are. By default it sees them at rest in its
+                default posture: a policy that has trained with other arms walks elsewhere than it is asked to.
+            regain: Share of the missing velocity that is asked for as well after 1 s, 1/s, as for a load in the hands,
+                which makes a policy drift; 0.5 is a good value. The velocity is the estimated one of the CoM.
             observer: Observer of the robot's state; a new one when None.
             failures: Reaction to ticks without a usable measurement or action.
             safety: Ranges of measurements, and the reaction to a fall.
@@ -108,6 +137,7 @@ class PolicyControl(TorqueControl):
         )
         self._kp[columns], self._kd[columns] = description.kp, description.kd
         self._target = np.array(robot.half_sitting[7:])
+        self._share_arms(names_in("arms", arms), sees_arms)
         self._still = np.zeros(robot.na)
         self.observed = Observed(
             self.observer.robot, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(2)
@@ -142,14 +172,36 @@ class PolicyControl(TorqueControl):
             start = stop
         self.contacts = FootContacts(robot, dt)
         self._velocity: Velocity | None = None
+        self._regain, self.arm_failure = regain, ""
         self._fastest = np.array(description.fastest)
         self._begin_policy()
+
+    def _share_arms(self, arms: Sequence[str], seen: bool) -> None:
+        """Let the controller move arms, and the policy see them at rest, or where they are."""
+        robot, default = self.controller.robot, np.array(self.controller.robot.half_sitting[7:])
+        self._arms: NDArray[np.intp] | None = None
+        self._masked, self.posture = np.zeros(0, dtype=np.intp), None
+        if not arms:
+            return
+        default[self._columns] = self._default
+        self._arms = index = np.array([robot.joint_index(name) for name in arms])
+        self._carried, self.posture = share_with_policy(self.controller, arms, default[index])
+        self._arms_kd, self._kp[index], self._kd[index] = self._kd[index], 0.0, 0.0
+        if not seen:
+            self._masked = np.flatnonzero(np.isin(self._columns, index))
+
+    def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
+        """See `DriveControl.release`; an `InputError` where the QP moves arms: it shares the joints with the policy."""
+        if self._arms is not None:
+            raise InputError("joints of a policy whose arms the QP moves are shared by these two already")
+        return super().release(joints)
 
     def _begin_policy(self) -> None:
         self._ticks = 0
         self._fresh = True  # no observation yet
         self._lost: Exception | None = None  # of the last action
         self._asked = 0.0  # time since a velocity was asked for, s
+        self._lack = np.zeros(2)  # velocity that is asked for as well, m/s
         self.contacts.reset()
         self.observed.action[:] = 0.0
         self._clock.reset()
@@ -177,6 +229,11 @@ class PolicyControl(TorqueControl):
         velocity = checked_velocity(value)
         self._velocity = None if value is None else velocity
         np.clip(velocity, -self._fastest, self._fastest, out=self.observed.command)
+
+    @property
+    def _stands(self) -> bool:
+        """True while a stand is asked for."""
+        return not any(self._velocity or ())
 
     def stop(self) -> None:
         """Come to a stand."""
@@ -214,7 +271,7 @@ class PolicyControl(TorqueControl):
         if self.damped:
             command = self._damp(state)
         else:
-            self._asked = 0.0 if self.observed.command.any() else self._asked + self.controller.dt
+            self._asked = self._asked + self.controller.dt if self._stands else 0.0
             if state.ok:
                 self.contacts.update(state.measurement.wrenches[:, 2].tolist())
             if state.ok and self._ticks % self._every == 0:
@@ -229,7 +286,7 @@ class PolicyControl(TorqueControl):
             if state.ok:
                 self._failing = 0
             command = self._damp(state) if self.stopped else self._servos(state)
-        if (released := self.controller.released) is not None:
+        if (released := self.controller.released) is not None and self._arms is None:
             command = self._without(command, released)
         if self.wrenches is not None:
             self._sent.sent(command)
@@ -240,7 +297,10 @@ class PolicyControl(TorqueControl):
         observed, columns = self.observed, self._columns
         observed.position[:] = state.robot.q[7:][columns] - self._default
         observed.velocity[:] = state.robot.v[6:][columns]
-        self._clock.tick(not observed.command.any())
+        observed.position[self._masked] = observed.velocity[self._masked] = 0.0
+        if self._regain:
+            self._ask_for_more(state.robot)
+        self._clock.tick(self._stands)
         for part, (term, scale, clip) in zip(self._parts, self._terms, strict=True):
             values = term(observed) * scale
             if clip is not None:
@@ -258,12 +318,53 @@ class PolicyControl(TorqueControl):
         np.clip(action, -most, most, out=observed.action)
         self._target[columns] = self._default + self._scale * observed.action
 
+    def _ask_for_more(self, robot: Robot) -> None:
+        """Ask for the velocity that the robot lacks, too."""
+        towards = heading(robot.placement(robot.base_frame).rotation)
+        cos, sin = math.cos(towards), math.sin(towards)
+        x, y, _ = robot.com_velocity.tolist()
+        asked = np.zeros(3) if self._velocity is None else np.array(self._velocity)
+        missing = asked[:2] - (cos * x + sin * y, cos * y - sin * x)
+        self._lack += self.description.period * self._regain * missing
+        np.clip(self._lack, -MOST_LACK, MOST_LACK, out=self._lack)
+        asked[:2] += self._lack
+        np.clip(asked, -self._fastest, self._fastest, out=self.observed.command)
+
     def _servos(self, state: State) -> Command:
         """Return the targets with the policy's gains, within the torque limits where the joints are now."""
-        m = state.measurement
+        m, torque, arms = state.measurement, self._still, self._arms
+        if arms is not None:
+            torque = self._torques
+            torque[arms] = self._arm_torques(state)
+            self._target[arms] = m.joint_position[arms]
         return self.gate.pass_on_with_gains(
-            self._still, self._target, self._still, (self._kp, self._kd), (m.joint_position, m.joint_velocity)
+            torque, self._target, self._still, (self._kp, self._kd), (m.joint_position, m.joint_velocity)
         )
+
+    def _arm_torques(self, state: State) -> Array:
+        """Return the torques of the arms by the QP, Nm; damping where it has no solution."""
+        m, arms = state.measurement, self._arms
+        try:
+            self._carried.measured(m)
+            self.solution = solution = self.controller.solve(m)
+            if solution.ok:
+                self.arm_failure = ""
+                return solution.torques[arms]
+            failure = solution.status.value
+        except Exception as error:  # of tasks of the user
+            failure = f"{type(error).__name__}: {error}"
+        if not self.arm_failure:
+            logger.error("no torques for the arms (%s); they are damped", failure)
+        self.arm_failure = failure
+        damping: Array = -self._arms_kd * m.joint_velocity[arms]
+        return damping
+
+    def status(self) -> str:
+        """See `DriveControl.status`; the arms have a failure of their own."""
+        status = super().status()
+        if not self.arm_failure:
+            return status
+        return f"arms damped: {self.arm_failure}" + ("" if status == "ok" else f"; {status}")
 
 
 def joint_columns(robot: Robot, joints: Sequence[str]) -> list[int]:

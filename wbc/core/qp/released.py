@@ -52,16 +52,21 @@ class ReleasedJoints(SelectionTask):
 
     unit = "rad"
 
-    def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
-        """Take the names; an `InputError` for a joint of a leg, an `UnknownNameError` for one that there is not."""
+    def __init__(self, robot: Robot, joints: Sequence[str], *, legs: bool = False) -> None:
+        """Take the names; an `UnknownNameError` for a joint that there is not.
+
+        A joint of a leg is an `InputError`, unless the legs are somebody else's and so is the balance. Their motion is
+        then that of the encoders: torques do not tell it without the forces on the feet.
+        """
         names = distinct_joints(joints)
         self.index: NDArray[np.intp] = joint_columns(robot, names) - robot.base_dof
-        legs = set(robot.leg_joints) & set(self.index.tolist())
-        if legs:
-            some = ", ".join(robot.joint_names[joint] for joint in sorted(legs))
+        balancing = set(robot.leg_joints) & set(self.index.tolist())
+        if balancing and not legs:
+            some = ", ".join(robot.joint_names[joint] for joint in sorted(balancing))
             raise InputError(f"legs balance the robot and cannot be released: {some}")
         super().__init__("released joints", len(names), weight=WEIGHT, stiffness=0.0, damping=0.0)
         self.joints, self._response = tuple(names), RESPONSE
+        self._by_torques = not legs
         self.mask = np.zeros(robot.na, dtype=bool)
         self.mask[self.index] = True
         self.mask.setflags(write=False)
@@ -144,7 +149,7 @@ class ReleasedJoints(SelectionTask):
         elif self._before is not None:
             self._measured += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._measured)
             known[:] = self._measured
-            if torque is not None and accelerations is not None:
+            if self._by_torques and torque is not None and accelerations is not None:
                 known[:] = self._driven(q, torque, accelerations)
         self._before = velocity
         np.maximum(known, -self._most, out=known)

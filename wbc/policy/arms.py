@@ -1,0 +1,102 @@
+"""Arms by the QP while a policy moves legs and waist: the pelvis is carried by whatever carries it.
+
+Legs and feet act on the arms by the motion of the pelvis alone. With this motion measured by its IMU, they drop out of
+the arms' equations of motion, and no force sensors are needed:
+
+    M a + h = Sᵀ τ + J_imuᵀ f,    J_imu a + J̇ v = (s + Rᵀ g, ω̇),    a_policy as measured
+
+with the specific force s and the angular rate ω of the IMU, its rotation R, any wrench f, and the joints of the policy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array
+from wbc.core.frames import frame_jacobian
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
+from wbc.core.qp.contact import Contact, ContactOptions
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.released import ReleasedJoints
+from wbc.core.robot import GRAVITY, Robot
+from wbc.core.signals import Measurement
+from wbc.tasks import PostureTask
+
+FORCE_LAG, RATE_LAG = 0.005, 0.01
+"""Time constants of the low-passes of the specific force and of the differentiated angular rate, s. With less of them
+the impacts of the feet reach the arms, with more the hands lag behind the trunk."""
+
+
+class Carried(Contact):
+    """Frame of the IMU, held by any wrench, with the acceleration that the IMU measures.
+
+    Attributes:
+        acceleration: Acceleration of the frame, [linear; angular] along its axes, shape (6,), m/s² and rad/s².
+    """
+
+    dim, ranged = 6, ()
+    usual: ContactOptions = {"stiffness": 0.0, "damping": 0.0, "wrench_weight": 1e-9}
+
+    def __init__(self, robot: Robot, dt: float) -> None:
+        """Carry the robot at its IMU."""
+        super().__init__("carried by the policy", robot.imu_frame, np.zeros((0, 6)))
+        self.acceleration = np.zeros(6)
+        self._dt = dt
+        self._gains = lag_gain(dt, FORCE_LAG), lag_gain(dt, RATE_LAG)
+        self._rate: Array | None = None  # in the tick before, rad/s
+
+    def reset(self) -> None:
+        """Forget the motion so far."""
+        super().reset()
+        self.acceleration[:] = 0.0
+        self._rate = None
+
+    def measured(self, measurement: Measurement) -> None:
+        """Take the readings of a tick, in which the robot has been updated."""
+        rate, (linear, angular) = measurement.angular_velocity, self._gains
+        up = self._placement.rotation[2]
+        now = self.acceleration
+        now[:3] += linear * (measurement.specific_force - GRAVITY * up - now[:3])
+        if self._rate is not None:
+            now[3:] += angular * ((rate - self._rate) / self._dt - now[3:])
+        self._rate = rate.copy()
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `Contact`."""
+        model, data = self._model, self._data
+        jacobian[:] = frame_jacobian(model, data, self._id, pin.LOCAL)
+        error[:] = 0.0
+        drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, pin.LOCAL).vector
+        drift -= self.acceleration
+
+
+def share_with_policy(
+    controller: Controller, arms: Sequence[str], default: Sequence[float]
+) -> tuple[Carried, PostureTask]:
+    """Let a controller move arms alone: the other joints and the base move as they are measured.
+
+    Args:
+        controller: The controller, without contacts.
+        arms: Names of the joints that the controller moves.
+        default: Their default posture, rad.
+
+    Returns:
+        The contact that carries the base, and the posture task of the arms.
+
+    Raises:
+        UnknownNameError: The robot has no such joint.
+        InputError: A joint of a leg, or one twice.
+    """
+    robot = controller.robot
+    _ = ReleasedJoints(robot, arms)  # refuses legs
+    carried = controller.add(Carried(robot, controller.dt))
+    others = [name for name in robot.joint_names if name not in set(arms)]
+    controller.add(ReleasedJoints(robot, others, legs=True))
+    posture = controller.add(PostureTask(default, joints=arms))
+    controller.add(JointLimits(), TorqueLimits())
+    return carried, posture
