@@ -23,7 +23,9 @@ from sphinx.util.typing import stringify_annotation
 logger = logging.getLogger(__name__)
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
+
+from short_types import as_names, shorten  # noqa: E402
 
 from wbc import __version__  # noqa: E402 - the path comes first
 from wbc.app.commands.settings import settings_of  # noqa: E402
@@ -176,7 +178,7 @@ def name_types(
     for kind, short in ((ArrayLike, "ArrayLike"), (Array, "Array")):
         long = stringify_annotation(kind, "smart", short_literals=False)
         texts = [text and text.replace(long, short) for text in texts]
-    return texts[0], texts[1]
+    return tuple(text and as_names(text) for text in texts)
 
 
 def skip_described(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
@@ -215,6 +217,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("source-read", fill_tables)
     app.connect("autodoc-process-docstring", mark_blocks, priority=400)
     app.connect("autodoc-process-signature", name_types)
+    app.connect("doctree-read", shorten)
     app.connect("autodoc-skip-member", skip_described)
     app.connect("build-finished", check_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

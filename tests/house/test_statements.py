@@ -8,13 +8,17 @@ import re
 import signal
 from pathlib import Path
 from types import ModuleType
+from typing import Annotated
 
 import pytest
+from numpy.typing import ArrayLike
+from pydantic import Field
 
 import wbc
 from wbc.app import cli
 from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.base.errors import InputError
+from wbc.base.settings import NonNegative, Numbers, Positive, Seed
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.trial.push import WalkPush
@@ -136,3 +140,24 @@ def test_a_stand_holds_the_pushes_of_the_page(feedback: str) -> None:
     spec = StandSpec(robot="hrp4_class", mode="position", feedback=feedback, seconds=4.6)
     held = [recovers(spec, WalkPush(impulse=limit + change, time=0.5)) for change in (-0.01, 0.02)]
     assert held == [True, False]
+
+
+def test_the_reference_says_types_as_a_reader_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unit and range behind the type, whatever annotates it; a signature with them can be parsed."""
+    typing = pytest.importorskip("sphinx.util.typing")
+    types = script("short_types", monkeypatch)
+    for kind, said in (
+        (Positive, "float (> 0)"),
+        (Annotated[Positive, "rad"], "float (rad, > 0)"),
+        (Annotated[NonNegative, "m/s²"] | None, "float (m/s², ≥ 0) | None"),
+        (Annotated[float, Field(ge=0.3, le=0.7)], "float (≥ 0.3, ≤ 0.7)"),
+        (tuple[Annotated[Seed, ""], ...], "tuple[int (≥ 0), ...]"),
+        (Annotated[ArrayLike, Numbers(above=0.0), "Nm"], "(Nm, > 0)"),
+    ):
+        text = typing.stringify_annotation(kind, "smart")
+        assert types.short_types(text).endswith(said)
+        signature = f"(one: {text} = <factory>, *, two: int = 3)"
+        (function,) = ast.parse(f"def f{types.as_names(signature)}: ...").body
+        assert isinstance(function, ast.FunctionDef) and function.args.args[0].annotation is not None
+        assert ast.unparse(function.args.args[0].annotation).translate(types.SIGNS).endswith(said)
+    assert types.short_types("Annotated[Positive, 's'] | None") == "float (s, > 0) | None"
