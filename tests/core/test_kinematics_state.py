@@ -70,6 +70,13 @@ def test_a_robot_that_is_put_somewhere_is_at_rest_there() -> None:
     assert abs(ik.solve() - 0.5) == pytest.approx(
         np.full(ik.robot.nv, 0.05), abs=1e-9
     )  # by 5 rad/s², all of them
+    v = ik.solve()
+    for off, known in ((0.4, True), (0.6, False), (-2.0, False)):  # of the way
+        q = pin.integrate(ik.robot.model, ik.robot.half_sitting, (1.0 - off) * DT * v)
+        ik.update(ik.robot.half_sitting, v)
+        v = ik.solve()
+        ik.update(q)
+        assert ik.robot.v.any() == known
     for wrong in (np.zeros(3), np.full(ik.robot.nv, NAN)):
         with pytest.raises(InputError, match="velocity"):
             ik.update(ik.robot.half_sitting, wrong)

@@ -1,29 +1,22 @@
-"""Joint and torque limits: never crossed, never empty; limits of all kinds: a solution, and a way back from outside."""
+"""Joint and torque limits: never crossed, never empty, and a way back from outside."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache, partial
 
 import numpy as np
-import pinocchio as pin
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from properties import by_default, examples
-from task_factory import ROBOTS, integrate, make_robot, right_hand, standing
+from properties import by_default
+from task_factory import ROBOTS, integrate, make_robot, standing
 
-import wbc
-from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.limits.joint import BrakingLaw, JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solving.solver import Status
 from wbc.core.robot import Robot
 from wbc.robots import load
-from wbc.tasks import CoMTask, PostureTask, check_rows
+from wbc.tasks import CoMTask, PostureTask
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 PERIODS = (0.001, 0.002, 0.0033, 0.005)
@@ -261,231 +254,6 @@ def test_a_joint_without_torque_and_without_bounds_makes_no_qp_wrong() -> None:
     np.testing.assert_array_equal(law(np.array([np.inf, np.inf, -0.1]), np.zeros(3)), np.inf)
 
 
-# ---- limits of all kinds: one way back ----------------------------------------------------------------------------
-
-WAYS = ("panda", "hrp4_class", "g1", "talos")
-
-
-@cache
-def model_of(name: str) -> Robot:
-    return load(name).robot()
-
-
-def hand_of(robot: Robot) -> str:
-    return "panda_hand" if robot.name == "panda" else right_hand(robot)
-
-
-def anywhere(robot: Robot, rng: np.random.Generator) -> Array:
-    """A configuration inside, at the edge, outside of the limits of joints, or where many joints are singular."""
-    low, high = np.maximum(robot.position_lower, -3.0), np.minimum(robot.position_upper, 3.0)
-    q = np.array(robot.half_sitting)
-    starts = (
-        rng.uniform(low, high),
-        np.where(rng.random(robot.na) < 0.5, low, high),
-        rng.uniform(low - 0.3, high + 0.3),
-        np.zeros(robot.na),
-    )
-    q[robot.base_nq :] = starts[rng.integers(len(starts))]
-    return q
-
-
-def some_limits(robot: Robot, rng: np.random.Generator) -> list[wbc.Limit]:
-    """Limits that know nothing of each other, nor of where the robot is."""
-    frame, place = hand_of(robot), robot.placement(hand_of(robot)).translation
-    low = place + rng.uniform(-0.6, 0.2, 3)
-    high = low + rng.uniform(0.0, 0.4, 3)
-    low[rng.random(3) < 0.4], high[rng.random(3) < 0.4] = -np.inf, np.inf
-    axis, direction = rng.normal(size=(2, 3))
-    if rng.random() < 0.3:
-        direction = -robot.placement(frame).rotation @ axis
-    found: list[wbc.Limit] = [
-        wbc.FramePositionLimit(
-            frame, lower=low, upper=high, time_constant=float(rng.choice([0.02, 0.1, 0.5]))
-        ),
-        wbc.AxisConeLimit(frame, float(rng.uniform(0.01, 3.0)), axis=axis, direction=direction),
-        wbc.FrameSpeedLimit(
-            frame, linear=float(rng.uniform(0.02, 1.0)), angular=float(rng.uniform(0.05, 2.0))
-        ),
-    ]
-    if robot.soles:
-        corners = robot.com[:2] + rng.uniform(-0.1, 0.1, (6, 2))
-        found.append(wbc.CoMPolygonLimit(corners, time_constant=0.3, margin=0.001))
-    return [limit for limit in found if rng.random() < 0.6]
-
-
-def of_joints(rng: np.random.Generator) -> JointLimits:
-    acceleration = float(rng.uniform(1.0, 50.0)) if rng.random() < 0.4 else None
-    return JointLimits(acceleration=acceleration, velocity_ratio=float(rng.choice([0.05, 0.5, 1.0])))
-
-
-@examples(30)
-@given(seed=st.integers(0, 10_000), name=st.sampled_from(WAYS), dt=st.sampled_from([0.001, 0.01, 0.05]))
-def test_inverse_kinematics_has_a_solution_whatever_the_limits_and_the_start(
-    seed: int, name: str, dt: float
-) -> None:
-    robot, rng = model_of(name).clone(), np.random.default_rng(seed)
-    robot.update(anywhere(robot, rng), np.zeros(robot.nv))
-    ik = wbc.InverseKinematics(robot, dt)
-    ik.add(*(SoleContact(sole.name) for sole in robot.soles), of_joints(rng), PostureTask(weight=1e-3))
-    for limit in some_limits(robot, rng):
-        ik.add(limit)
-    for _ in range(15):
-        ik.step()
-        assert ik.solution is not None and ik.solution.ok, ik.diagnose()
-    assert np.isfinite(ik.reach(iterations=10).configuration).all()
-
-
-@examples(30)
-@given(
-    seed=st.integers(0, 10_000), speed=st.sampled_from([0.0, 1.0, 5.0]), dt=st.sampled_from([0.001, 0.005])
-)
-def test_a_controller_has_a_solution_whatever_the_limits_and_the_start(
-    seed: int, speed: float, dt: float
-) -> None:
-    """A bolted robot can always let its joints go; with feet on the ground forces are limited, too."""
-    robot, rng = model_of("panda").clone(), np.random.default_rng(seed)
-    q, v = anywhere(robot, rng), speed * rng.normal(size=robot.nv)
-    robot.update(q, v)
-    controller = Controller(robot, dt)
-    controller.add(of_joints(rng), TorqueLimits(), PostureTask())
-    for limit in some_limits(robot, rng):
-        controller.add(limit)
-    for _ in range(20):
-        controller.update(q, v)
-        solution = controller.solve()
-        assert solution.ok, controller.diagnose()
-        assert (np.abs(solution.torques) <= robot.torque_limit + 1e-4).all()
-        q, v = integrate(controller, q, v, solution.accelerations)
-
-
-def rooms(robot: Robot, frame: str, box: tuple[Array, Array], axis: Array, direction: Array) -> float:
-    hand = robot.placement(frame)
-    place, angle = hand.translation, np.arccos(np.clip((hand.rotation @ axis) @ direction, -1.0, 1.0))
-    joints = robot.q[robot.base_nq :]
-    ends = (robot.position_upper - joints).min(), (joints - robot.position_lower).min()
-    return float(min(*(place - box[0]), *(box[1] - place), 0.3 - angle, *ends))
-
-
-@pytest.mark.parametrize("way", ["velocities", "accelerations"])
-@pytest.mark.parametrize("seed", range(8))
-def test_a_robot_that_starts_outside_all_limits_comes_back_in(way: str, seed: int) -> None:
-    """To a box and a cone about where the hand can be, with joints up to 0.2 rad outside of their ranges."""
-    rng, name = np.random.default_rng(seed), WAYS[seed % 4]
-    robot, frame = model_of(name).clone(), hand_of(model_of(name))
-    low, high = np.maximum(robot.position_lower, -3.0), np.minimum(robot.position_upper, 3.0)
-    trunk = robot.torso_frame if robot.floating else robot.base_frame
-    arm = robot.base_nq + np.array(robot.joints_between(frame, trunk))
-    goal, start = np.array(robot.half_sitting), np.array(robot.half_sitting)
-    near = goal[robot.base_nq :] + rng.uniform(-0.5, 0.5, robot.na)  # which the drives can hold
-    goal[arm] = np.clip(near, low + 0.3, high - 0.3)[arm - robot.base_nq]
-    away = np.clip(goal[robot.base_nq :] + rng.uniform(-1.5, 1.5, robot.na), low - 0.2, high + 0.2)
-    start[arm] = away[arm - robot.base_nq]
-    robot.update(goal, np.zeros(robot.nv))
-    hand, axis = pin.SE3(robot.placement(frame)), rng.normal(size=3)
-    axis /= np.linalg.norm(axis)
-    box = hand.translation - 0.1, hand.translation + 0.1
-    robot.update(start, np.zeros(robot.nv))
-    assert rooms(robot, frame, box, axis, hand.rotation @ axis) < -0.05
-    posture = PostureTask(weight=1e-2)
-    items = [
-        *(SoleContact(sole.name) for sole in robot.soles),
-        *((CoMTask(weight=10.0), wbc.CoMPolygonLimit()) if robot.floating else ()),
-        *(JointLimits(), posture),
-        wbc.FramePositionLimit(frame, lower=box[0], upper=box[1]),
-        wbc.AxisConeLimit(frame, 0.3, axis=axis, direction=hand.rotation @ axis),
-    ]
-    if way == "velocities":
-        ik = wbc.InverseKinematics(robot, 0.01)
-        ik.add(*items)
-        posture.follow(goal[robot.base_nq :])
-        for _ in range(300):
-            ik.step()
-    else:
-        controller = Controller(robot, 0.005)
-        controller.add(*items, TorqueLimits())
-        posture.follow(goal[robot.base_nq :])
-        q, v = start, np.zeros(robot.nv)
-        for _ in range(800):
-            controller.update(q, v)
-            solution = controller.solve()
-            assert solution.ok, controller.diagnose()
-            q, v = integrate(controller, q, v, solution.accelerations)
-        robot.update(q, v)
-    assert rooms(robot, frame, box, axis, hand.rotation @ axis) > -1e-3
-
-
-@pytest.mark.parametrize("angle", [0.1, 0.5, 2.5])
-def test_an_axis_comes_back_from_the_opposite_direction(angle: float) -> None:
-    robot = model_of("panda").clone()
-    axis = robot.placement("panda_hand").rotation.T @ np.array([0.0, 0.0, -1.0])
-    ik = wbc.InverseKinematics(robot, 0.01)
-    ik.add(JointLimits(), PostureTask(weight=1e-4), wbc.AxisConeLimit("panda_hand", angle, axis=axis))
-    for _ in range(400):
-        ik.step()
-    assert (robot.placement("panda_hand").rotation @ axis)[2] > np.cos(angle) - 1e-3
-
-
-@pytest.mark.parametrize("above", [0.001, 0.2])
-def test_what_no_joint_can_change_asks_for_nothing(above: float) -> None:
-    """The upper arm is upright, where no joint lowers the elbow at first order, and the plane is below it."""
-    robot = model_of("panda").clone()
-    q = np.array(robot.half_sitting)
-    q[1] = 0.0
-    robot.update(q, np.zeros(robot.nv))
-    top = robot.placement("panda_link3").translation[2]
-    limit = wbc.FramePositionLimit("panda_link3", upper=(np.inf, np.inf, top - above))
-    controller = Controller(robot, 0.005)
-    controller.add(PostureTask(), TorqueLimits(), JointLimits())
-    free = controller.solve().accelerations
-    controller.add(limit)
-    solution = controller.solve()
-    assert solution.status is Status.SOLVED
-    np.testing.assert_allclose(solution.accelerations, free, atol=1e-6)
-    controller.remove(limit)
-    ik = wbc.InverseKinematics(robot, 0.005)
-    posture = ik.add(PostureTask())
-    ik.add(JointLimits(), limit)
-    ik.step()
-    assert ik.solution is not None and ik.solution.status is Status.SOLVED
-    posture.target = posture.target + np.eye(robot.na)[1] * 0.8  # once the arm leans, the limit leads it down
-    for _ in range(400):
-        ik.step()
-    assert above > 0.1 or robot.placement("panda_link3").translation[2] < top - above + 1e-4
-
-
-@pytest.mark.filterwarnings("error")
-def test_bounds_on_one_side_are_numbers() -> None:
-    robot = model_of("panda").clone()
-    limit = wbc.FramePositionLimit("panda_hand", upper=(1.0, np.inf, np.inf))
-    limit.bind(robot)
-    rows, lower, upper = np.zeros((3, robot.nv)), np.zeros(3), np.zeros(3)
-    for write in (partial(limit.write, 0.005), limit.write_step, partial(limit.write_velocity, 0.005)):
-        write(rows, lower, upper)
-        assert np.isneginf(lower).all() and np.isinf(upper[1:]).all() and np.isfinite(upper[0])
-
-
-def test_limits_that_contradict_each_other_give_way_and_are_named() -> None:
-    """Two walls that leave no room: the hand stays between them, and hard tasks do not push a limit aside."""
-    robot = model_of("panda").clone()
-    place = robot.placement("panda_hand").translation.copy()
-    ik = wbc.InverseKinematics(robot, 0.01)
-    walls = [
-        wbc.FramePositionLimit("panda_hand", upper=(np.inf, place[1] - 0.05, np.inf), name="right"),
-        wbc.FramePositionLimit("panda_hand", lower=(-np.inf, place[1] + 0.05, -np.inf), name="left"),
-    ]
-    ik.add(JointLimits(), PostureTask(weight=1e-4), *walls)
-    for _ in range(100):
-        ik.step()
-    assert ik.solution is not None and ik.solution.status is Status.RELAXED
-    assert set(ik.diagnose()) == {"right", "left"}
-    assert robot.placement("panda_hand").translation[1] == pytest.approx(place[1], abs=0.01)
-    ik.remove(walls[1])
-    ik.add(wbc.PositionTask("panda_hand", place + [0.0, 0.1, 0.0], hard=True))
-    for _ in range(200):
-        ik.step()
-    assert robot.placement("panda_hand").translation[1] == pytest.approx(place[1] - 0.05, abs=1e-3)
-
-
 @pytest.mark.parametrize("always", [False, True])
 def test_torques_with_other_wrenches_keep_limits_and_rates_too(always: bool) -> None:
     """Whether each tick has other wrenches, or some have; those of the solution follow on them without a jump."""
@@ -507,50 +275,3 @@ def test_torques_with_other_wrenches_keep_limits_and_rates_too(always: bool) -> 
         differ += int(np.abs(torques - solution.torques).max() > 1.0)
         settled = bool((torques == solution.torques).all())
     assert differ > 10 and settled
-
-
-class Straight(wbc.Barrier):
-    """Keep the elbow of a Panda from bending beyond an angle, as one's own limit would."""
-
-    def __init__(self, most: float) -> None:
-        super().__init__("elbow", 1, time_constant=0.05)
-        self.most = most
-
-    def measure(self, rows: Array, below: Array, above: Array) -> None:
-        rows[:] = np.eye(self.robot.nv)[3]
-        below[:], above[:] = np.inf, self.most - self.robot.q[3]
-
-    def drift(self) -> Array:
-        return np.zeros(1)
-
-
-@pytest.mark.parametrize("outside", [False, True])
-def test_a_barrier_of_ones_own_holds_in_both_solvers(outside: bool) -> None:
-    """Its room shrinks at room / time constant at most; from outside it comes back."""
-    robot = model_of("panda").clone()
-    most = float(robot.q[3]) + (-0.2 if outside else 0.2)
-    ik, limit = wbc.InverseKinematics(robot, 0.01), Straight(most)
-    with pytest.raises(InputError, match="added"):
-        _ = limit.robot
-    check_rows(Straight(most), model_of("panda"))
-    posture = PostureTask(weight=1.0, stiffness=400.0, error_bound=np.inf)
-    ik.add(JointLimits(), limit, posture)
-    posture.follow(robot.q + 0.5)
-    for _ in range(100):
-        before = most - float(robot.q[3])
-        ik.step()
-        left = most - float(robot.q[3])
-        assert left >= before - max(before * 0.01 / 0.05, -0.01) - 1e-9  # at 1 rad/s at most from outside
-    assert left == pytest.approx(0.0, abs=1e-4)
-    ik.remove(limit, posture)
-    robot = model_of("panda").clone()
-    controller = Controller(robot, 0.002)
-    controller.add(JointLimits(), limit)
-    task = controller.add(PostureTask(weight=1.0, stiffness=400.0, error_bound=np.inf))
-    task.follow(robot.q + 0.5)
-    q, v = np.array(robot.q), np.zeros(robot.nv)
-    for _ in range(800):
-        controller.update(q, v)
-        q, v = integrate(controller, q, v, controller.solve().accelerations)
-        assert outside or q[3] < most + 1e-5
-    assert q[3] == pytest.approx(most, abs=1e-3)
