@@ -98,12 +98,12 @@ LINK = (
 )
 
 
-def single(kind: str) -> RobotDescription:
-    """A robot of one joint, with a tip 1 m above it."""
+def single(kind: str, end: float = 1.0) -> RobotDescription:
+    """A robot of one joint, with a tip 1 m above it; the joint ends at ± `end`, rad or m."""
     links = "".join(f'<link name="{name}">{LINK}</link>' for name in ("base", "arm", "tip"))
     return RobotDescription.from_urdf(
         f'<robot name="one">{links}<joint name="j" type="{kind}"><parent link="base"/><child link="arm"/>'
-        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="20" velocity="3"/></joint>'
+        f'<axis xyz="0 1 0"/><limit lower="{-end}" upper="{end}" effort="20" velocity="3"/></joint>'
         '<joint name="f" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="0 0 1"/></joint></robot>',
         base="fixed",
         armature=0.01,
@@ -158,6 +158,18 @@ def test_a_single_joint_brings_its_tip_to_where_it_can_be(kind: str, place: tupl
     ik.add(JointLimits())
     ik.add(wbc.PositionTask("tip", place))
     assert ik.reach(1e-3).configuration == pytest.approx([0.5], abs=1e-3)
+
+
+def test_short_ranges_have_their_own_thresholds() -> None:
+    """A slide of 8 mm is not always at its target; one of 2 mm has a middle in which no stop acts."""
+    controller = wbc.Controller(single("prismatic", 0.004).robot(), 0.005)
+    task, robot = controller.add(PostureTask({"j": 0.002})), controller.robot
+    for place, reached in ((-0.0015, False), (0.001, False), (0.0015, True)):
+        robot.update(np.array([place]), np.zeros(1))
+        assert task.reached is reached
+    released = wbc.Controller(single("prismatic", 0.001).robot(), 0.005).release(["j"])
+    assert released is not None
+    assert -0.001 < released._low[0] < 0.0 < released._high[0] < 0.001
 
 
 # ---- joints without limits ----------------------------------------------------------------------------------------

@@ -89,7 +89,8 @@ class Barrier(Limit):
     The rest is one law for all of them. A room may shrink at room / time constant at most, so that it never falls
     below zero (the velocity damper of Faverjon & Tournassoud, ICRA 1987). A row demands at most the acceleration room /
     time constant² + recovery away from its bound, which is enough from inside. From outside it brings the coordinate
-    back. No row demands more than joints attain, and two bounds of one row never cross.
+    back. No row demands more than joints attain. Two bounds of one row never cross, because what is room for one is
+    lacking for the other.
     """
 
     _time: float
@@ -173,14 +174,12 @@ class Barrier(Limit):
 
 
 def _cut_off(most: float, rows: Array, lower: Array, upper: Array) -> None:
-    """Cut demands off where each coordinate would have to give more than `most`, and part bounds that cross."""
+    """Cut demands off where each coordinate would have to give more than `most`."""
     if not lower.size or not demands(lower, upper):
         return
     attainable = most * np.abs(rows).sum(axis=1)
     np.minimum(lower, attainable, out=lower)
     np.maximum(upper, -attainable, out=upper)
-    crossed = lower > upper
-    lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
 
 
 def demands(lower: Array, upper: Array) -> bool:
