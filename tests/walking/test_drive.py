@@ -450,6 +450,20 @@ def test_gait_for_a_speed() -> None:
         assert quicker.landing_speed >= slower.landing_speed and quicker.apex >= slower.apex
 
 
+@pytest.mark.parametrize("name", ["hrp4_class", "talos"])
+def test_no_speed_is_granted_that_takes_more_than_the_legs_give(name: str) -> None:
+    """Whatever the settings allow: as a plan, too, its steps are accepted."""
+    reach = Reach.of(ROBOTS[name])
+    source = SteeredSteps(reach, DriveSettings(fastest=(2.0, 1.0, 1.0), reach=1.0))
+    source.steering.command((2.0, 0.0, 0.0))
+    now, granted = standing(name), []
+    for k in range(60):
+        plan = source.footsteps(now._replace(time=0.4 * k))
+        check_plan(plan, reach)
+        granted.append(source.granted[0])
+    assert 0.3 < granted[-1] < 1.0 and max(granted) < 1.0
+
+
 @pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
 def test_the_reach_of_every_robot_grants_its_speed(name: str) -> None:
     """Straight legs get it by bent knees, which robots with bent ones keep."""

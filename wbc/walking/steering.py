@@ -465,16 +465,27 @@ class SteeredSteps(FootstepSource):
     def _fit(self, velocity: Velocity, spacing: float, gait: Gait) -> tuple[float, float]:
         """Return the speed of the gait for a velocity, and the greatest ratio of the velocity within reach."""
         speed = pace(velocity)
-        if self._within(velocity, speed, spacing, gait, 1.0):
+        strains = self._strains(
+            velocity, speed, gait, 1.0
+        )  # what the whole velocity does not, no part of it does
+        if not strains and self._within(velocity, speed, spacing, gait, 1.0):
             return speed, 1.0
         low, high = 0.0, 1.0
         for _ in range(8):
             middle = 0.5 * (low + high)
-            if self._within(velocity, speed, spacing, gait, middle):
+            if self._within(velocity, speed, spacing, gait, middle) and not (
+                strains and self._strains(velocity, speed, gait, middle)
+            ):
                 low = middle
             else:
                 high = middle
         return speed, low
+
+    def _strains(self, velocity: Velocity, speed: float, gait: Gait, share: float) -> bool:
+        """True if steps with the ratio `share` of a velocity take more than hip and knee give in their time."""
+        gait = Gait.at_speed(speed, gait)
+        dx, dy, _ = (share * gait.cycle * part for part in velocity)
+        return self._reach.effort(gait, -dx, dx, 2.0 * dy) > 1.0
 
     def _within(self, velocity: Velocity, speed: float, spacing: float, gait: Gait, share: float) -> bool:
         """True if both feet's steps with the ratio `share` of a velocity are within reach, and no soles overlap."""

@@ -141,6 +141,14 @@ class Reach:
                 return near
             beside = min(beside + CLEARING, self.max_spacing)
 
+    def effort(self, gait: StepGait, begin: float, end: float, aside: float) -> float:
+        """Return what a step on level ground asks of hip and knee over what they give; see `wbc.walking.plans.effort`.
+
+        The foot lifts at a place ahead of the one that stands, m, and lands at another, with a way to the side, m.
+        """
+        share = max(abs(end) / self.max_length, gait.swing_height / self.max_swing_height)
+        return share * swing_effort(self.leg, gait, round(begin, 3), round(end, 3), round(aside, 3))
+
     def corners(self, foot: Footstep) -> Array:
         """Return the corners of a sole in the world, seen from above, shape (4, 2), m."""
         half = 0.5 * np.array([[1, 1], [1, -1], [-1, -1], [-1, 1]]) * self.soles[SIDES.index(foot.side)]
@@ -371,11 +379,9 @@ def _check_effort(plan: FootstepPlan, index: int, gait: StepGait, reach: Reach) 
     (begin, from_side, down, _), (end, to_side, up, _) = (foot.seen_from(stance) for foot in (before, step))
     if max(abs(down), abs(up)) >= LEAST_STAIR:
         return
-    share = max(abs(end) / reach.max_length, gait.swing_height / reach.max_swing_height)
-    places = round(begin, 3), round(end, 3), round(to_side - from_side, 3)
-    effort = share * swing_effort(reach.leg, gait, *places)
+    effort = reach.effort(gait, begin, end, to_side - from_side)
     if effort > 1.0:
-        way, height = math.hypot(end - begin, places[2]), 1e3 * gait.swing_height
+        way, height = math.hypot(end - begin, to_side - from_side), 1e3 * gait.swing_height
         raise InputError(
             f"step {index + 1} of {len(plan)} ({step.side}) moves a foot by {way:.3f} m, {height:.0f} mm high, in "
             f"{gait.single_support:g} s: that takes {effort:.2f} times what hip and knee give in that time; a longer "
