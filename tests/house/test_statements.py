@@ -161,3 +161,14 @@ def test_the_reference_says_types_as_a_reader_does(monkeypatch: pytest.MonkeyPat
         assert isinstance(function, ast.FunctionDef) and function.args.args[0].annotation is not None
         assert ast.unparse(function.args.args[0].annotation).translate(types.SIGNS).endswith(said)
     assert types.short_types("Annotated[Positive, 's'] | None") == "float (s, > 0) | None"
+
+
+def test_pages_that_are_made_from_the_code_say_so_in_a_clone() -> None:
+    made = re.compile(
+        r"^(?:<!-- (?:settings of .*|commands|grounds|studies) -->|\.\. automodule::.*)$", re.MULTILINE
+    )
+    pages = [page for page in (ROOT / "docs").rglob("*.md") if made.search(page.read_text(encoding="utf-8"))]
+    assert len(pages) > 12
+    for page in pages:
+        before = made.split(page.read_text(encoding="utf-8"))[0]
+        assert re.search(r"^> In a clone .* type `", before, re.MULTILINE), page.name
