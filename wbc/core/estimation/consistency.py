@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, scalar
@@ -29,6 +30,9 @@ _ONE = scalar(1.0)
 FROZEN_AFTER, BUSY = 20, 0.8
 """Ticks for which a reading must stay the same to the bit to count as frozen, and share of the ticks before in which it
 must have changed: noise changes a reading in every tick, one that is rounded comes to rest by and by."""
+
+PARTS = 10
+"""Number of ticks over which velocities and accelerations are integrated before the integrals are compared."""
 
 MISSED = 10
 """Number of periods between two measurements from which on what joints have done meanwhile is not known."""
@@ -201,11 +205,17 @@ class ConsistencyMonitor:
         self._ticks = 0
         self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
         self._speed = np.zeros(self._na)
-        self._commanded: Array | None = None  # acceleration of the base in the tick before
-        self._base_velocity, self._unmet, self._behind = np.zeros(6), np.zeros(6), 0.0
-        self._moved, self._expected, self._drifting = np.zeros(
-            (3, self._na)
-        )  # the first two are forgotten slowly
+        # Of some ticks: their number and time, encoders at their begin, and the integral of the velocities.
+        self._parts, self._part, self._begin, self._travelled = (
+            PARTS,
+            0.0,
+            np.zeros(self._na),
+            np.zeros(self._na),
+        )
+        # What is forgotten slowly: motions of joints by encoders and by velocities, and what the base lacks.
+        self._moved, self._expected, self._drifting = np.zeros((3, self._na))
+        self._unmet, self._gained, self._asked, self._behind = np.zeros(6), np.zeros(6), False, 0.0
+        self._drifts: list[str] = []
         self._shares = [1.0 / len(self._names)] * len(self._names)
         self._gravity, self._stood, self._rotation = 1.0, 0.0, STILL
         self._since = [0.0, 0.0, 0.0, 0.0]
@@ -237,9 +247,10 @@ class ConsistencyMonitor:
         passed, self._time = measurement.time - self._time, measurement.time
         doubts, drifts = [], []
         if last is not None:
-            drifts = self._drifting_encoders(values, last, passed)
+            self._integrate(values, commanded, observer, passed)
+            drifts = self._drifts
             doubts = self._contradicted_encoders(values, last, passed) + self._frozen_readings(values, last)
-        if self._stays_behind(commanded, observer, passed):
+        if self._behind >= UNMET:
             doubts.append("the trunk does not accelerate as commanded: weak drives, or something holds it")
         if measurement.wrench_source == "sensor":
             self._sensed = True
@@ -321,49 +332,55 @@ class ConsistencyMonitor:
         named = (self._contradicts >= TREMBLING).nonzero()[0]
         if named.size and (slow := self._own_time((values[:na] - last[:na]) / passed, values[na : 2 * na])):
             return [slow]
-        return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
+        return self._contradictions(named)
 
-    def _drifting_encoders(self, values: Array, last: Array, passed: float) -> list[str]:
-        """Compare encoders with the integrals of the joint velocities over the last time, s."""
-        na, moved, expected = self._na, self._moved, self._expected
-        if not 0.0 < passed < MISSED * self._dt:  # nothing is known of the time between
-            return []
-        keep, mean = 1.0 - passed / DRIFT_MEMORY, self._speed
-        moved += np.subtract(values[:na], last[:na], out=mean)
-        moved *= keep
-        np.add(values[na : 2 * na], last[na : 2 * na], out=mean)
-        mean *= 0.5 * passed
-        expected += mean
-        expected *= keep
-        parted = np.abs(np.subtract(moved, expected, out=mean), out=mean)
-        parted -= self._drift_limit
-        if largest(parted) <= 0.0:
-            self._drifting.fill(0.0)
-            return []
-        self._drifting = np.where(parted > 0.0, self._drifting + self._dt, 0.0)
-        named = (self._drifting >= DRIFTING).nonzero()[0]
-        if named.size and (slow := self._own_time(moved, expected)):
-            return [slow]
-        return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
-
-    def _stays_behind(self, commanded: Array | None, observer: Observer, passed: float) -> bool:
-        """Compare the velocity of the base with the accelerations that were commanded over the last time, s."""
-        if commanded is None:
-            self._commanded, self._behind = None, 0.0
+    def _integrate(self, values: Array, commanded: Array | None, observer: Observer, passed: float) -> None:
+        """Integrate velocities of joints and commanded accelerations of the base over the time that has passed, s."""
+        na = self._na
+        if commanded is None or not self._asked:
             self._unmet.fill(0.0)
-            return False
-        velocity, unmet = observer.robot.v[:6], self._unmet
-        if self._commanded is not None and 0.0 < passed < MISSED * self._dt:
-            unmet += passed * self._commanded
-            unmet -= velocity
-            unmet += self._base_velocity
-            unmet *= 1.0 - passed / UNMET_MEMORY
-            linear, angular = unmet[:3], unmet[3:]
-            far = linear.dot(linear) > UNMET_SPEED**2 or angular.dot(angular) > UNMET_RATE**2
-            self._behind = self._behind + self._dt if far else 0.0
-        self._commanded = np.array(commanded[:6])
-        self._base_velocity[:] = velocity
-        return self._behind >= UNMET
+            self._behind, self._asked = 0.0, commanded is not None
+            if self._asked:
+                self._gained[:] = observer.robot.v[:6]
+        if self._parts < PARTS and 0.0 < passed < MISSED * self._dt:
+            self._part += passed
+            self._parts += 1
+            self._travelled += np.multiply(passed, values[na : 2 * na], out=self._speed)
+            if commanded is not None:
+                self._unmet += passed * commanded[:6]
+            if self._parts < PARTS:
+                return
+            self._compare_integrals(values, observer)
+        # Begin anew; what joints have done in a gap is not known.
+        self._parts, self._part, self._begin = 0, 0.0, values[:na].copy()
+        self._travelled.fill(0.0)
+        if self._asked:
+            self._gained[:] = observer.robot.v[:6]
+
+    def _compare_integrals(self, values: Array, observer: Observer) -> None:
+        """Compare the integrals over some ticks with encoders and with the velocity of the base."""
+        part, moved, expected = self._part, self._moved, self._expected
+        keep = 1.0 - min(part / DRIFT_MEMORY, 1.0)
+        moved += values[: self._na] - self._begin
+        expected += self._travelled
+        moved *= keep
+        expected *= keep
+        far = np.abs(moved - expected) > self._drift_limit
+        self._drifting = np.where(far, self._drifting + part, 0.0)
+        named = (self._drifting >= DRIFTING).nonzero()[0]
+        other = self._own_time(moved, expected) if named.size else ""
+        self._drifts = [other] if other else self._contradictions(named)
+        if not self._asked:
+            return
+        unmet = self._unmet
+        unmet -= observer.robot.v[:6] - self._gained
+        unmet *= 1.0 - min(part / UNMET_MEMORY, 1.0)
+        linear, angular = unmet[:3], unmet[3:]
+        behind = linear.dot(linear) > UNMET_SPEED**2 or angular.dot(angular) > UNMET_RATE**2
+        self._behind = self._behind + part if behind else 0.0
+
+    def _contradictions(self, joints: NDArray[np.intp]) -> list[str]:
+        return [f"{self._channels[self._na + i]} contradicts its encoder" for i in joints[:4]]
 
     @staticmethod
     def _own_time(moved: Array, expected: Array) -> str:
