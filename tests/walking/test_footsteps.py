@@ -182,7 +182,9 @@ def test_the_gaits_of_speeds_are_within_what_legs_give(name: str) -> None:
 
 
 def test_the_joints_of_a_leg_bring_its_ankle_to_its_place() -> None:
-    leg = SwingLeg(0.35, 0.31, 0.6, 1.0, 1.0, 1.0)
+    leg = SwingLeg(0.42, 0.24, 0.6, 1.0, 1.0, 1.0)
+    for at in ((0.0, 0.0), (0.0, 0.18), (0.5, 0.6)):  # out of its reach
+        assert 0.0 < leg.joints(*at)[1] < math.pi
     for ahead, below in itertools.product((-0.3, 0.0, 0.2), (0.3, 0.55)):
         hip, knee = leg.joints(ahead, below)
         assert knee > 0.0

@@ -30,9 +30,6 @@ SPEED, PUSH = 1.03, 0.69
 SAMPLES = 30
 """Number of samples of a swing."""
 
-FOLDED = 0.2
-"""Least distance from hip to ankle that is told from a smaller one, over the length of the leg."""
-
 
 class SwingLeg(NamedTuple):
     """Leg of a robot, as far as a swing asks for it."""
@@ -47,8 +44,8 @@ class SwingLeg(NamedTuple):
     def joints(self, ahead: float, below: float) -> tuple[float, float]:
         """Return pitch of hip and knee, rad, that bring the ankle so far ahead of the hip and below it, m."""
         thigh, shank = self.thigh, self.shank
-        length = thigh + shank
-        far = min(max(math.hypot(ahead, below), FOLDED * length), 0.999 * length)
+        least, most = abs(thigh - shank), thigh + shank  # folded, and stretched
+        far = min(max(math.hypot(ahead, below), least + 1e-3 * most), 0.999 * most)
         knee = math.pi - math.acos((thigh**2 + shank**2 - far**2) / (2.0 * thigh * shank))
         lead = math.acos((thigh**2 + far**2 - shank**2) / (2.0 * thigh * far))
         return math.atan2(ahead, below) + lead, knee
