@@ -6,7 +6,8 @@
 
 Each error changes one place in a copy of the tree: an operator of arithmetic, a comparison, a sign, or the seed of
 random draws. Those of the room's tests that run through this line, as a run with coverage (needs pytest-cov) has found,
-run there until the first fails. The same seed draws the same errors. Errors that change nothing, or nothing that a
+run there until the first fails; then those that run through the module, as a line that runs once, for what is kept, is
+covered by the first test alone. The same seed draws the same errors. Errors that change nothing, or nothing that a
 test could ask for, stand in survivors.txt with the reason.
 """
 
@@ -112,17 +113,21 @@ class Covering:
         self._files = {str((tree / name).resolve()): name for name in self._data.measured_files()}
         self._tree = tree
 
-    def tests(self, file: Path, lines: range, room: str, draws: random.Random) -> list[str]:
-        """Return the tests of some lines, or of the whole module where only its import runs them."""
+    def tests(self, file: Path, lines: range, room: str, draws: random.Random) -> Iterator[list[str]]:
+        """Yield the tests of some lines, then further ones of the whole module; those of the room if there are none."""
         name = self._files.get(str((self._tree / file.relative_to(ROOT)).resolve()))
-        if name is None:
-            return []
-        by_line = self._data.contexts_by_lineno(name)
-        found = {test for line in lines for test in by_line.get(line, ()) if test}
-        found = found or {test for tests in by_line.values() for test in tests if test}
-        tests = sorted({test.partition("|")[0] for test in found})
-        draws.shuffle(tests)
-        return sorted(tests, key=lambda test: f"tests/{room}/" not in test)[:MOST]
+        by_line = self._data.contexts_by_lineno(name) if name is not None else {}
+        past: set[str] = set()
+        for some in (lines, by_line):
+            found = {test.partition("|")[0] for line in some for test in by_line.get(line, ()) if test}
+            tests = sorted(found - past)
+            draws.shuffle(tests)
+            tests = sorted(tests, key=lambda test: f"tests/{room}/" not in test)[:MOST]
+            past |= {*tests}
+            if tests:
+                yield tests
+        if not past:
+            yield [f"tests/{room}"]
 
 
 def limit() -> None:
@@ -219,11 +224,12 @@ def main() -> None:
                 line = text[:first].count(b"\n") + 1
                 after = changed.splitlines()[line - 1].decode().strip()
                 lines = range(line, text[:last].count(b"\n") + 2)
-                tests = covering.tests(file, lines, room, draws) or [f"tests/{room}"]
                 copy.write_bytes(changed)
                 selection = tree / "selection.txt"
-                selection.write_text("\n".join(tests), encoding="utf-8")
-                survived = pytest_in(tree, ["-x", f"@{selection}"]) == 0
+                survived = True
+                for tests in covering.tests(file, lines, room, random.Random(options.seed)):
+                    selection.write_text("\n".join(tests), encoding="utf-8")
+                    survived = survived and pytest_in(tree, ["-x", f"@{selection}"]) == 0
                 copy.write_bytes(text)
                 word = "noticed"
                 if survived:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Protocol, TypedDict, Unpack
 
 import numpy as np
 import pytest
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError
 from wbc.base.settings import Count, NonNegative, Number, PositiveNumbers, Ratio, Triple
 from wbc.core.robot import Robot
@@ -125,3 +125,93 @@ def test_a_message_can_be_encoded_whatever_it_names() -> None:
 
     with pytest.raises(InputError, match="must be of class Robot"):
         balance("\ud800")  # type: ignore[arg-type]
+
+
+def test_sequences_and_mappings_are_checked_item_by_item() -> None:
+    @checked
+    def grip(
+        names: Sequence[str] = (), forces: Mapping[str, Annotated[NonNegative, "N"]] | None = None
+    ) -> tuple[Any, Any]:
+        return names, forces
+
+    take: Any = grip
+    assert take(["a", "b"], {"a": 1}) == (("a", "b"), {"a": 1.0}) == take(iter("ab"), {"a": np.float64(1.0)})
+    assert grip(("a",)) == (("a",), None) and set(take({"a", "b"})[0]) == {"a", "b"}
+    for bad, place in (
+        (("ab",), "names of grip must be a sequence"),
+        ((b"ab",), "names"),
+        (({"a": 1},), "names"),
+        ((3,), "names"),
+        ((["a", 3],), r"names of grip\[1\]"),
+        (((), ["a"]), "forces of grip"),
+        (((), {"a": -1.0}), r"forces of grip\['a'\]"),
+        (((), {3: 1.0}), "forces"),
+    ):
+        with pytest.raises(InputError, match=place):
+            take(*bad)
+
+
+def test_a_refusal_names_the_argument_and_whose_it_is() -> None:
+    """Of constructors, methods, class methods, setters and functions; a class that derives is named itself."""
+
+    class Base:
+        @checked
+        def __init__(self, length: Ratio = 1.0) -> None: ...
+        @checked
+        def move(self, *, speed: Annotated[Ratio, "m/s"]) -> None: ...
+        @classmethod
+        @checked
+        def of(cls, size: tuple[Ratio, Ratio] | Ratio) -> None: ...
+        @checked
+        def set_mass(self, value: Annotated[Ratio, "kg"]) -> None: ...
+
+    class Own(Base): ...
+
+    @checked
+    def pull(force: Ratio, value: int = 0) -> None: ...
+
+    calls: list[tuple[Callable[[], object], str]] = [
+        (lambda: Own(2.0), "length of Own must"),
+        (lambda: Own().move(speed=2.0), "speed of Own.move (m/s) must"),
+        (lambda: Own.of((1.0, 2.0)), "size of Own.of[1] must"),
+        (lambda: Own.of(2.0), "size of Own.of must"),
+        (lambda: Own().set_mass(2.0), "set_mass of Own (kg) must"),
+        (lambda: pull(2.0), "force of pull must"),
+    ]
+    for call, said in calls:
+        with pytest.raises(InputError) as refusal:
+            call()
+        assert str(refusal.value).startswith(said)
+
+
+def test_what_is_right_already_is_passed_on_as_it_is() -> None:
+    """Objects of a class and texts; a number is looked at each time, and no truth value is one."""
+
+    @checked
+    def take(thing: Spring | str | None, number: float | int = 0.0) -> Any:
+        return thing
+
+    spring = Spring()
+    for thing in (spring, "text", None):
+        assert take(thing) is thing
+    for bad in (float("nan"), True, "1"):
+        with pytest.raises(InputError):
+            take(spring, bad)  # type: ignore[arg-type]
+
+
+def test_attributes_that_are_fixed_or_results_are_not_assigned() -> None:
+    class Plant:
+        period: float = fixed("make another plant")
+        place: Any = result("_place", "call `move`")
+
+        def __init__(self) -> None:
+            self.period, self._place = 0.5, np.zeros(2)
+
+    plant = Plant()
+    for name in ("period", "place"):
+        with pytest.raises(InputError, match=f"{name} of Plant"):
+            setattr(plant, name, 1.0)
+    with pytest.raises(ValueError, match="read-only"):
+        plant.place[0] = 1.0
+    plant._place[0] = 2.0
+    assert plant.period == 0.5 and plant.place[0] == 2.0

@@ -21,6 +21,14 @@ from wbc.base.files import (
     check_target,
     decoding,
     file_hash,
+    first_tag,
+    open_own,
+    parse_xml,
+    parsing,
+    read_json,
+    read_text,
+    read_toml,
+    read_xml,
     replacing,
     same_file,
     write_text,
@@ -163,3 +171,84 @@ def test_a_file_to_write_is_checked_before_work_begins(tmp_path: Path) -> None:
         check_target("a table", folder, (".csv",))
     assert check_target("the log", str(log)) == log and not log.exists()
     assert check_target("a table", read, (".csv",)) == read and read.read_text() == OLD
+    read.chmod(0o444)
+    if os.geteuid():  # root may write everything
+        with pytest.raises(InputError, match="write-protected"):
+            check_target("a table", read)
+
+
+def test_texts_are_read_in_the_encoding_that_a_file_says(tmp_path: Path) -> None:
+    path, text = tmp_path / "file", "<a>häß</a>"
+    path.write_bytes(text.encode("utf-8-sig"))
+    assert read_text(path) == text
+    for encoding in ("utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"):
+        path.write_bytes(text.encode(encoding))
+        assert read_xml(path) == text
+    declared = f'<?xml version="1.0" encoding="latin-1"?>{text}'
+    path.write_bytes(declared.encode("latin-1"))
+    assert (
+        read_xml(path) == declared and first_tag(f"<!-- <b> -->{declared}") == "a" and first_tag("text") == ""
+    )
+    assert parse_xml('<a xmlns="x:y"><b/></a>').find("b") is not None
+    path.write_text("a = 1")
+    assert read_toml(path) == {"a": 1}
+    path.write_text('{"a": 0.5}')
+    assert read_json(path) == {"a": 0.5} and read_json(path, parse_float=str) == {"a": "0.5"}
+
+
+def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    for content, read, said in (
+        (b"\xff", read_text, "no text in utf-8"),
+        (b"{", read_json, "is not JSON"),
+        (b"[" * 100_000, read_json, "is not JSON"),
+        (b"a = 1 = 2", read_toml, "is not TOML"),
+        (b'a = "C:\\x"', read_toml, "backslash"),
+    ):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=said) as refusal:
+            read(path)
+        assert str(path) in str(refusal.value) and "\n" not in str(refusal.value)
+    for error, said in (
+        (ValueError("a\nb"), "is not a table: a b"),
+        (ValueError(), "is not a table: ValueError"),
+        (ValueError("x" * 900), "x" * 500),
+        (OSError(errno.ENOENT, "nothing there"), "cannot be read: nothing there"),
+        (OSError("gone"), "cannot be read: gone"),
+        (MemoryError(), "fits into memory"),
+        (InputError("known"), "known"),
+    ):
+        with pytest.raises(InputError) as refusal, parsing(path, "table"):
+            raise error
+        assert str(refusal.value).endswith(said) and "x" * 501 not in str(refusal.value)
+    for bad in ("a\0b", "\ud800"):
+        with pytest.raises(InputError, match="cannot be the name of a file"), decoding(bad, "table"):
+            raise AssertionError
+
+
+def test_only_a_file_of_this_user_alone_is_opened(old: Path) -> None:
+    link, hard, new = (old.with_name(name) for name in ("link", "hard", "new"))
+    link.symlink_to(old)
+    os.close(open_own(old, create=False))
+    os.close(open_own(new, create=True))
+    assert new.exists() and old.read_text() == OLD
+    for path in (link, old.with_name("none"), old.parent):
+        with pytest.raises(OSError):  # noqa: PT011 - of any kind
+            open_own(path, create=False)
+    hard.hardlink_to(old)
+    with pytest.raises(FileExistsError):
+        open_own(old, create=False)
+
+
+def test_no_descriptor_is_left_open(old: Path) -> None:
+    folder = Path("/proc/self/fd")
+    if not folder.exists():
+        pytest.skip("no /proc here")
+    before = len(list(folder.iterdir()))
+    for _ in range(5):
+        write_text(old, "new")
+        with pytest.raises(ValueError, match="stop"), replacing(old):
+            raise ValueError("stop")
+        with pytest.raises(FileError):
+            write_text(old.parent, "new")
+    assert len(list(folder.iterdir())) == before

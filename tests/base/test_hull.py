@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wbc.base.errors import InputError
 from wbc.base.hull import convex_hull, hull_and_area
 
 
@@ -39,6 +40,15 @@ def test_hull_and_area() -> None:
     ends, nothing = hull_and_area(line)
     assert nothing == 0.0
     np.testing.assert_allclose(sorted(ends.tolist()), [[0.0, 0.0], [1.0, 1.0]])
+    rng = np.random.default_rng(4)
+    for middle, way in rng.normal(size=(20, 2, 2)):  # lines anywhere, one across the way to it
+        for direction in (way, np.array([-middle[1], middle[0]])):
+            points = middle + np.outer([0.3, -1.0, 0.1, 1.0, 0.0], direction)
+            ends, nothing = hull_and_area(points)
+            assert nothing == 0.0
+            np.testing.assert_allclose(
+                sorted(ends.tolist()), sorted(points[[1, 3]].tolist()), rtol=0.0, atol=1e-12
+            )
     assert hull_and_area(np.zeros((0, 2)))[1] == hull_and_area(np.array([[1.0, 2.0]]))[1] == 0.0
 
 
@@ -46,3 +56,33 @@ def test_flat_corners_in_a_row_all_go() -> None:
     bulge = [(0.2, -1e-7), (0.4, -1.5e-7), (0.6, -1.5e-7), (0.8, -1e-7)]
     square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     np.testing.assert_array_equal(convex_hull(square + bulge, tolerance=1e-5), square)
+
+
+def test_the_area_is_that_of_the_triangles_of_the_corners() -> None:
+    """Green's theorem; and that of a regular polygon, n / 2 · sin(2π / n), on which every corner stays."""
+    rng = np.random.default_rng(5)
+    for n in (3, 4, 7, 40):
+        angles = 2.0 * np.pi * (np.arange(n) + rng.random()) / n
+        around = np.stack((np.cos(angles), np.sin(angles)), axis=1)
+        corners, area = hull_and_area(rng.permutation([*around, *(0.3 * around)]))
+        assert len(corners) == len(convex_hull(around)) == n
+        x, y = corners.T
+        assert area == pytest.approx(0.5 * n * np.sin(2.0 * np.pi / n), rel=1e-12)
+        assert area == pytest.approx(0.5 * (x * np.roll(y, -1) - y * np.roll(x, -1)).sum(), rel=1e-12)
+
+
+def test_a_corner_goes_whose_triangle_is_smaller_than_half_the_tolerance() -> None:
+    """The corner (0.5, −h) spans h / 2 with its neighbours, anywhere in the plane and at any scale."""
+    rng = np.random.default_rng(6)
+    for height in (0.9e-3, 1.1e-3):
+        for scale in (0.1, 1.0, 20.0):
+            points = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.5, -height)])
+            moved = scale * points + rng.normal(size=2)
+            kept = len(convex_hull(moved, tolerance=1e-3 * scale**2))
+            assert kept == (4 if height < 1e-3 else 5)
+
+
+@pytest.mark.parametrize("bad", [[1.0, 2.0], [[1.0, 2.0, 3.0]], [[[1.0, 2.0]]], [[1.0, np.nan]]])
+def test_points_have_two_coordinates(bad: object) -> None:
+    with pytest.raises(InputError):
+        convex_hull(bad)  # type: ignore[arg-type]

@@ -2,14 +2,32 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import field
-from typing import Annotated, ClassVar, Literal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 import pytest
 
-from wbc.base.changes import changed, read_changes, setting_names
+from wbc.base.changes import as_changes, changed, normal_changes, read_changes, setting_names
 from wbc.base.errors import InputError, UnknownNameError
-from wbc.base.settings import Count, NonNegative, Positive, Seed, Share, from_json, settings, to_json
+from wbc.base.settings import (
+    Count,
+    NonNegative,
+    Positive,
+    Seed,
+    Share,
+    from_json,
+    in_units,
+    may_be_none,
+    nested_settings,
+    settings,
+    to_json,
+    unit_and_choices,
+    units,
+    usable_path,
+)
 
 
 @settings
@@ -77,3 +95,103 @@ def test_settings_that_are_off_are_switched_on_before_their_own_are_changed() ->
     there = Gait(later=Push(time=2.0))
     assert changed(there, {"later": True}).later == Push(time=2.0), "what is on stays as it is"
     assert changed(there, {"later": None}).later is None
+
+
+GIVEN: dict[str, Any] = {
+    "b": [1, 2.5],
+    "a": np.float64(0.5),
+    "c": None,
+    "d": np.arange(2),
+    "e": "text",
+    "f": True,
+}
+
+
+def test_changes_have_one_form_whatever_their_order() -> None:
+    form = (("a", 0.5), ("b", (1, 2.5)), ("c", None), ("d", (0, 1)), ("e", "text"), ("f", True))
+    assert as_changes(GIVEN) == form and hash(as_changes(GIVEN))
+    for pairs in itertools.permutations(GIVEN.items(), 3):
+        assert as_changes(pairs) == as_changes(sorted(pairs, reverse=True)) == as_changes(dict(pairs))
+    for bad in (
+        ["ab"],
+        [("a",)],
+        [("a", 1, 2)],
+        [3],
+        [(3, 1.0)],
+        [("a", 1), ("a", 1)],
+        {"a": object()},
+        {"a": [[1.0]]},
+        {"a": {"b": 1}},
+        {"a": (1, object())},
+    ):
+        with pytest.raises(InputError):
+            as_changes(bad)  # type: ignore[arg-type]
+
+
+def test_equivalent_changes_are_equal() -> None:
+    """Full names or short ones, lists or tuples, 8.0 or 8: they make the same settings, so they are the same."""
+    full = {"spec.count": 8, "spec.start": (1.0, 2.0, 3.0), "spec.push.time": 2.0, "later": True}
+    short = {"start": [1, 2, 3], "later": True, "count": 8.0, "push.time": 2}
+    normal = normal_changes(Gait(), short)
+    assert normal == normal_changes(Gait(), full) == normal_changes(Gait(), normal)
+    assert dict(normal) == full and [name for name, _ in normal] == sorted(full)
+    assert changed(Gait(), normal) == changed(Gait(), short) and changed(Gait(), {}) == Gait()
+    with pytest.raises(InputError, match="twice"):
+        normal_changes(Gait(), {"count": 8, "spec.count": 8})
+    for bad in ({"later": Push()}, {"spec": 3}, {"later": 1.0}, {"count": True}, {"length": True}):
+        with pytest.raises(InputError):
+            changed(Gait(), bad)
+
+
+@settings(kw_only=True)
+class Lengths:
+    reach: Annotated[Positive, "m"] = 0.5
+    time: Annotated[Positive, "s"] = 2.0
+    box: tuple[Annotated[float, "m"], Annotated[float, "s"]] = (1.0, 3.0)
+    sides: Annotated[tuple[float, float], "m"] = (1.0, 4.0)
+    share: Share = 0.25
+    mode: Annotated[Literal["soft", "hard"], "m"] | None = None
+
+
+def test_numbers_are_scaled_by_the_value_of_their_unit() -> None:
+    scaled = in_units(Lengths(), {"m": 2.0, "s": 10.0})
+    assert scaled == Lengths(reach=1.0, time=20.0, box=(2.0, 30.0), sides=(2.0, 8.0))
+    assert in_units(scaled, {"m": 0.5, "s": 0.1}) == Lengths() == in_units(Lengths(), {})
+
+
+def test_units_choices_and_kinds_of_fields() -> None:
+    assert units(Gait)["first.impulse"] == units(Gait)["spec.push.impulse"] == "Ns/kg"
+    assert units(Lengths) == dict.fromkeys(("reach", "sides", "mode"), "m") | {"time": "s"}
+    assert unit_and_choices(Lengths, "mode") == ("m", ["soft", "hard"])
+    assert unit_and_choices(Spec, "side") == ("", ["left", "right"])
+    assert unit_and_choices(Spec, "length") == ("m", [])
+    assert nested_settings(Gait, "later") is Push and nested_settings(Gait, "steps") is None
+    assert may_be_none(Gait, "later") and not may_be_none(Gait, "first")
+
+
+def test_a_refused_value_is_named_by_its_place_its_unit_and_what_was_given() -> None:
+    for kind, data, parts in (
+        (Spec, {"pushes": [{}, {"time": -2.0}]}, ("pushes[1].time (s)", "-2.0")),
+        (Spec, {"start": [0.0, "x", 0.0]}, ("start[1]", "'x'")),
+        (Gait, {"spec": {"push": {"impulse": -3.0}}}, ("spec.push.impulse (Ns/kg)", "-3.0")),
+        (Spec, [1], ("Spec", "1")),
+    ):
+        with pytest.raises(InputError) as refusal:
+            from_json(kind, data)
+        assert all(part in str(refusal.value) for part in parts), refusal.value
+    with pytest.raises(UnknownNameError, match="length"):
+        from_json(Spec, {"lenght": 1.0})
+    with pytest.raises(InputError, match=r"impulse \(Ns/kg\)"):
+        Push(-1.0)
+    for tiny in (0.0, -1.0, 0.99e-12, np.inf, np.nan):
+        with pytest.raises(InputError, match="length"):
+            Spec(length=tiny)
+    assert Spec(length=1e-12).length == 1e-12
+
+
+def test_a_path_names_a_file_of_printable_characters_that_is_not_too_long() -> None:
+    good = Path("a") / ("x" * 255) / "y.stl"
+    assert usable_path(good) == good
+    for bad in (Path("x" * 256), Path("ä" * 128), Path("a\nb"), Path(*["x" * 199] * 21)):
+        with pytest.raises(InputError):
+            usable_path(bad)

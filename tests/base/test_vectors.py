@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.base.vectors import add_cross, part_way, quaternion, turned
+from wbc.base.vectors import add_cross, along, largest, part_way, quaternion, turned, turned_all
 
 
 def rotations() -> list[np.ndarray]:
@@ -37,3 +37,12 @@ def test_products() -> None:
         np.testing.assert_allclose(turned(rotation.tolist(), a.tolist()), rotation @ a, rtol=0.0, atol=1e-14)
         np.testing.assert_allclose(add_cross(a, b, c), a + np.cross(b, c), rtol=0.0, atol=1e-14)
         np.testing.assert_allclose(part_way(a, b, 0.25), 0.75 * a + 0.25 * b, rtol=0.0, atol=1e-14)
+        np.testing.assert_allclose(
+            turned_all(rotation.tolist(), [a, b]), [rotation @ a, rotation @ b], atol=1e-14
+        )
+        angle = a[2]
+        turn = pin.utils.rotate("z", angle)[:2, :2]
+        parts = along((np.cos(angle), np.sin(angle)), b[0], b[1])
+        np.testing.assert_allclose(parts, turn.T @ b[:2], rtol=0.0, atol=1e-14)
+        assert largest(a) == a.max()
+    assert largest(np.zeros(0)) == -np.inf and np.isnan(largest(np.array([1.0, np.nan, 2.0])))
