@@ -116,7 +116,7 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
     sq = np.sqrt(variance)
     per_sq = 1.0 / np.where(sq > 0.0, sq, 1.0)
     weight = np.full(z.shape[-1], 1.0 / z.shape[-1])
-    power = np.abs(np.fft.fft(z)[..., 1:]) ** 2 / z.shape[-1] ** 2
+    power = np.abs(np.fft.fft(z)[..., 1:]) ** 2  # not over n²: K is a ratio
     total = power.sum(axis=-1)
     spread = 1.0 - (power**2).sum(axis=-1) / np.where(total > 0.0, total, 1.0) ** 2
     sv, sp = np.abs(z.min(axis=-1)), np.abs(z.max(axis=-1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.feet import RangeSensor, SoftFoot, StiffnessActuator, foot
 from wbc.feet.sensing.range_sensor import RangeSampler
-from wbc.feet.soles.sole import AnkleSole, bar_inertia
+from wbc.feet.soles.contact import ContactSpheres
+from wbc.feet.soles.sole import AnkleSole, bar_inertia, box_inertia
 
 OWN = AnkleSole.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
 FITTING = ("rigid", "soft", "long_arch", "variable")
@@ -63,6 +65,67 @@ def test_a_low_ankle_is_raised_and_the_difference_said() -> None:
     assert fit.height_change == pytest.approx(0.009)
 
 
+LIMITS = [
+    # design, the value that fits by a hair and the one that does not, both of the robot's sole or of the foot
+    ("rigid", lambda e: {"ankle_behind": 0.13891 + e}, lambda e: OWN),
+    ("soft", lambda e: {"ankle_behind": -0.13891 - e}, lambda e: OWN),
+    (
+        "soft",
+        lambda e: {},
+        lambda e: AnkleSole("a", (0.0, 0.05225 + e, -0.09), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1),
+    ),
+    (
+        "rigid",
+        lambda e: {},
+        lambda e: AnkleSole("a", (0.0, -0.05225 - e, -0.09), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1),
+    ),
+    ("soft", lambda e: {"width": 0.175 + e}, lambda e: OWN),
+    ("soft", lambda e: {"ankle_height": 0.034 - e}, lambda e: OWN),
+    ("rigid", lambda e: {"ankle_height": 0.014 - e}, lambda e: OWN),
+    ("rigid", lambda e: {"length": 2.0 + e}, lambda e: OWN),
+    ("rigid", lambda e: {"ankle_height": 2.0 + e}, lambda e: OWN),
+    ("soft", lambda e: {"hinge_height": 0.014 + e}, lambda e: OWN),
+    ("soft", lambda e: {"thickness": 0.014 - e}, lambda e: OWN),
+]
+
+
+@pytest.mark.parametrize(("name", "changes", "own"), LIMITS)
+def test_a_foot_fits_up_to_its_limits_and_not_beyond(name: str, changes: Any, own: Any) -> None:
+    """The ankle over the sole, two soles side by side, room for the arch, hinges and spheres in the phalanges."""
+    fit = foot(name, **changes(-1e-6)).fit(own(-1e-6))
+    assert fit.sole.ankle[1] == pytest.approx(own(-1e-6).ankle[1])
+    with pytest.raises(InputError):
+        foot(name, **changes(1e-6)).fit(own(1e-6))
+
+
+@pytest.mark.parametrize("name", [*FITTING, "flat"])
+def test_three_sensors_look_down_from_the_front_edge(name: str) -> None:
+    fit = foot(name).fit(OWN)
+    x, y = fit.sole.length / 2.0, fit.sole.width / 2.0
+    np.testing.assert_allclose(fit.toe_sensors, [[x, -y, 0.02], [x, 0.0, 0.02], [x, y, 0.02]], atol=1e-12)
+
+
+def test_masses_of_the_feet_and_their_lowest_ankles() -> None:
+    """Ten phalanges of 20 g and two arches of 70 g, 340 g; the plate has as much, so compliance alone differs."""
+    assert foot("soft").fit(OWN).mass == foot("rigid").fit(OWN).mass == pytest.approx(0.34)
+    assert foot("soft", phalanges=6).fit(OWN).mass == pytest.approx(6 * 0.02 + 0.07 + 0.07)
+    plate = box_inertia(0.34, (0.27782, 0.1045, 0.014), (0.0, 0.0, 0.0)).inertia
+    np.testing.assert_allclose(foot("rigid").fit(OWN).added_inertia.inertia, plate, atol=1e-15)
+
+
+@given(st.tuples(*3 * [st.floats(0.01, 1.0)]), st.floats(0.01, 10.0))
+@examples(20)
+def test_inertia_of_a_box_is_that_of_its_corners(size: tuple[float, float, float], mass: float) -> None:
+    """Eight points at 1 / √3 of the half extents have the second moments of the box."""
+    points = (
+        np.array(size) / math.sqrt(12.0) * np.stack(np.meshgrid(*3 * [[-1.0, 1.0]]), axis=-1).reshape(8, 3)
+    )
+    second = mass * points.T @ points / 8.0
+    box = box_inertia(mass, size, (0.1, 0.2, 0.3))
+    np.testing.assert_allclose(box.inertia, np.trace(second) * np.eye(3) - second, atol=1e-12)
+    np.testing.assert_allclose((box.mass, *box.lever), (mass, 0.1, 0.2, 0.3))
+
+
 def test_inertia_of_a_bar_is_that_of_its_points() -> None:
     start, end = np.array([0.02, 0.0, 0.09]), np.array([0.11, 0.0, 0.01])
     bar = bar_inertia(0.07, start, end, width=0.03, thickness=0.01)
@@ -87,6 +150,21 @@ def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> Non
         for i, centre in enumerate(design.layout(design.fit(OWN).sole).centres):
             under = x[2 * i : 2 * i + 2]
             assert np.abs(under - centre).max() <= design.length / phalanges / 2.0 + 1e-12
+
+
+@given(st.floats(0.02, 1.0), st.floats(0.02, 1.0), st.floats(0.004, 0.1), st.integers(2, 9))
+@examples(30)
+def test_spheres_of_a_rigid_sole_span_it_with_as_few_rows_as_its_spacing_allows(
+    length: float, width: float, spacing: float, columns: int
+) -> None:
+    spheres = ContactSpheres(row_spacing=spacing, columns=columns)
+    count = spheres.rows(length)
+    x, y = spheres.row_positions(length, count), spheres.column_positions(width)
+    assert count == 2 or length / (count - 1) <= spacing * (1 + 1e-12) and length / (count - 2) >= spacing
+    np.testing.assert_allclose(x, length * (0.5 - np.arange(count) / (count - 1)), atol=1e-12)  # from the toe
+    np.testing.assert_allclose(
+        y, width * (np.arange(columns) / (columns - 1) - 0.5), atol=1e-12
+    )  # from the right
 
 
 # --- stiffness actuator ----------------------------------------------------------------------------------------------
@@ -121,6 +199,47 @@ def test_actuator_solves_its_differential_equation_in_the_logarithm() -> None:
     exact = actuator.advance(actuator.at_rest(10.0), 100.0, 0.4)
     assert exact.actual == pytest.approx(10.0**actual, rel=1e-3)
     assert exact.reference == 100.0
+
+
+def test_the_actuator_takes_the_time_that_its_description_says() -> None:
+    """A decade in 1 / 33 s; its whole range in 0.2 s: 0.1 s of ramp, and five time constants to an error of 1 %."""
+    actuator = StiffnessActuator()
+    low, high = actuator.low, actuator.high
+    assert (low, high) == (1.0, 2000.0)
+    decade = actuator.advance(actuator.at_rest(10.0), 1000.0, 0.030)
+    assert decade.reference == pytest.approx(10.0 * 10.0**0.99)
+    for start, end in ((low, high), (high, low)):
+        ramp = math.log10(high / low) / 33.0
+        assert ramp == pytest.approx(0.1, abs=1e-3)
+        short = actuator.advance(actuator.at_rest(start), end, 0.999 * ramp)
+        there = actuator.advance(actuator.at_rest(start), end, 1.001 * ramp)
+        assert short.reference != end and there.reference == end
+        # Behind a ramp of slope s a lag T is s T (1 − exp(−t / T)) late, in decades.
+        late = math.copysign(33.0 * 0.02 * (1.0 - math.exp(-ramp / 0.02)), end - start)
+        settled = actuator.advance(actuator.at_rest(start), end, ramp + 0.1)
+        assert math.log10(end / settled.actual) == pytest.approx(late * math.exp(-5.0), rel=1e-6)
+        assert settled.actual == pytest.approx(end, rel=0.0103)
+
+
+def test_the_range_of_an_actuator_holds_at_both_ends() -> None:
+    for actuator in (StiffnessActuator(low=2.0, high=50.0), StiffnessActuator.instantaneous(high=50.0)):
+        for inside in (actuator.low, 7.0, 50.0):
+            assert actuator.at_rest(inside).actual == inside
+            assert actuator.advance(actuator.at_rest(7.0), inside, 100.0).actual == pytest.approx(inside)
+        for outside in (actuator.low - 1e-6, 50.0 + 1e-6):
+            with pytest.raises(InputError):
+                actuator.advance(actuator.at_rest(7.0), outside, 0.1)
+    for changes in (
+        {"high": 1.0},
+        {"low": 3.0, "high": 2.0},
+        {"low": 0.0},
+        {"low": 0.0, "rate_limit": math.inf},
+    ):
+        with pytest.raises(InputError):
+            StiffnessActuator(**changes)
+    at_once = StiffnessActuator.instantaneous()
+    assert (at_once.low, at_once.high) == (0.0, 80.0)  # Table I of the paper
+    assert at_once.advance(at_once.at_rest(0.0), 80.0, 0.0).actual == 80.0
 
 
 def test_the_damping_ratio_follows_the_stiffness() -> None:
@@ -159,10 +278,68 @@ def test_a_reading_stays_in_the_range_of_its_sensor_whatever_the_noise() -> None
         assert np.mean(readings == end) == pytest.approx(0.5, abs=0.1)  # half of a symmetric noise is beyond
 
 
-def test_range_readings_are_held_between_samples() -> None:
+@given(
+    st.floats(0.0, 100.0),
+    st.sampled_from([30.0, 100.0, 200.0]),
+    st.lists(st.floats(0.0, 0.05), min_size=1, max_size=40),
+)
+@examples(50)
+def test_range_readings_are_held_until_the_next_tick_of_the_sensors_clock(
+    start: float, rate: float, pauses: list[float]
+) -> None:
+    """The clock starts with the first call: a call is fresh if a multiple of 1 / rate has passed since the last."""
+    sampler = RangeSampler(RangeSensor(rate=rate))
+    held, last = 0.0, -1
+    for i, since in enumerate(np.cumsum([0.0, *pauses])):
+        ticks = since * rate
+        if abs(ticks - round(ticks)) < 1e-6 and i > 0:
+            continue  # on the tick rounding decides
+        fresh = math.floor(ticks) > last
+        assert sampler.due(start + since) == fresh
+        reading = sampler.sample(start + since, 0.1 + 0.01 * i)
+        held, last = (0.1 + 0.01 * i, math.floor(ticks)) if fresh else (held, last)
+        assert (sampler.fresh, reading) == (fresh, pytest.approx(held))
+
+
+def test_a_sensor_of_100_hz_is_read_100_times_a_second() -> None:
     sampler = RangeSampler(RangeSensor(rate=100.0))
-    fresh = 0
-    for i in range(1000):
-        sampler.sample(0.001 * i, float(i % 3) + 0.5)
-        fresh += sampler.fresh
-    assert fresh == 100
+    assert sum(sampler.sample(0.001 * i, 0.5) > 0.0 and sampler.fresh for i in range(1000)) == 100
+    every = RangeSampler(RangeSensor())
+    assert all(every.sample(0.001 * i, 0.1 + 0.001 * i) == 0.1 + 0.001 * i for i in range(100))
+
+
+def test_range_noise_depends_on_the_seed_and_the_number_of_the_reading_alone() -> None:
+    sensor = RangeSensor(noise=0.01, dropout=0.3)
+    true, lost = np.full(60, 0.5), np.full(60, 0.5)
+    lost[:20] = np.inf
+
+    def readings(seed: int, distances: np.ndarray) -> np.ndarray:
+        sampler = RangeSampler(sensor, seed)
+        first = [sampler.sample(0.01 * i, d) for i, d in enumerate(distances)]
+        sampler.reset()
+        again = [sampler.sample(0.01 * i, d) for i, d in enumerate(distances)]
+        np.testing.assert_array_equal(first, again)
+        return np.array(first)
+
+    one, other = readings(1, true), readings(2, true)
+    np.testing.assert_array_equal(readings(1, lost)[20:], one[20:])
+    both = np.isfinite(one) & np.isfinite(other)
+    assert 10 < both.sum() < 50 and (one[both] != other[both]).all()
+
+
+@given(st.floats(0.001, 0.05), st.floats(0.05, 3.9))
+@examples(30)
+def test_a_reading_is_the_nearest_multiple_of_the_resolution(resolution: float, distance: float) -> None:
+    reading = RangeSampler(RangeSensor(resolution=resolution)).sample(0.0, distance)
+    assert reading / resolution == pytest.approx(round(reading / resolution), abs=1e-6)
+    assert abs(reading - distance) <= resolution / 2.0 + 1e-12
+
+
+def test_only_what_lies_in_the_range_of_a_sensor_is_read() -> None:
+    sensor = RangeSensor(least=0.1, greatest=2.0)
+    seen = {d: RangeSampler(sensor).sample(0.0, d) for d in (0.1, 0.7, 2.0)}
+    assert seen == {d: d for d in seen}
+    for d in (0.0999, 2.0001, math.inf, -math.inf, math.nan):
+        assert math.isnan(RangeSampler(sensor).sample(0.0, d))
+    with pytest.raises(InputError):
+        RangeSensor(least=0.5, greatest=0.5)

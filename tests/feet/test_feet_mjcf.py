@@ -176,6 +176,86 @@ def test_lowest_points_of_the_spheres_span_the_rectangle(name: str) -> None:
     np.testing.assert_allclose(extent.min(axis=0), [-sole.length / 2, -sole.width / 2], atol=1e-9)
 
 
+def test_the_phalanges_are_drawn_as_large_as_they_are() -> None:
+    """Boxes fill the sole, 1 mm apart; the plate of a rigid foot is its rectangle, on the ground."""
+    for name in ("soft", "six phalanges", "rigid"):
+        stand = Stand(DESIGNS[name], "nothing", drop=0.0)
+        model, data, fit = stand.model, stand.data, stand.foot.fit
+        boxes = [i for i in range(model.ngeom) if model.geom_type[i] == mujoco.mjtGeom.mjGEOM_BOX]
+        count = max(1, len(stand.foot.sole_joints))
+        gap = 0.0 if name == "rigid" else 0.001
+        pitch = fit.sole.length / count
+        full = 2.0 * model.geom_size[boxes]
+        np.testing.assert_allclose(
+            full, len(boxes) * [[pitch - gap, fit.sole.width - gap, 0.014]], atol=1e-12
+        )
+        centre = data.body(stand.foot.body).xpos
+        x = np.sort(data.geom_xpos[boxes][:, 0]) - centre[0]
+        np.testing.assert_allclose(x, pitch * (np.arange(count) + 0.5) - fit.sole.length / 2.0, atol=1e-9)
+        np.testing.assert_allclose(data.geom_xpos[boxes][:, 1:], len(boxes) * [[0.0, 0.007]], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["soft", "six phalanges"])
+def test_arches_join_the_ankle_the_heel_and_the_phalanx_that_they_hold(name: str) -> None:
+    """Ends of the bars that are drawn, and the gap of the loop after the arch has turned: 2 r sin(angle / 2)."""
+    design = DESIGNS[name]
+    stand = Stand(design, "nothing", drop=0.0)
+    model, data, fit = stand.model, stand.data, stand.foot.fit
+    pitch = fit.sole.length / design.phalanges  # type: ignore[attr-defined]
+    held = fit.sole.length / 2.0 - (design.loop_phalanx - 0.5) * pitch  # type: ignore[attr-defined]
+    middle = data.body(stand.foot.body).xpos
+    ankle = middle + fit.sole.ankle
+    tip, heel = middle + [held, 0.0, 0.014], middle + [(pitch - fit.sole.length) / 2.0, 0.0, 0.007]
+    bars = [i for i in range(model.ngeom) if model.geom_type[i] == mujoco.mjtGeom.mjGEOM_CAPSULE]
+    lengths = {round(2.0 * model.geom_size[i, 1], 6): data.geom_xpos[i] for i in bars}
+    for end in (tip, heel):
+        np.testing.assert_allclose(
+            lengths[round(float(np.linalg.norm(end - ankle)), 6)], (end + ankle) / 2.0, atol=1e-6
+        )
+    assert stand.probe.loop_gap(data) == pytest.approx(0.0, abs=1e-9)
+    assert stand.foot.arch_joint is not None
+    data.joint(stand.foot.arch_joint).qpos[0] = 0.3
+    mujoco.mj_forward(model, data)
+    expected = 2.0 * np.linalg.norm(tip - ankle) * np.sin(0.15)
+    assert stand.probe.loop_gap(data) == pytest.approx(expected, rel=1e-6)
+    assert Stand(DESIGNS["rigid"], "nothing").probe.loop_gap(data) == 0.0
+
+
+@pytest.mark.parametrize("name", ["flat", "rigid"])
+def test_the_range_sensor_of_a_rigid_sole_is_14_mm_behind_its_front_edge(name: str) -> None:
+    """At the height of the centres of the spheres; a reading is that height over the sole and the one over ground."""
+    stand = Stand(DESIGNS[name], terrain("flat"), drop=0.05)
+    fit, site = stand.foot.fit, stand.data.site(stand.foot.range_site)
+    edge = stand.data.body(stand.foot.body).xpos[0] + fit.sole.length / 2.0
+    assert edge - site.xpos[0] == pytest.approx(0.014, abs=2e-6)
+    finder = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP)
+    assert finder.range_height == DESIGNS[name].contact.radius
+    assert finder.read(stand.model, stand.data) == pytest.approx(0.05 + finder.range_height, abs=1e-6)
+
+
+def test_a_range_sensor_that_sees_nothing_reads_nothing() -> None:
+    stand = Stand(DESIGNS["soft"], "nothing")
+    finder = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP)
+    assert finder.distance(stand.model, stand.data) == np.inf and np.isnan(
+        finder.read(stand.model, stand.data)
+    )
+    for group in (-1, mujoco.mjNGROUP):
+        with pytest.raises(InputError):
+            RangeFinder(stand.model, stand.foot, ground_group=group)
+
+
+def test_a_sole_belongs_to_its_model_and_to_its_ankle() -> None:
+    soft, rigid = Stand(DESIGNS["soft"], "nothing"), Stand(DESIGNS["rigid"], "nothing")
+    for build in (lambda: SoleProbe(rigid.model, soft.foot), lambda: SoleStiffness(rigid.model, soft.foot)):
+        with pytest.raises(InputError):
+            build()
+    with pytest.raises(InputError):
+        SoleStiffness(rigid.model, rigid.foot)
+    spec = mujoco.MjSpec()
+    with pytest.raises(InputError):
+        foot("rigid").build(spec, spec.worldbody.add_body(name="shin"), "left", OWN)
+
+
 # --- standing --------------------------------------------------------------------------------------------------------
 
 
@@ -193,6 +273,26 @@ def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(name: str,
     expected = [own.lever[0] * own.mass * GRAVITY / weight, 0.0]
     ankle = stand.data.body("ankle").xpos
     np.testing.assert_allclose(contacts.centre_of_pressure[:2] - ankle[:2], expected, atol=0.001)
+
+
+@pytest.mark.parametrize("ground", ["plane", "field", "boxes"])
+def test_the_ground_presses_upwards_whatever_it_is_made_of(ground: str) -> None:
+    """MuJoCo orders the geoms of a contact by their kinds: a plane or a field comes before a sphere, a box after."""
+    boards = terrain("boards", 0.01, start=-1.0)
+    made = {"plane": terrain("flat"), "field": "flat field", "boxes": boards}[ground]
+    stand = Stand(DESIGNS["rigid"], made, drop=0.02, x=0.2)  # type: ignore[arg-type]
+    stand.settle(1.5)
+    contacts = stand.probe.contacts(stand.model, stand.data)
+    own = {stand.model.geom(name).id for name in stand.foot.contact_geoms}
+    first = {int(stand.data.contact[i].geom[0]) in own for i in range(stand.data.ncon)}
+    assert (ground == "boxes") in first
+    assert (contacts.forces[:, 2] > 0.0).all()
+    assert contacts.force[2] == pytest.approx(float(stand.model.body_mass.sum()) * GRAVITY, rel=0.01)
+    heavy = float(np.median(np.linalg.norm(contacts.forces, axis=1)))
+    fewer = stand.probe.contacts(stand.model, stand.data, min_force=heavy)
+    assert 0 < len(fewer.forces) < len(contacts.forces)
+    none = stand.probe.contacts(stand.model, stand.data, min_force=1e4)
+    assert none.points.shape == (0, 3) and np.isnan(none.centre_of_pressure).all()
 
 
 @pytest.mark.parametrize("name", ["flat", "rigid", "soft"])

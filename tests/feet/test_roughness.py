@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from properties import examples
 from scipy import signal, stats
 
+from wbc.base.errors import InputError
+from wbc.feet import foot
 from wbc.feet.sensing.roughness import PARAMETERS, RoughnessSettings, low_pass, roughness
 from wbc.sim.terrain.spec import terrain
 
@@ -86,6 +88,48 @@ def test_level_ground_has_no_roughness_at_all() -> None:
     assert set(roughness(*profile).as_dict().values()) == {0.0}
 
 
+def test_a_wave_has_the_parameters_of_its_integrals() -> None:
+    """Of a sine of amplitude a and length L: Sa = 2 a / π, Sq = a / √2, Sku = 1.5, P = (2 π a / L)² / 2, K = 0.5."""
+    a, waves, n = 0.01, 8, 4001
+    x = np.linspace(0.0, 4.0, n)
+    r = roughness(x, a * np.cos(2.0 * math.pi * waves * x / 4.0), PLAIN)
+    expected = {
+        "Sa": 2.0 * a / math.pi,
+        "Sq": a / math.sqrt(2.0),
+        "Sku": 1.5,
+        "Sv": a,
+        "Sp": a,
+        "Sz": 2.0 * a,
+        "M": a * a / 2.0,
+        "P": (2.0 * math.pi * a * waves / 4.0) ** 2 / 2.0,
+        "K": 0.5,
+    }
+    for name, value in expected.items():
+        assert r[name] == pytest.approx(value, rel=2e-3), name
+    assert r["Ssk"] == pytest.approx(0.0, abs=2e-3)
+
+
+def test_a_nanometre_about_the_trend_counts_as_level() -> None:
+    x = grid(64)
+    wave = np.sin(2.0 * math.pi * np.arange(64) / 16.0)
+    for size, rough_ground in ((0.8e-9, False), (1.3e-9, True)):
+        assert (roughness(x, 0.2 * x + size * wave, PLAIN)["Sq"] > 0.0) == rough_ground
+
+
+def test_a_grid_may_be_uneven_by_a_ten_thousandth_of_its_step() -> None:
+    for share, even in ((0.5e-4, True), (2e-4, False), (-2e-4, False)):
+        x = grid(40)
+        x[20:] += share * STEP
+        if even:
+            roughness(x, rough(40)[0])
+        else:
+            with pytest.raises(InputError):
+                roughness(x, rough(40)[0])
+    for bad in (-grid(40), np.zeros(40), grid(40)[:7]):
+        with pytest.raises(InputError):
+            roughness(bad, rough(bad.size)[0])
+
+
 # --- filter -----------------------------------------------------------------------------------------------------------
 
 
@@ -97,3 +141,28 @@ def test_the_filter_is_scipys_on_ground_that_goes_on_as_its_mirror_image(n: int,
     b, a = signal.butter(1, corner, fs=1 / STEP)
     theirs = signal.filtfilt(b, a, np.pad(z, again * n, mode="symmetric"))
     np.testing.assert_allclose(low_pass(z, STEP, corner), theirs[again * n : (again + 1) * n], atol=1e-9)
+
+
+def gain(length: float, corner: float, n: int = 4001, step: float = 0.001) -> float:
+    """Part of the amplitude of a long wave that the filter leaves in the middle of a track."""
+    x = step * np.arange(n)
+    wave = np.cos(2.0 * math.pi * (x - x[n // 2]) / length)
+    return float(low_pass(wave, step, corner)[n // 2])
+
+
+def test_half_of_a_wave_as_long_as_the_soft_foot_is_left() -> None:
+    """−6 dB at the corner, −3 dB at 0.64 of it, and nothing is taken of long waves."""
+    corner = RoughnessSettings().corner
+    assert corner is not None and corner * foot("soft").length == pytest.approx(1.0)  # type: ignore[attr-defined]
+    assert gain(1.0 / corner, corner) == pytest.approx(0.5, abs=1e-6)
+    assert gain(1.0 / (0.64 * corner), corner) == pytest.approx(math.sqrt(0.5), abs=5e-3)
+    assert gain(100.0 / corner, corner) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_corner_beyond_the_samples_filters_nothing_and_one_of_a_continent_is_refused() -> None:
+    z = rough(40)
+    np.testing.assert_array_equal(low_pass(z, STEP, 0.5 / STEP), z)
+    assert np.abs(low_pass(z, STEP, 0.49 / STEP) - z).max() > 0.0
+    low_pass(z, STEP, 1.01e-6 / STEP)
+    with pytest.raises(InputError):
+        low_pass(z, STEP, 0.99e-6 / STEP)

@@ -111,6 +111,72 @@ def test_readings_count_the_same_in_any_order() -> None:
         np.testing.assert_array_equal(other.seen, one.profile().seen)
 
 
+@given(
+    yaw=st.floats(-math.pi, math.pi),
+    a=st.floats(-1.0, 1.0),
+    lean=st.floats(-0.4, 0.4),
+    curve=st.floats(-0.3, 0.3),
+    seed=st.integers(0, 100),
+)
+@examples(40)
+def test_points_of_a_profile_are_the_hits_at_its_samples(
+    yaw: float, a: float, lean: float, curve: float, seed: int
+) -> None:
+    """One hit at each sample, seen from anywhere: the profile goes through all of them, in the world."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    along = PROFILE_STEP * np.arange(-10, 30)
+    aside, heights = a + lean * along, 0.1 * np.sin(20.0 * along) + curve
+    hits = np.stack([c * along - s * aside, s * along + c * aside, heights], axis=1)
+    scan = GroundScan()
+    scan.start((3.0 * c, 3.0 * s))
+    rng = np.random.default_rng(seed)
+    distances = rng.uniform(0.05, 0.5, along.size)
+    towards = rng.normal(size=(along.size, 3))
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    assert add_all(scan, hits - distances[:, None] * towards, towards, distances) == along.size
+    profile = scan.profile()
+    np.testing.assert_allclose(profile.points, hits, atol=1e-9)
+    np.testing.assert_allclose(profile.lateral, aside, atol=1e-9)
+    assert profile.coverage == 1.0
+    assert profile.length == pytest.approx(39 * PROFILE_STEP)
+    end = profile.last(5.0 * PROFILE_STEP)
+    np.testing.assert_allclose(end.points, hits[-6:], atol=1e-9)
+    assert end.coverage == 1.0
+
+
+@pytest.mark.parametrize("capacity", [16, 40])
+@pytest.mark.parametrize("first", [-100, 0, 7])
+def test_a_quarter_of_the_buffer_lies_behind_the_first_hit(capacity: int, first: int) -> None:
+    scan = GroundScan(ScanSettings(capacity=capacity))
+    scan.add((first * PROFILE_STEP, 0.0, 0.1), DOWN, 0.1)
+    behind, ahead = first - capacity // 4, first + capacity - capacity // 4 - 1
+    for cell, inside in ((behind, True), (behind - 1, False), (ahead, True), (ahead + 1, False)):
+        assert scan.add((cell * PROFILE_STEP, 0.0, 0.1), DOWN, 0.1) == inside
+    assert (scan.hits, scan.outside, scan.lost) == (3, 2, 0)
+    assert not scan.add((0.0, 0.0, math.nan), DOWN, 0.1) and not scan.add((0.0, 0.0, 0.1), DOWN, math.inf)
+    assert (scan.hits, scan.outside, scan.lost) == (3, 2, 2)
+    scan.start((0.0, 1e-3))
+    assert (scan.hits, scan.outside, scan.lost) == (0, 0, 0)
+
+
+def test_a_hit_belongs_to_the_nearest_sample() -> None:
+    for share, cell in ((0.49, 0), (0.51, 1), (-0.49, 0), (-0.51, -1)):
+        scan = GroundScan()
+        for x in (-3.0, -2.0, share, 3.0, 4.0):
+            scan.add((x * PROFILE_STEP, 0.0, 0.1), DOWN, 0.1)
+        seen = dict(zip(range(-3, 5), scan.profile().seen.tolist(), strict=True))
+        assert [n for n, hit in seen.items() if hit] == sorted({-3, -2, cell, 3, 4})
+
+
+def test_the_widest_gap_is_at_least_a_step() -> None:
+    assert ScanSettings(step=0.01, max_gap=0.01).max_gap == 0.01
+    with pytest.raises(InputError):
+        ScanSettings(step=0.01, max_gap=0.0099)
+    for hits in ([0.0], [0.0, 1.0]):
+        with pytest.raises(InputError):
+            resample(hits, hits)  # one cell, and two too far apart
+
+
 def test_noise_is_averaged_where_the_foot_is_slow() -> None:
     scan = GroundScan()
     rng = np.random.default_rng(0)

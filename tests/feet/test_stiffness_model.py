@@ -7,6 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import examples
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
@@ -15,7 +18,14 @@ from wbc.base.errors import InputError
 from wbc.feet import StiffnessModel, roughness
 from wbc.feet.sensing.roughness import PARAMETERS
 from wbc.feet.sensing.scan import PROFILE_STEP
-from wbc.feet.stiffness.model import DEFAULT_MODEL, PAPER_FEATURES, Clusters, ModelSettings, feature_values
+from wbc.feet.stiffness.model import (
+    DEFAULT_MODEL,
+    PAPER_FEATURES,
+    Clusters,
+    ModelSettings,
+    default_model,
+    feature_values,
+)
 
 LOGARITHMIC = Clusters((0.0, *np.geomspace(1.0, 81.0, 5).tolist()))
 
@@ -66,6 +76,90 @@ def test_the_papers_clusters() -> None:
     np.testing.assert_array_equal(clusters.centres, 4.0 * np.arange(1, 21) - 2.0)
     np.testing.assert_array_equal(clusters.of([0.0, 3.99, 4.0, 41.0, 79.9, 80.0]), [1, 1, 2, 11, 20, 20])
     np.testing.assert_allclose(LOGARITHMIC.centres, [0.5, *np.sqrt([3.0, 27.0, 243.0, 2187.0])])
+
+
+def test_clusters_ascend_from_zero_or_above_and_hold_what_lies_between_their_ends() -> None:
+    for edges in ((0.0, 4.0, 8.0), (1.0, 4.0, 9.0)):
+        clusters = Clusters(edges)
+        np.testing.assert_array_equal(clusters.of(edges), [1, 2, 2])
+        for outside in (edges[0] - 1e-6, edges[-1] + 1e-6, [5.0, edges[-1] + 1.0]):
+            with pytest.raises(InputError):
+                clusters.of(outside)
+        assert clusters.of([]).size == 0
+    np.testing.assert_allclose(Clusters((1.0, 4.0, 9.0)).centres, [2.0, 6.0])
+    np.testing.assert_allclose(Clusters((1.0, 4.0, 7.0)).centres, [2.5, 5.5])  # of one width
+    for edges in ((0.0, 4.0), (-1.0, 4.0, 8.0), (0.0, 4.0, 4.0), (0.0, 4.0, 3.0)):
+        with pytest.raises(InputError):
+            Clusters(edges)
+
+
+@pytest.mark.parametrize("kind", ["classification", "regression"])
+@given(seed=st.integers(0, 1000), count=st.integers(1, 6))
+@examples(25)
+def test_a_prediction_is_the_vote_or_the_mean_by_inverse_distance(kind: str, seed: int, count: int) -> None:
+    """Written out for one feature: distances in standard deviations, weights 1 / distance, the largest sum of votes."""
+    rng = np.random.default_rng(seed)
+    values = np.zeros((12, len(PARAMETERS)))
+    values[:, 1] = rng.uniform(0.001, 0.02, 12)
+    best, query = rng.choice([2.0, 6.0, 30.0, 78.0], 12), rng.uniform(0.0, 0.03)
+    settings = ModelSettings(("Sq",), count, kind=kind)  # type: ignore[arg-type]
+    fitted = StiffnessModel.fit(values, best, settings=settings)
+    asked = np.zeros(len(PARAMETERS))
+    asked[1] = query
+    distances = np.abs(values[:, 1] - query) / values[:, 1].std()
+    near = np.argsort(distances)[:count]
+    weights = 1.0 / distances[near]
+    votes = {k: weights[best[near] == k].sum() for k in (2.0, 6.0, 30.0, 78.0)}
+    mean = float(weights @ best[near] / weights.sum())
+    found = fitted.predict(asked)
+    expected = max(votes, key=votes.__getitem__) if kind == "classification" else mean
+    assert found.stiffness == pytest.approx(expected)
+    assert found.cluster == int(expected // 4.0) + 1
+    assert found.distance == pytest.approx(distances.min())
+    assert found.familiar == (distances.min() <= fitted.reach)
+
+
+def test_a_model_needs_as_many_rows_as_neighbours_and_one_stiffness_a_row() -> None:
+    values, best = VALUES[:10], BEST[:10]
+    StiffnessModel.fit(values, best)
+    for rows, given_best in (
+        (values[:9], best[:9]),
+        (values, best[:9]),
+        (values[0], best[:1]),
+        (values, best + 80.0),
+    ):
+        with pytest.raises(InputError):
+            StiffnessModel.fit(rows, given_best)
+    with pytest.raises(InputError):
+        StiffnessModel.fit(values, best).predict(values)
+    with pytest.raises(InputError):
+        feature_values(values[:, :9], ("Sp",))
+    for name in ("sqrt(Ssk)", "Sp^1", "Sp^10", "Sp*2"):
+        with pytest.raises(InputError):
+            ModelSettings((name,))
+    sixth = dict(zip(PARAMETERS, VALUES[5], strict=True))["Sp"] ** 6
+    assert feature_values(VALUES[5], ("Sp^6",))[0] == pytest.approx(sixth)
+
+
+def test_a_feature_that_does_not_vary_counts_nothing() -> None:
+    values = VALUES[:40].copy()
+    values[:, PARAMETERS.index("Sp")] = 0.0123
+    with_it = StiffnessModel.fit(values, BEST[:40], settings=ModelSettings(("Sp", "Sq"), 3))
+    without = StiffnessModel.fit(values, BEST[:40], settings=ModelSettings(("Sq",), 3))
+    assert with_it.scale[0] == 1.0
+    for v in values[::5]:
+        assert with_it.predict(v).stiffness == without.predict(v).stiffness
+
+
+def test_the_default_model_has_the_papers_shape() -> None:
+    """Trained on 1,920 walks over twelve grounds; ten neighbours, 20 clusters of 4 Nm/rad (docs/feet.md)."""
+    made = default_model()
+    table = made.made["table_made"]
+    assert table["trials"] == {"done": 1920}
+    assert len({name.split(",")[0] for name in table["labels"]}) == 12
+    assert made.settings.neighbours == 10 and len(made.settings.clusters.edges) == 21
+    assert made.features.shape == (len(made.stiffness), len(made.settings.features))
+    assert made.recipe.step == PROFILE_STEP and made.reach > 0.0
 
 
 @pytest.mark.parametrize(
