@@ -4,6 +4,7 @@ import math
 import pickle
 from dataclasses import replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,10 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import by_default, examples
 
+from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.families.base import Family, terrain_families
 from wbc.sim.terrain.families.fields import low_pass
 from wbc.sim.terrain.families.patchwork import stretches
+from wbc.sim.terrain.families.site import Draws, Site, cells, centred
+from wbc.sim.terrain.families.solids import bar, dome, footprint_margin, plate, stone
 from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n not in ("flat", "image")]
@@ -211,6 +215,63 @@ def test_iso_ground_has_the_spectrum_it_reports() -> None:
     assert power[n > 10.0].max() < 1e-3 * power[band].max()
 
 
+@pytest.mark.parametrize("direction", ["up", "down", "up_down"])
+@given(
+    amplitude=st.floats(0.02, 0.3),
+    riser=st.floats(0.02, 0.2),
+    tread=st.floats(0.1, 0.3),
+    landing=st.floats(0.3, 1.0),
+    start=st.floats(-2.0, 2.0),
+)
+@examples(10)
+def test_stairs_climb_in_the_middle_of_their_track(
+    direction: str, amplitude: float, riser: float, tread: float, landing: float, start: float
+) -> None:
+    """The fewest risers that are no higher than asked for; of the treads between them each is one riser higher."""
+    n = math.ceil(amplitude / riser - 1e-9)
+    run = (n - 1) * tread
+    needed = 2.0 * run + landing if direction == "up_down" else run
+    t = terrain(
+        "steps",
+        amplitude,
+        riser=riser,
+        tread=tread,
+        landing=landing,
+        direction=direction,
+        start=start,
+        length=math.ceil(needed) + 1.0,
+    )
+    x = np.linspace(t.start - 0.2, t.stop + 0.2, 400) + 1e-7
+    along = x - (t.start + 0.5 * (t.length - needed))
+    up = np.clip(np.floor(along / tread) + 1.0, 0.0, n) * amplitude / n
+    if direction == "up_down":
+        down = np.clip(np.floor((needed - along) / tread) + 1.0, 0.0, n) * amplitude / n
+        up = np.minimum(up, down)
+    np.testing.assert_allclose(t.height(x, 0.3), -up if direction == "down" else up, atol=1e-9)
+    rise = {"up": amplitude, "down": -amplitude, "up_down": 0.0}[direction]
+    assert t.height(t.stop + 0.5, 0.0) == pytest.approx(rise, abs=1e-12)
+    assert t.parameters.rise_at(amplitude) == pytest.approx(amplitude / n)
+    with pytest.raises(InputError):
+        replace(t, length=needed - 1e-6).height(0.0, 0.0)
+
+
+@pytest.mark.parametrize("direction", ["up", "down", "up_down"])
+def test_a_slope_rises_evenly_over_its_run(direction: str) -> None:
+    for amplitude, length, landing in ((0.2, 3.0, 0.6), (0.05, 1.4, 1.0)):
+        t = terrain("slope", amplitude, direction=direction, length=length, landing=landing)
+        run = 0.5 * (length - landing) if direction == "up_down" else length
+        x = np.linspace(t.start - 0.3, t.stop + 0.3, 300) + 1e-7
+        up = np.clip((x - t.start) / run, 0.0, 1.0)
+        if direction == "up_down":
+            up = np.minimum(up, np.clip((t.stop - x) / run, 0.0, 1.0))
+        np.testing.assert_allclose(
+            t.height(x, -0.2), (-1.0 if direction == "down" else 1.0) * amplitude * up, atol=1e-6
+        )
+        assert t.describe()["angle_rad"] == pytest.approx(math.atan(amplitude / run))
+    with pytest.raises(InputError):
+        terrain("slope", 0.1, length=0.6, landing=0.6)
+
+
 def test_stairs_have_equal_risers() -> None:
     t = terrain("steps", 0.1, riser=0.03, tread=0.25)
     facts = t.describe()
@@ -236,3 +297,191 @@ def test_a_patchwork_is_what_its_stretches_say() -> None:
     orders = {tuple(name for name, *_ in stretches(replace(ground, seed=s))) for s in range(10)}
     assert len(orders) > 5
     assert stretches(terrain("stones", seed=1)) == [("stones", 0.3, 3.3)]
+
+
+# --- solids and places ------------------------------------------------------------------------------------------------
+
+metres = st.floats(0.02, 0.3)
+turns = st.floats(-3.0, 3.0)
+
+
+def _over(shapes: list, x: Array, y: Array) -> Array:
+    """Height of some solids over a floor at 0, at places, m."""
+    tops: Array = np.max([np.broadcast_to(shape.top(x, y), x.shape) for shape in shapes], axis=0)
+    return np.maximum(tops, 0.0)
+
+
+@given(metres, metres, metres, turns)
+@examples(30)
+def test_round_stones_have_the_place_width_and_height_that_is_asked_for(
+    a: float, b: float, top: float, yaw: float
+) -> None:
+    """A dome has the section of a circle through its edges and its top, or of an ellipse where it is higher."""
+    r = np.linspace(0.0, a * 0.999, 30)
+    if top <= a:
+        ball = (a * a + top * top) / (2.0 * top)
+        section = np.sqrt(ball**2 - r**2) - (ball - top)
+    else:
+        section = top * np.sqrt(1.0 - (r / a) ** 2)
+    for angle in (0.3, 2.0):
+        x, y = 0.4 + r * math.cos(angle), -0.2 + r * math.sin(angle)
+        np.testing.assert_allclose(_over([dome(0.4, -0.2, a, top)], x, y), section, atol=1e-7)
+    c, s = math.cos(yaw), math.sin(yaw)
+    for share, angle in ((0.5, 0.4), (0.9, 2.5), (1.01, 1.0)):
+        u, v = share * a * math.cos(angle), share * b * math.sin(angle)
+        x, y = np.array([0.1 + c * u - s * v]), np.array([0.2 + s * u + c * v])
+        height = top * math.sqrt(max(0.0, 1.0 - share**2))
+        np.testing.assert_allclose(_over([stone(0.1, 0.2, (a, b), top, yaw)], x, y), height, atol=1e-9)
+
+
+@given(metres, metres, st.floats(0.5, 1.5), turns)
+@examples(30)
+def test_a_bar_has_the_section_of_a_circle_over_its_whole_width(
+    width: float, top: float, length: float, yaw: float
+) -> None:
+    """Up to half its width it is a segment of a circle, above a half circle on a rectangle; its ends are round."""
+    shapes, half = bar(0.3, -0.1, length, yaw, width, top), width / 2.0
+    across = np.linspace(-1.2, 1.2, 41) * half
+    radius = (half * half + top * top) / (2.0 * top) if top <= half else half
+    circle = np.sqrt(np.maximum(radius**2 - across**2, 0.0)) + top - radius
+    section = np.where(np.abs(across) < half, np.maximum(circle, 0.0), 0.0)
+    c, s = math.cos(yaw), math.sin(yaw)
+    for along in (0.0, 0.9, -0.9):
+        v = along * (length / 2.0 - half)
+        x, y = 0.3 + c * across - s * v, -0.1 + s * across + c * v
+        np.testing.assert_allclose(_over(shapes, x, y), section, atol=1e-6)
+    # The segment of a flat bar is rounded at its ends, too, and by no more than its section.
+    ends = np.array([-1.0, 1.0]) * (length / 2.0 - half + radius + 1e-6)
+    np.testing.assert_allclose(_over(shapes, 0.3 - s * ends, -0.1 + c * ends), 0.0, atol=1e-9)
+
+
+@given(metres, metres, metres, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), turns)
+@examples(30)
+def test_a_plate_has_its_highest_corner_at_its_top_and_its_face_in_its_slope(
+    a: float, b: float, top: float, slope_x: float, slope_y: float, yaw: float
+) -> None:
+    for thickness in (None, 0.02):
+        made = plate(0.3, -0.1, (a, b), top, slope=(slope_x, slope_y), yaw=yaw, thickness=thickness)
+        assert made.corners[:, 2].max() == pytest.approx(top)
+        middle = float(made.top(np.array([0.3]), np.array([-0.1]))[0])
+        dx, dy = 0.2 * min(a, b) * np.array([1.0, 0.0, -1.0]), 0.2 * min(a, b) * np.array([0.0, 1.0, -0.5])
+        heights = made.top(0.3 + dx, -0.1 + dy)
+        np.testing.assert_allclose(heights, middle + slope_x * dx + slope_y * dy, atol=1e-9)
+        np.testing.assert_allclose(2.0 * made.half_size[:2], (a, b))
+        if thickness is not None:
+            assert 2.0 * made.half_size[2] == thickness
+        else:
+            lowest = np.sort(made.corners[:, 2])[:4]
+            assert lowest.max() <= 1e-9 or slope_x or slope_y
+            assert made.corners[:, 2].min() < 0.0
+
+
+@given(metres, metres, turns)
+@examples(20)
+def test_the_margin_of_a_turned_footprint_is_that_of_its_corners(a: float, b: float, yaw: float) -> None:
+    c, s = math.cos(yaw), math.sin(yaw)
+    corners = np.array([[x * c - y * s, x * s + y * c] for x in (-a, a) for y in (-b, b)]) / 2.0
+    np.testing.assert_allclose(footprint_margin((a, b), yaw), corners.max(axis=0))
+
+
+@given(st.floats(0.0, 3.0), st.floats(0.01, 0.4))
+@examples(30)
+def test_places_are_as_many_as_fit_centred_and_cells_divide_evenly(extent: float, pitch: float) -> None:
+    places = centred(-1.0, -1.0 + extent, pitch)
+    assert places.mean() == pytest.approx(-1.0 + extent / 2.0, abs=1e-9)
+    np.testing.assert_allclose(np.diff(places), pitch)
+    assert np.ptp(places) <= extent + 1e-6 and np.ptp(places) + pitch > extent
+    count = cells(extent + 0.01, pitch)
+    assert (extent + 0.01) / count <= pitch * (1 + 1e-6)
+    assert count == 1 or (extent + 0.01) / (count - 1) > pitch
+
+
+@given(st.integers(0, 1000), st.floats(0.0, 0.1), st.floats(0.1, 0.3), st.floats(0.0, 0.4))
+@examples(20)
+def test_layouts_stay_in_the_rough_part_by_their_margin(
+    seed: int, margin: float, pitch: float, jitter: float
+) -> None:
+    site = Site(1.0, 3.5, 1.2, 0.04, Draws(seed, "key"))
+    assert (site.length, site.area) == pytest.approx((2.5, 3.0))
+    x, y = np.array(list(site.scatter(500, margin))).T
+    for values, low, high in ((x, 1.0, 3.5), (y, -0.6, 0.6)):
+        assert low + margin <= values.min() < low + margin + 0.05 * (high - low)
+        assert high - margin - 0.05 * (high - low) < values.max() <= high - margin
+        assert values.mean() == pytest.approx((low + high) / 2.0, abs=0.1 * (high - low))
+    points = site.hexagons(pitch, jitter, margin)
+    assert points[:, 0].min() >= 1.0 + margin and points[:, 0].max() <= 3.5 - margin
+    assert np.abs(points[:, 1]).max() <= 0.6 - margin
+    lattice = Site(1.0, 3.5, 1.2, 0.04, Draws(seed, "key")).hexagons(pitch, 0.0, margin)
+    apart = np.linalg.norm(lattice[:, None] - lattice, axis=-1)
+    nearest = np.sort(apart, axis=1)[:, 1]
+    np.testing.assert_allclose(nearest[nearest < 1.5 * pitch], pitch)  # a row of one has farther neighbours
+    tops = site.tops(400, 0.3)
+    assert tops.max() == 0.04 and 0.012 <= tops.min() < 0.014
+    assert tops.mean() == pytest.approx(0.65 * 0.04, rel=0.06)
+    draws = Draws(seed, "key").uniform(-2.0, 3.0, 2000)
+    assert draws.mean() == pytest.approx(0.5, abs=0.15) and draws.min() >= -2.0 and draws.max() < 3.0
+    assert not np.array_equal(draws, Draws(seed, "other").uniform(-2.0, 3.0, 2000))
+    assert not np.array_equal(draws, Draws(seed + 1, "key").uniform(-2.0, 3.0, 2000))
+
+
+SIZES: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
+    # 50,000 solids; 10 million points of a fingerprint, 10 mm apart; 10 million nodes in cells of 1 mm; 50 million
+    # stones of a tenth of a millimetre
+    ("stones", {"density": 50_000.0, "length": 2.0, "width": 0.5}, {"density": 50_001.0}),
+    ("stones", {"density": 50_000.0, "length": 2.0, "width": 0.5}, {"length": 2.001}),
+    ("flat", {"length": 998.0}, {"length": 998.1}),
+    ("flat", {"length": 8.0, "width": 100.0}, {"width": 100.1}),
+    ("iso8608", {"isotropic": True, "length": 10.0, "sole_radius": 1e-3}, {"length": 10.1}),
+    ("iso8608", {"isotropic": True, "length": 10.0, "sole_radius": 1e-3}, {"width": 1.01}),
+    ("random", {"length": 998.0, "sole_radius": 1e-4, "spacing": 1e-4}, {"sole_radius": 0.9e-4}),
+    ("pyramidal_stones", {"length": 1.0, "width": 0.5, "base": 1e-4}, {"base": 0.99e-4}),
+]
+
+
+@pytest.mark.parametrize(("name", "largest", "beyond"), SIZES)
+def test_a_ground_has_as_many_parts_as_are_built_and_no_more(
+    name: str, largest: dict[str, Any], beyond: dict[str, Any]
+) -> None:
+    terrain(name, **largest)
+    with pytest.raises(InputError):
+        terrain(name, **(largest | beyond))
+
+
+@pytest.mark.parametrize("name", ["stones", "random", "boards"])
+def test_a_ground_says_what_it_is_made_of(name: str) -> None:
+    t = terrain(name, seed=4, length=2.0, ramp=0.4, strip=0.7)
+    facts, field = t.describe(), t.surface.field
+    assert [facts[f"{key}_m"] for key in ("amplitude", "start", "length", "width", "strip", "ramp")] == [
+        t.amplitude,
+        0.3,
+        2.0,
+        1.0,
+        0.7,
+        0.4,
+    ]
+    assert sum(facts["geoms"].values()) == len(t.surface.solids)
+    assert t.extent == pytest.approx((-0.4, 3.0, -0.5, 0.5))
+    if field is None:
+        assert facts["nodes"] is None and facts["cell_m"] is None and facts["height_field_bytes"] == 0
+        assert set(facts["geoms"]) == {"ellipsoid" if name == "stones" else "box"}
+    else:
+        rows, columns = facts["nodes"]
+        assert facts["cell_m"] == pytest.approx([2.0 / (columns - 1), 1.0 / (rows - 1)])
+        assert facts["height_field_bytes"] == 4 * rows * columns  # single precision
+    assert all(type(value) in (float, int, bool, str) for value in facts["parameters"].values())
+    assert facts["fingerprint"] != replace(t, seed=5).fingerprint()
+
+
+@pytest.mark.parametrize("name", sorted(n for n in NAMES if n != "patchwork"))
+def test_no_ground_is_higher_than_its_family_allows(name: str) -> None:
+    kind: Family = terrain(name).parameters
+    most = kind.largest_amplitude
+    if math.isfinite(most):
+        assert terrain(name, most).amplitude == most
+        with pytest.raises(InputError):
+            terrain(name, 1.001 * most)
+    if name != "sticks":  # which are as thin as the ground is high, and so many would fit
+        assert terrain(name, 1e-6).amplitude == 1e-6
+    with pytest.raises(InputError):
+        terrain(name, 0.9e-6)
+    assert terrain(name, 0.0).height(1.0, 0.1) == 0.0

@@ -4,10 +4,12 @@ import mujoco
 import numpy as np
 import pytest
 from properties import by_default
+from scipy.spatial.transform import Rotation
 
 from wbc.base.numbers import Array
 from wbc.sim.terrain.families.base import terrain_families
-from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
+from wbc.sim.terrain.render import TERRAIN_GROUP, _colour, _geom, add_to_spec
+from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere, lowered
 from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n != "image"]
@@ -71,6 +73,64 @@ def test_random_rays_find_the_height(name: str) -> None:
     x, y = rng.uniform(x0 - 0.1, x1 + 0.1, 1500), rng.uniform(y0 - 0.1, y1 + 0.1, 1500)
     # 0.1 mm is asked for; single precision of height fields and meshes is all that is lost.
     assert np.abs(_cast(t, x, y) - t.height(x, y)).max() < 1e-7
+
+
+def _solids(seed: int) -> list[Shape]:
+    """One solid of each kind, turned at random, around (0.1, -0.2, 0.05) m."""
+    rng = np.random.default_rng(seed)
+    turn, place = Rotation.random(rng=rng).as_matrix(), np.array([0.1, -0.2, 0.05])
+    a, b, c = rng.uniform(0.02, 0.2, 3)
+    half = turn @ [0.0, b, 0.0]
+    return [
+        Sphere(place, a),
+        Ellipsoid(place, np.array([a, b, c]), turn),
+        Capsule(place - half, place + half, c),
+        Cylinder(place - half, place + half, c),
+        Box(place, np.array([a, b, c]), turn),
+        Pyramid(place + [0.0, 0.0, c], 0.05, 2.0 * a, float(rng.uniform(0.0, 3.0)), depth=0.03),
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_solid_is_as_high_and_as_wide_as_mujoco_has_it(seed: int) -> None:
+    """Top by vertical rays; footprint and peak are those of the densest grid of tops; lowered it is all that lower."""
+    for shape in _solids(seed):
+        x0, x1, y0, y1 = shape.box
+        x, y = np.meshgrid(np.linspace(x0 - 0.01, x1 + 0.01, 201), np.linspace(y0 - 0.01, y1 + 0.01, 201))
+        x, y = x.ravel(), y.ravel()
+        z, peak = shape.top(x, y), shape.peak
+        hit, cell = np.isfinite(z), 1.5 * max(x1 - x0 + 0.02, y1 - y0 + 0.02) / 200
+        edges = np.array([x[hit].min(), x[hit].max(), y[hit].min(), y[hit].max()])
+        inwards = np.array([1.0, -1.0, 1.0, -1.0]) * (edges - shape.box)
+        assert (inwards > -1e-9).all() and (inwards < 8.0 * cell).all(), type(shape)
+        assert z[hit].max() <= peak[2] + 1e-9
+        near = np.hypot(x - peak[0], y - peak[1]) < 2.0 * cell
+        assert z[near].max() > peak[2] - 6.0 * cell, type(shape)
+        assert x0 - 1e-9 <= peak[0] <= x1 + 1e-9 and y0 - 1e-9 <= peak[1] <= y1 + 1e-9
+        down = lowered(shape, 0.37)
+        np.testing.assert_allclose(down.top(x, y)[hit], z[hit] - 0.37, atol=1e-9)
+        np.testing.assert_allclose(down.peak, peak - [0.0, 0.0, 0.37])
+        spec = mujoco.MjSpec()
+        spec.worldbody.add_geom(**_geom(spec, "solid", shape, np.zeros(3)))
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        some = np.random.default_rng(seed).choice(x.size, 200, replace=False)
+        geom = np.zeros(1, dtype=np.int32)
+        for i in some:
+            far = mujoco.mj_ray(
+                model, data, np.array([x[i], y[i], 2.0]), np.array([0.0, 0.0, -1.0]), None, 1, -1, geom
+            )
+            if far >= 0.0 or z[i] > -np.inf:
+                assert 2.0 - far == pytest.approx(float(z[i]), abs=1e-6), type(shape)
+
+
+def test_colours_of_solids_show_their_heights() -> None:
+    """The darkest lies on the floor, the lightest is as high as the ground; halfway up a quarter of the light is on."""
+    low, high = (_colour(Sphere(np.array([0.0, 0.0, z]), 0.01), 0.0, 0.04) for z in (-0.01, 0.03))
+    middle = _colour(Sphere(np.array([0.0, 0.0, 0.01]), 0.01), 0.0, 0.04)
+    np.testing.assert_allclose(middle[:3], np.array(low[:3]) + 0.25 * np.subtract(high, low)[:3])
+    assert low[3] == high[3] == 1.0 and np.greater(high[:3], low[:3]).all()
 
 
 @pytest.mark.parametrize("name", ["random", "iso8608", "metal_sheets"])
