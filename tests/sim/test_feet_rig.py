@@ -13,7 +13,7 @@ from properties import by_default
 from wbc.feet import Foot, foot
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.press import press
-from wbc.sim.rig.rig import FootTest, Rig
+from wbc.sim.rig.rig import MIN_CONTACT_SHARE, FootTest, Rig
 from wbc.sim.terrain.spec import Terrain, terrain
 
 FLAT = terrain("flat")
@@ -45,6 +45,91 @@ def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terr
     assert hold.force_std < 5.0  # the medians over many grounds are far lower: see the slow test
     assert hold.loop_gap < 0.001
     assert hold.penetration < 0.0005
+
+
+@pytest.mark.parametrize("name", ["rigid", "soft"])
+@pytest.mark.parametrize(("x", "y", "yaw"), [(0.0, 0.0, 0.0), (0.31, -0.12, 0.7), (-0.4, 0.2, -2.0)])
+def test_a_foot_starts_over_its_place_by_its_drop_and_is_seen_in_its_own_plan(
+    name: str, x: float, y: float, yaw: float
+) -> None:
+    """The place is that of the sole's centre, from the middle of the rough part; heading and drop are the test's."""
+    test = FootTest(foot(name), RANDOM, x=x, y=y, yaw=yaw, drop=0.07)
+    rig = Rig(test)
+    sole = rig.foot.fit.sole
+    centre = np.array([0.5 * (test.ground.start + test.ground.stop) + x, y])
+    forward, left = np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])
+    site = rig.data.site(rig.foot.wrench_site)
+    np.testing.assert_allclose(site.xpos[:2], centre, atol=1e-9)
+    np.testing.assert_allclose(site.xmat.reshape(3, 3)[:2, :2].T, [forward, left], atol=1e-9)
+    np.testing.assert_allclose(rig.ankle[:2], centre + sole.ankle[0] * forward, atol=1e-9)
+    assert rig.ankle[2] - site.xpos[2] == pytest.approx(sole.ankle[2])
+    u, v = np.meshgrid(
+        np.linspace(-0.5, 0.5, 300) * (sole.length + 0.014),
+        np.linspace(-0.5, 0.5, 100) * (sole.width + 0.014),
+    )
+    under = centre + u.reshape(-1, 1) * forward + v.reshape(-1, 1) * left
+    highest = test.ground.height(under[:, 0], under[:, 1]).max()
+    assert site.xpos[2] == pytest.approx(highest + 0.07, abs=5e-4)  # between the points of either grid
+    points = np.array([[*(centre + 0.1 * forward + 0.02 * left), 0.3], [*centre, 0.1]])
+    np.testing.assert_allclose(rig.in_plan(points), [[0.1, 0.02], [0.0, 0.0]], atol=1e-9)
+    line = rig.sole_line()
+    np.testing.assert_allclose(line[:, 2], site.xpos[2], atol=1e-9)
+    np.testing.assert_allclose(
+        np.abs(line[:, :2]).max(axis=0), [sole.length / 2.0, sole.width / 2.0], atol=1e-9
+    )
+    assert line[0, 0] == pytest.approx(sole.length / 2.0)
+    skeleton = rig.skeleton()
+    np.testing.assert_allclose(skeleton[1], [*sole.ankle[:2], rig.ankle[2]], atol=1e-9)
+    assert len(skeleton) == (3 if name == "soft" else 2)
+    if name == "rigid":
+        np.testing.assert_allclose(skeleton[0], [0.0, 0.0, site.xpos[2]], atol=1e-9)
+    assert rig.weight == pytest.approx(200.0 + 0.34 * test.physics.gravity)
+    assert rig.steps(0.25) == 250 and rig.steps(1e-9) == 1
+    assert rig.depth == 0.0 and rig.mean_square_rate == 0.0
+
+
+def test_figures_of_a_rig_are_those_of_mujocos_state() -> None:
+    rig = Rig(replace(SOFT_ON_STONES, ankle_stiffness=50.0))
+    rig.set_tilt(0.01, -0.02)
+    model, data = rig.model, rig.data
+    for _ in range(60):
+        rig.step()
+    weights = data.efc_force
+    assert weights.any() and rig.depth == pytest.approx(-min(contact.dist for contact in data.contact))
+    joints = [model.joint(name).dofadr[0] for name in rig.foot.sole_joints]
+    assert (
+        rig.mean_square_rate == pytest.approx(np.mean(data.qvel[joints] ** 2)) and rig.mean_square_rate > 0.0
+    )
+    assert rig.tilt == (data.joint("roll").qpos[0], data.joint("pitch").qpos[0])
+    contacts, share = rig.contacts(), 0.05
+    np.testing.assert_allclose(rig.vertical_force, contacts.force[2], rtol=1e-6)
+    heavy = [force for force in contacts.forces if force[2] > 0.0]
+    assert 0 < len(rig.contacts(share).forces) <= len(heavy)
+    centre = rig.in_plan((contacts.forces[:, 2] @ contacts.points / contacts.force[2])[None])[0]
+    np.testing.assert_allclose(rig.centre_of_pressure(), centre, atol=1e-9)
+    lift = np.where(contacts.forces[:, 2] >= MIN_CONTACT_SHARE * rig.weight, contacts.forces[:, 2], 0.0)
+    bears = lift.sum() / rig.weight
+    expected = rig.in_plan((lift @ contacts.points / lift.sum())[None])[0]
+    np.testing.assert_allclose(rig.supporting_centre(0.99 * bears), expected, atol=1e-9)
+    assert np.isnan(rig.supporting_centre(1.01 * bears)).all()
+    twin = rig.fork()
+    rig.step()
+    assert twin.data.time == pytest.approx(rig.data.time - rig.test.physics.timestep)
+
+
+def test_the_servo_of_the_ankle_is_a_spring_with_critical_damping() -> None:
+    test = FootTest(foot("rigid"), FLAT, ankle_stiffness=300.0)
+    model = Rig(test).model
+    np.testing.assert_allclose(model.actuator_gainprm[:, 0], 300.0)
+    inertia = model.body_inertia[model.body("carriage").id, 0]
+    np.testing.assert_allclose(
+        model.actuator_biasprm[:, :3], [[0.0, -300.0, -2.0 * math.sqrt(300.0 * inertia)]] * 2
+    )
+    guides = [model.joint(name) for name in ("forward", "left")]
+    mass = model.body("carriage").mass[0]
+    assert mass == pytest.approx(200.0 / test.physics.gravity)
+    for guide in guides:
+        assert guide.damping[0] == pytest.approx(2.0 * math.sqrt(guide.stiffness[0] * mass))
 
 
 # --- impact ----------------------------------------------------------------------------------------------------------

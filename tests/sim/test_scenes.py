@@ -6,6 +6,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import examples
 
 import wbc
 from wbc.base.errors import InputError
@@ -122,6 +125,95 @@ def built(kind: str, **values: object) -> tuple[mujoco.MjModel, mujoco.MjData]:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return model, data
+
+
+def extents(model: mujoco.MjModel, data: mujoco.MjData, body: str) -> np.ndarray:
+    """Lowest and highest x, y and z of the geoms of a body, shape (3, 2), m."""
+    ends = []
+    for i in np.flatnonzero(model.geom_bodyid == model.body(body).id):
+        middle, half = model.geom_aabb[i, :3], model.geom_aabb[i, 3:]
+        corners = middle + half * np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+        if (
+            model.geom_type[i] == mujoco.mjtGeom.mjGEOM_CAPSULE
+        ):  # its box is larger than itself when it is turned
+            axis = np.outer([-1.0, 1.0], [0.0, 0.0, model.geom_size[i, 1]])
+            tips = data.geom_xpos[i] + axis @ data.geom_xmat[i].reshape(3, 3).T
+            ends += [tips - model.geom_size[i, 0], tips + model.geom_size[i, 0]]
+        else:
+            ends.append(data.geom_xpos[i] + corners @ data.geom_xmat[i].reshape(3, 3).T)
+    points = np.vstack(ends)
+    return np.stack([points.min(axis=0), points.max(axis=0)], axis=1)
+
+
+sizes = st.floats(0.06, 2.0)
+
+
+@given(st.floats(-3.0, 3.0), sizes, sizes, sizes)
+@examples(10)
+def test_a_table_stands_on_the_floor_with_its_edge_at_its_distance(
+    distance: float, height: float, length: float, width: float
+) -> None:
+    found = extents(*built("table", distance=distance, height=height, length=length, width=width), "table")
+    expected = [[distance, distance + length], [-0.5 * width, 0.5 * width], [0.0, height]]
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+@given(st.floats(0.2, 3.0), st.floats(0.3, 2.0), st.floats(0.5, 4.0), st.floats(0.01, 0.05))
+@examples(10)
+def test_a_rail_has_its_top_at_its_height_and_posts_at_its_ends(
+    distance: float, height: float, width: float, radius: float
+) -> None:
+    model, data = built("rail", distance=distance, height=height, width=width, radius=radius)
+    found, half = extents(model, data, "rail"), 0.5 * width + radius
+    expected = [[distance - radius, distance + radius], [-half, half], [-radius, height]]
+    np.testing.assert_allclose(found, expected, atol=1e-9)  # the round ends of the posts are in the ground
+    np.testing.assert_allclose(
+        data.site_xpos, [[distance, side * 0.2, height - radius] for side in (1.0, -1.0)], atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("height", [0.0, 0.7])
+def test_a_box_lies_on_its_stand_with_its_handles_beside_it(height: float) -> None:
+    model, data = built("box", distance=0.6, height=height, mass=4.0, length=0.4, width=0.3, tall=0.2)
+    found = extents(model, data, "box")
+    np.testing.assert_allclose(found[0], [0.4, 0.8], atol=1e-9)
+    np.testing.assert_allclose(found[2], [height, height + 0.2], atol=2e-4)
+    np.testing.assert_allclose(found[1], [-0.195, 0.195], atol=1e-9)  # handles 30 mm beside it, of 15 mm
+    assert model.body("box").mass[0] == pytest.approx(4.0)
+    np.testing.assert_allclose(data.site_xpos[:, 1], [0.18, -0.18])
+    assert (model.nbody == 3) == (height > 0.0)
+    if height:
+        expected = [[0.4, 0.8], [-0.15, 0.15], [0.0, height]]
+        np.testing.assert_allclose(extents(model, data, "stand"), expected, atol=1e-9)
+
+
+def test_a_cart_stands_on_its_wheels_behind_its_bar() -> None:
+    """Bar, 0.12 m of room for feet, axles; the middle of the mass is in the plane of symmetry."""
+    model, data = built("cart", distance=0.5, mass=20.0, handle=1.0, length=0.8, width=0.6)
+    found = extents(model, data, "cart")
+    np.testing.assert_allclose(found[0], [0.5 - 0.015, 0.62 + 0.8 + 0.06], atol=1e-9)
+    np.testing.assert_allclose(found[1], [-0.36, 0.36], atol=1e-9)  # of the wheels
+    np.testing.assert_allclose(found[2], [0.0, 1.015], atol=1e-9)
+    np.testing.assert_allclose(data.site_xpos, [[0.5, 0.2, 1.0], [0.5, -0.2, 1.0]], atol=1e-9)
+    assert model.body("cart").mass[0] == pytest.approx(20.0)
+    assert data.xipos[model.body("cart").id, 1] == pytest.approx(0.0, abs=1e-9)
+    balls = model.geom_type == mujoco.mjtGeom.mjGEOM_SPHERE
+    np.testing.assert_allclose(model.geom_friction[balls, 0], 15.0 / (20.0 * GRAVITY))
+    ends = [[x, y] for x in (0.62, 1.42) for y in (-0.3, 0.3)]
+    np.testing.assert_allclose(data.geom_xpos[balls][:, :2], ends, atol=1e-9)
+
+
+@pytest.mark.parametrize("hinge", ["left", "right"])
+def test_a_door_fills_its_frame_but_for_a_gap(hinge: str) -> None:
+    model, data = built("door", distance=0.7, width=0.9, height=1.8, handle=0.95, hinge=hinge, mass=11.0)
+    leaf = np.flatnonzero((model.geom_bodyid == model.body("door").id) & (model.geom_type == 6))
+    low, high = data.geom_xpos[leaf] - model.geom_size[leaf], data.geom_xpos[leaf] + model.geom_size[leaf]
+    np.testing.assert_allclose(low[0], [0.7, -0.44, 0.02], atol=1e-9)
+    np.testing.assert_allclose(high[0], [0.74, 0.44, 1.8], atol=1e-9)
+    frame = extents(model, data, "door frame")
+    np.testing.assert_allclose(frame, [[0.67, 0.77], [-0.54, 0.54], [0.0, 1.8]], atol=1e-9)
+    assert model.body("door").mass[0] == pytest.approx(11.3)  # with its handle
+    np.testing.assert_allclose(model.jnt_range[0], [0.0, np.radians(110.0)])
 
 
 @pytest.mark.parametrize("opens", ["away", "towards"])
