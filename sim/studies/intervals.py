@@ -30,6 +30,8 @@ MANY = 2000
 """Number of layouts from which the normal distribution takes the place of resampling: a mean of 2,000 is as good as
 normal (the ends of an interval differ by a hundredth of its width), and resampling takes a second and a gigabyte."""
 
+EQUAL = 1e-12
+"""Largest difference of the means of layouts that is rounding, over the largest value."""
 
 FEW = 8
 """Number of layouts below which no interval is shown: fewer tell too little of the rest."""
@@ -61,7 +63,7 @@ def mean_interval(values: Sequence[Number], layouts: Sequence[Hashable] | None =
     For many clusters it is the normal interval.
 
     `layouts` has the layout of each trial; when None, each trial has a layout of its own. The order of the values does
-    not matter. Equal values have an interval of zero width.
+    not matter. Layouts with equal means have an interval of zero width.
 
     Source: B. Efron, "Better bootstrap confidence intervals", JASA 82(397), 1987; clusters: A. Davison, D. Hinkley,
     "Bootstrap methods and their application", 1997, section 3.8; `scipy.stats.bootstrap`.
@@ -76,9 +78,8 @@ def mean_interval(values: Sequence[Number], layouts: Sequence[Hashable] | None =
     sums, counts = _by_layout(sample, layouts)
     if sums.size == 1:
         return Estimate(n, mean, None, None, 1)
-    if np.ptp(sample) == 0.0:
+    if np.ptp(sums / counts) <= EQUAL * np.abs(sample).max():
         return Estimate(n, mean, mean, mean, sums.size)
-
     if sums.size >= MANY:
         from scipy.stats import norm  # noqa: PLC0415 - slow to import
 
@@ -98,10 +99,7 @@ def mean_interval(values: Sequence[Number], layouts: Sequence[Hashable] | None =
         confidence_level=CONFIDENCE,
         random_state=np.random.default_rng(0),
     ).confidence_interval
-    low, high = float(interval.low), float(interval.high)
-    if not (math.isfinite(low) and math.isfinite(high)):
-        return Estimate(n, mean, mean, mean, sums.size)  # the means of all layouts are equal
-    return Estimate(n, mean, low, high, sums.size)
+    return Estimate(n, mean, float(interval.low), float(interval.high), sums.size)
 
 
 def _by_layout(sample: Array, layouts: Sequence[Hashable] | None) -> tuple[Array, Array]:

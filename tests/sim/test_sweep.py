@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import multiprocessing
 import os
 import signal
@@ -23,7 +22,6 @@ from sweep_trials import MadeUpTrial
 
 from wbc.app.plot.study import draw_study
 from wbc.base.errors import InputError, UnknownNameError
-from wbc.sim.studies.intervals import holm, mean_interval, rate_interval, share_interval, sign_flip_p
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, Study, merged
@@ -264,14 +262,6 @@ def test_an_executor_of_a_cluster_will_do(tmp_path: Path) -> None:
     assert there.result == json.loads(json.dumps(here.result))
 
 
-def test_the_interval_of_a_rate_is_that_of_a_poisson_count() -> None:
-    """10 events: 4.795 to 18.39 (Garwood's table); none in half an hour: at most 6.0 an hour."""
-    assert rate_interval(10, 1.0) == pytest.approx((4.795, 18.39), abs=0.01)
-    assert rate_interval(0, 0.5) == pytest.approx((0.0, 5.99), abs=0.01)
-    with pytest.raises(InputError, match="time"):
-        rate_interval(1, 0.0)
-
-
 # Studies and tables
 
 
@@ -450,75 +440,6 @@ def test_studies_are_data() -> None:
     part = study.narrowed(["leg"], ["flat", "rigid"], 2)
     assert [(t.cell, t.arm, t.seed) for t in part.trials()] == [("legacy", "flat", 1), ("legacy", "flat", 2)]
     assert merged({"a": {"b": 1, "c": 2}}, {"a": {"c": 3}}) == {"a": {"b": 1, "c": 3}}
-
-
-def test_of_many_layouts_the_normal_limit_is_the_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ends of the interval within 7 % of its width, p-values within 0.02; trials are spread unevenly over layouts."""
-    rng, many = np.random.default_rng(5), 200
-    values = (rng.exponential(size=2 * many) - 1.0 + 0.8 / math.sqrt(many)).tolist()
-    layouts = [*range(many), *rng.integers(0, many, many).tolist()]
-    monkeypatch.setattr("wbc.sim.studies.intervals.MANY", many)
-    quick, quick_p = mean_interval(values, layouts), sign_flip_p(values, layouts)
-    monkeypatch.setattr("wbc.sim.studies.intervals.MANY", many + 1)
-    drawn, drawn_p = mean_interval(values, layouts), sign_flip_p(values, layouts)
-    assert quick.low is not None and quick.high is not None and drawn.low is not None
-    width = quick.high - quick.low
-    assert quick.mean == drawn.mean == pytest.approx(np.mean(values)) and quick.layouts == many
-    assert quick.low == pytest.approx(drawn.low, abs=0.075 * width)
-    assert quick.high == pytest.approx(drawn.high, abs=0.075 * width)
-    assert quick_p == pytest.approx(drawn_p, abs=0.02) and 0.0 < quick_p < 0.9
-
-
-def test_trials_on_one_layout_are_not_counted_as_independent() -> None:
-    """Each layout ten times gives the interval of the layouts, not one that is three times too narrow."""
-    rng = np.random.default_rng(3)
-    values = rng.normal(0.0, 1.0, 12)
-    alone = mean_interval(values.tolist())
-    repeated = mean_interval(np.repeat(values, 10).tolist(), np.repeat(np.arange(12), 10).tolist())
-    assert (repeated.n, repeated.layouts) == (120, 12)
-    assert repeated.low == pytest.approx(alone.low, abs=1e-3)  # but for rounding in ties
-    assert repeated.high == pytest.approx(alone.high, abs=1e-3)
-    naive = mean_interval(np.repeat(values, 10).tolist())
-    assert (
-        naive.low is not None and naive.high is not None and alone.low is not None and alone.high is not None
-    )
-    assert naive.high - naive.low < 0.5 * (alone.high - alone.low)
-    uneven = mean_interval([0.0, 0.0, 0.0, 8.0], ["a", "a", "a", "b"])
-    assert uneven.mean == 2.0 and uneven.layouts == 2
-
-
-@pytest.mark.parametrize("power", [-1000, -500, 500, 1020])
-def test_sign_flips_do_not_depend_on_the_unit(power: int) -> None:
-    values = np.random.default_rng(2).normal(0.4, 1.0, 14)
-    for layouts in (None, list(range(7)) * 2):
-        assert sign_flip_p(np.ldexp(values, power).tolist(), layouts) == sign_flip_p(values.tolist(), layouts)
-
-
-def test_sign_flips_keep_their_level() -> None:
-    """Under no difference one test in twenty says there is one."""
-    draws = np.random.default_rng(4).normal(0.0, 1.0, (120, 10))
-    found = [sign_flip_p(row.tolist()) for row in draws]
-    assert 0.01 <= np.mean([p is not None and p < 0.05 for p in found]) <= 0.10
-    exact = [1.0, 1.0, 1.0, 1.0, 1.0]
-    assert sign_flip_p(exact) == 2 / 2**5
-    assert sign_flip_p([*exact, *exact], [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]) == 2 / 2**5
-    assert sign_flip_p([*exact, *[0.0] * 100]) == 2 / 2**5  # signs of pairs that are equal change nothing
-    assert sign_flip_p([0.0] * 20) == 1.0 and sign_flip_p([1.0]) is None
-
-
-def test_corrected_p_values_and_exact_shares() -> None:
-    assert holm([0.01, None, 0.04, 0.03]) == [
-        pytest.approx(0.03),
-        None,
-        pytest.approx(0.06),
-        pytest.approx(0.06),
-    ]
-    assert share_interval(20, 20)[0] == pytest.approx(0.05 ** (1 / 20))  # "at least 86 %"
-    assert share_interval(0, 20)[1] == pytest.approx(1 - 0.05 ** (1 / 20))
-    low, high = share_interval(10, 20)
-    assert (low, high) == (pytest.approx(0.272, abs=1e-3), pytest.approx(0.728, abs=1e-3))
-    with pytest.raises(InputError, match="successes"):
-        share_interval(6, 5)
 
 
 OF_A_FILE = """

@@ -1,0 +1,208 @@
+"""Statistics of trials: intervals of means, shares and rates, and tests of differences, against theory and SciPy."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import examples
+from scipy import stats
+
+from wbc.base.errors import InputError
+from wbc.sim.studies.intervals import (
+    FEW,
+    Estimate,
+    holm,
+    mean_interval,
+    rate_interval,
+    rate_text,
+    share_interval,
+    share_text,
+    sign_flip_p,
+)
+
+
+def test_of_many_layouts_the_normal_limit_is_the_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ends of the interval within 7 % of its width, p-values within 0.02; trials are spread unevenly over layouts."""
+    rng, many = np.random.default_rng(5), 200
+    values = (rng.exponential(size=2 * many) - 1.0 + 0.8 / math.sqrt(many)).tolist()
+    layouts = [*range(many), *rng.integers(0, many, many).tolist()]
+    monkeypatch.setattr("wbc.sim.studies.intervals.MANY", many)
+    quick, quick_p = mean_interval(values, layouts), sign_flip_p(values, layouts)
+    monkeypatch.setattr("wbc.sim.studies.intervals.MANY", many + 1)
+    drawn, drawn_p = mean_interval(values, layouts), sign_flip_p(values, layouts)
+    assert quick.low is not None and quick.high is not None and drawn.low is not None
+    width = quick.high - quick.low
+    assert quick.mean == drawn.mean == pytest.approx(np.mean(values)) and quick.layouts == many
+    assert quick.low == pytest.approx(drawn.low, abs=0.075 * width)
+    assert quick.high == pytest.approx(drawn.high, abs=0.075 * width)
+    assert quick_p == pytest.approx(drawn_p, abs=0.02) and 0.0 < quick_p < 0.9
+
+
+def test_trials_on_one_layout_are_not_counted_as_independent() -> None:
+    """Each layout ten times gives the interval of the layouts, not one that is three times too narrow."""
+    rng = np.random.default_rng(3)
+    values = rng.normal(0.0, 1.0, 12)
+    alone = mean_interval(values.tolist())
+    repeated = mean_interval(np.repeat(values, 10).tolist(), np.repeat(np.arange(12), 10).tolist())
+    assert (repeated.n, repeated.layouts) == (120, 12)
+    assert repeated.low == pytest.approx(alone.low, abs=1e-3)  # but for rounding in ties
+    assert repeated.high == pytest.approx(alone.high, abs=1e-3)
+    naive = mean_interval(np.repeat(values, 10).tolist())
+    assert (
+        naive.low is not None and naive.high is not None and alone.low is not None and alone.high is not None
+    )
+    assert naive.high - naive.low < 0.5 * (alone.high - alone.low)
+    uneven = mean_interval([0.0, 0.0, 0.0, 8.0], ["a", "a", "a", "b"])
+    assert uneven.mean == 2.0 and uneven.layouts == 2
+
+
+@pytest.mark.parametrize("power", [-1000, -500, 500, 1020])
+def test_sign_flips_do_not_depend_on_the_unit(power: int) -> None:
+    values = np.random.default_rng(2).normal(0.4, 1.0, 14)
+    for layouts in (None, list(range(7)) * 2):
+        assert sign_flip_p(np.ldexp(values, power).tolist(), layouts) == sign_flip_p(values.tolist(), layouts)
+
+
+def test_sign_flips_keep_their_level() -> None:
+    """Under no difference one test in twenty says there is one."""
+    draws = np.random.default_rng(4).normal(0.0, 1.0, (120, 10))
+    found = [sign_flip_p(row.tolist()) for row in draws]
+    assert 0.01 <= np.mean([p is not None and p < 0.05 for p in found]) <= 0.10
+    exact = [1.0, 1.0, 1.0, 1.0, 1.0]
+    assert sign_flip_p(exact) == 2 / 2**5
+    assert sign_flip_p([*exact, *exact], [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]) == 2 / 2**5
+    assert sign_flip_p([*exact, *[0.0] * 100]) == 2 / 2**5  # signs of pairs that are equal change nothing
+    assert sign_flip_p([0.0] * 20) == 1.0 and sign_flip_p([1.0]) is None
+
+
+def test_corrected_p_values_and_exact_shares() -> None:
+    assert holm([0.01, None, 0.04, 0.03]) == [
+        pytest.approx(0.03),
+        None,
+        pytest.approx(0.06),
+        pytest.approx(0.06),
+    ]
+    assert share_interval(20, 20)[0] == pytest.approx(0.05 ** (1 / 20))  # "at least 86 %"
+    assert share_interval(0, 20)[1] == pytest.approx(1 - 0.05 ** (1 / 20))
+    low, high = share_interval(10, 20)
+    assert (low, high) == (pytest.approx(0.272, abs=1e-3), pytest.approx(0.728, abs=1e-3))
+    with pytest.raises(InputError, match="successes"):
+        share_interval(6, 5)
+
+
+def test_the_interval_of_a_rate_is_that_of_a_poisson_count() -> None:
+    """10 events: 4.795 to 18.39 (Garwood's table); none in half an hour: at most 6.0 an hour."""
+    assert rate_interval(10, 1.0) == pytest.approx((4.795, 18.39), abs=0.01)
+    assert rate_interval(0, 0.5) == pytest.approx((0.0, 5.99), abs=0.01)
+    with pytest.raises(InputError, match="time"):
+        rate_interval(1, 0.0)
+
+
+@given(st.integers(3, 60), st.integers(0, 1000), st.integers(1, 4))
+@examples(20)
+def test_the_normal_interval_is_that_of_the_standard_error(many: int, seed: int, each: int) -> None:
+    """Of layouts of one size the mean's standard error is that of the layouts' means, with n − 1, for 95 %: ± 1.96."""
+    values = np.random.default_rng(seed).normal(2.0, 1.0, (many, each))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("wbc.sim.studies.intervals.MANY", many)
+        found = mean_interval(values.ravel().tolist(), np.repeat(np.arange(many), each).tolist())
+        both = sign_flip_p(values.ravel().tolist(), np.repeat(np.arange(many), each).tolist())
+    half = 1.959964 * float(stats.sem(values.mean(axis=1)))
+    assert (found.low, found.high) == pytest.approx((values.mean() - half, values.mean() + half), abs=1e-6)
+    assert (found.n, found.layouts) == (many * each, many)
+    sums = values.sum(axis=1)
+    z = abs(sums.sum()) / math.sqrt((sums**2).sum())
+    assert both == pytest.approx(2.0 * stats.norm.sf(z))
+
+
+@pytest.mark.parametrize("sizes", [(1, 3, 2, 5), (4, 1, 1, 1, 1, 9)])
+def test_uneven_layouts_have_the_linearised_error_of_a_ratio(sizes: tuple[int, ...]) -> None:
+    """√(n / (n − 1) Σ (sum − mean · count)²) / Σ count: Cochran, Sampling Techniques, 1977, section 6.3."""
+    rng, n = np.random.default_rng(3), len(sizes)
+    layouts = np.repeat(np.arange(n), sizes)
+    values = rng.normal(1.0, 1.0, layouts.size)
+    left = [values[layouts == i].sum() - values.mean() * sizes[i] for i in range(n)]
+    half = 1.959964 * math.sqrt(n / (n - 1) * sum(x * x for x in left)) / layouts.size
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("wbc.sim.studies.intervals.MANY", n)
+        found = mean_interval(values.tolist(), layouts.tolist())
+    assert found.high == pytest.approx(values.mean() + half, abs=1e-6)
+    assert found.low == pytest.approx(values.mean() - half, abs=1e-6)
+
+
+def test_an_interval_without_chance_is_a_point_and_one_layout_has_none() -> None:
+    assert mean_interval([]) == Estimate(0, None, None, None, 0)
+    assert mean_interval([1.0, 3.0], ["a", "a"]) == Estimate(2, 2.0, None, None, 1)
+    assert mean_interval([2.0] * 3) == Estimate(3, 2.0, 2.0, 2.0, 3)
+    equal = mean_interval([1.0, 3.0, 3.0, 1.0], [0, 0, 1, 1])
+    assert (equal.mean, equal.low, equal.high) == (2.0, 2.0, 2.0)
+    shuffled = np.random.default_rng(0).permutation(20)
+    values = np.random.default_rng(1).normal(size=20)
+    one, other = mean_interval(values.tolist()), mean_interval(values[shuffled].tolist())
+    assert (one.low, one.high) == pytest.approx((other.low, other.high), abs=1e-12)
+    with pytest.raises(InputError):
+        mean_interval([1.0, 2.0], [0])
+
+
+def test_the_bootstrap_interval_of_a_mean_covers_it_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(7)
+    covered = 0
+    for _ in range(60):
+        found = mean_interval(rng.normal(0.0, 1.0, 25).tolist())
+        assert found.low is not None and found.high is not None and found.mean is not None
+        assert found.low < found.mean < found.high
+        covered += found.low <= 0.0 <= found.high
+    assert 52 <= covered <= 60
+
+
+def test_texts_of_estimates_say_the_figures() -> None:
+    assert Estimate(5, None, None, None, 0).text() == "–"
+    for layouts, text in ((FEW - 1, "2.5"), (FEW, "2.5 [1.25, 3.75]")):
+        assert Estimate(9, 2.5, 1.25, 3.75, layouts).text() == text
+    assert share_text(20, 20) == "20 of 20 completed (at least 86 %)"
+    assert share_text(0, 20) == "0 of 20 completed (at most 14 %)"
+    assert share_text(18, 20) == "18 of 20 completed [68, 99] %"
+    assert rate_text(10, 5.0) == "2 [0.959, 3.68]" and rate_text(0, 0.5) == "≤ 5.99"
+
+
+@given(st.integers(1, 40), st.integers(0, 40))
+@examples(20)
+def test_ends_of_the_interval_of_a_share_leave_as_much_chance_beyond(trials: int, part: int) -> None:
+    """At an end what was seen, or more extreme, has a chance of 2.5 %, of 5 % where the interval has one end."""
+    successes = min(part, trials)
+    low, high = share_interval(successes, trials)
+    one_sided = successes in (0, trials)
+    rest = 0.05 if one_sided else 0.025
+    if successes > 0:
+        assert stats.binom.sf(successes - 1, trials, low) == pytest.approx(rest, rel=1e-3)
+    if successes < trials:
+        assert stats.binom.cdf(successes, trials, high) == pytest.approx(rest, rel=1e-3)
+    assert (low == 0.0) == (successes == 0) and (high == 1.0) == (successes == trials)
+
+
+@given(st.integers(1, 50), st.floats(0.1, 100.0))
+@examples(20)
+def test_ends_of_the_interval_of_a_rate_leave_as_much_chance_beyond(events: int, time: float) -> None:
+    low, high = rate_interval(events, time)
+    assert stats.poisson.sf(events - 1, low * time) == pytest.approx(0.025, rel=1e-6)
+    assert stats.poisson.cdf(events, high * time) == pytest.approx(0.025, rel=1e-6)
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=8))
+@examples(30)
+def test_corrected_p_values_are_those_of_holms_procedure(values: list[float]) -> None:
+    """Step down: at each level the k-th smallest is refused as long as all before it are, at level / (m − k + 1)."""
+    found = holm([*values, None])
+    assert found[-1] is None
+    for level in (0.01, 0.05, 0.2, 0.5):
+        refused, order = set(), np.argsort(values, kind="stable")
+        for k, i in enumerate(order):
+            if values[i] > level / (len(values) - k):
+                break
+            refused.add(int(i))
+        assert {i for i, p in enumerate(found[:-1]) if p is not None and p <= level * (1 + 1e-12)} >= refused
+        assert {i for i, p in enumerate(found[:-1]) if p is not None and p < level * (1 - 1e-9)} <= refused
