@@ -211,7 +211,7 @@ class StiffnessModel:
         given.clusters.of(best)
         mean, scale = features.mean(axis=0), features.std(axis=0)
         scale[scale <= 1e-12 * np.abs(mean)] = 1.0
-        samples = (features - mean) / scale
+        samples = features / scale  # distances do not depend on the mean
         which = np.arange(len(best)) if groups is None else np.asarray(groups)
         nearest = [
             np.sqrt(((samples[which != own] - row) ** 2).sum(axis=1).min())
