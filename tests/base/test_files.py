@@ -170,7 +170,12 @@ def test_a_file_to_write_is_checked_before_work_begins(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="it is a folder"):
         check_target("a table", folder, (".csv",))
     assert check_target("the log", str(log)) == log and not log.exists()
-    assert check_target("a table", read, (".csv",)) == read and read.read_text() == OLD
+    other = tmp_path / "other.csv"
+    other.touch()
+    assert (
+        check_target("a table", read, (".csv",), [other, f"source={other}"]) == read
+        and read.read_text() == OLD
+    )
     read.chmod(0o444)
     if os.geteuid():  # root may write everything
         with pytest.raises(InputError, match="write-protected"):
@@ -251,4 +256,6 @@ def test_no_descriptor_is_left_open(old: Path) -> None:
             raise ValueError("stop")
         with pytest.raises(FileError):
             write_text(old.parent, "new")
+        with pytest.raises(FileError):
+            write_text(old.parent / "none" / "file", "new")
     assert len(list(folder.iterdir())) == before

@@ -43,7 +43,7 @@ def test_hull_and_area() -> None:
     rng = np.random.default_rng(4)
     for middle, way in rng.normal(size=(20, 2, 2)):  # lines anywhere, one across the way to it
         for direction in (way, np.array([-middle[1], middle[0]])):
-            points = middle + np.outer([0.3, -1.0, 0.1, 1.0, 0.0], direction)
+            points = middle + np.outer([0.3, -1.0, -0.3, 1.0, 0.0], direction)
             ends, nothing = hull_and_area(points)
             assert nothing == 0.0
             np.testing.assert_allclose(

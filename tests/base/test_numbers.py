@@ -14,6 +14,8 @@ from wbc.base.errors import (
     check_parts,
     choose,
     names_in,
+    one_line,
+    printable,
     shown,
     shown_path,
     unknown_name,
@@ -48,6 +50,7 @@ def test_a_number_may_lie_on_its_bounds_and_not_beside_them() -> None:
             assert refused(finite_scalar, "x", value, low=low, high=high, open_low=True) == (value == low)
         for value in (np.nextafter(low, -math.inf), np.nextafter(high, math.inf)):
             assert refused(finite_scalar, "x", value, low=low, high=high)
+    assert finite_scalar("x", -1e300) == -1e300 and finite_scalar("x", np.float32(0.5)) == 0.5
     for value in (math.nan, math.inf, -math.inf, "1", b"1", True, None, [1.0, 2.0]):
         assert refused(finite_scalar, "x", value)
     assert positive("x", 5e-324) > 0.0 == non_negative("x", 0.0)
@@ -133,6 +136,7 @@ def test_one_name_is_a_list_of_one() -> None:
 def test_values_and_paths_are_shown_on_one_short_line() -> None:
     for value in ("x" * 400, list(range(400)), "a\n\tb", "\x1b[2J", "\ud800"):
         assert len(shown(value)) <= 80 and shown(value).isprintable()
+    assert printable("a\x1b[2Jb\n\u202ec") == "a\\x1b[2Jb\n\\u202ec" and one_line(" a \n b\x07") == "a b\\x07"
     long = "folder/" * 30 + "mesh.stl"
     assert shown_path("a/mesh.stl") == "'a/mesh.stl'" and shown_path(long) == "'mesh.stl'"
     assert "backslash" in shown_path("a\new.stl") and "backslash" not in shown_path("a/b")

@@ -165,6 +165,10 @@ def test_code_is_run_once_for_each_content(tmp_path: Path) -> None:
     path.write_text(path.read_text() + "\n")
     run_code([path])
     assert ran.read_text() == "xx"
+    for name in ("text.txt", "none.py"):
+        (tmp_path / "text.txt").touch()
+        with pytest.raises(InputError, match=name):
+            run_code([tmp_path / name])
 
 
 class Options(TypedDict, total=False):

@@ -25,7 +25,7 @@ from pydantic_core import ArgsKwargs
 import wbc
 from wbc.base.checked import hints_of
 from wbc.base.errors import InputError
-from wbc.base.settings import Numbers
+from wbc.base.settings import Numbers, Positive, Share
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
 from wbc.tasks import JointTorqueTask, PostureTask
@@ -369,6 +369,20 @@ def test_every_number_of_a_door_has_a_range_or_says_that_it_has_none() -> None:
         if kind is float and not any(isinstance(rule, (FieldInfo, Numbers)) for rule in rules)
     ]
     assert not bare, "\n".join(bare)
+
+
+def test_no_range_stands_where_nothing_reads_it() -> None:
+    """`Annotated[Share, Positive]`: an annotation among the rules of another one checks nothing."""
+
+    def inner(hint: Any) -> Iterator[Any]:
+        if typing.get_origin(hint) is Annotated:
+            yield from (rule for rule in typing.get_args(hint)[1:] if typing.get_origin(rule) is not None)
+        for part in typing.get_args(hint):
+            yield from inner(part)
+
+    places = [*(place for place, _ in arguments()), *fields()]
+    assert not [f"{place.of}({place.name}: {place.hint})" for place in places if any(inner(place.hint))]
+    assert any(inner(Annotated[Share, Positive]))
 
 
 def test_a_robot_is_told_from_its_description_and_its_name() -> None:

@@ -15,7 +15,6 @@ S. Nakaoka et al., IROS 2005 (leg tasks); K. Yamane, Y. Nakamura, T-RA 19(3), 20
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
@@ -26,7 +25,7 @@ from scipy.spatial.transform import Rotation
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.base.settings import Positive, Share
+from wbc.base.settings import Positive, Ratio
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import on_ground
@@ -87,7 +86,7 @@ class FeasibleMotion:
 
 @checked
 def make_feasible(
-    robot: Robot, clip: MotionClip, *, share: Annotated[Share, Positive] = 0.8, friction: Positive = 0.5
+    robot: Robot, clip: MotionClip, *, share: Ratio = 0.8, friction: Positive = 0.5
 ) -> FeasibleMotion:
     """Make a clip feasible; a clip that is already feasible hardly changes.
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
 from wbc.base.checked import checked
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import Positive, Share
+from wbc.base.settings import Positive, Ratio
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import on_ground
@@ -116,7 +116,7 @@ def check_motion(
     robot: Robot,
     clip: MotionClip,
     *,
-    share: Annotated[Share, Positive] = 1.0,
+    share: Ratio = 1.0,
     friction: Positive = 0.7,
 ) -> MotionMeasures:
     """Measure the feasibility of a clip without a change of the clip.
