@@ -373,6 +373,15 @@ def test_damping_that_fails_is_tried_again_and_the_guard_damps_meanwhile(fails: 
     assert machine.damped == 50 and said[-54:] == [*["alarm"] * 3, *["beat"] * 50, "close"]
 
 
+@pytest.mark.parametrize("gains", ["stiff", (ZERO[:3], ZERO[:3]), (ZERO * np.nan, ZERO), (ZERO,)])
+def test_gains_of_a_driver_that_are_none_are_refused_and_the_joints_damped(gains: Any) -> None:
+    machine = SimulatedMachine(SimulatedTime())
+    machine.gains = gains
+    with pytest.raises(InputError, match="gains of a driver"):
+        make(machine).run(1.0)
+    assert machine.damped == 50 and machine.commands == 0
+
+
 def test_the_guard_goes_on_when_a_damping_command_fails() -> None:
     memory, tries = mmap.mmap(-1, mmap.PAGESIZE), []
 

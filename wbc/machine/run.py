@@ -18,7 +18,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, check_parts, shown
-from wbc.base.numbers import ROUNDING
+from wbc.base.numbers import ROUNDING, finite_array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.position import PositionControl
@@ -279,7 +279,10 @@ class Runner:
     def _make_parts(self, first: Measurement) -> None:
         """Make what the phases need, before the time counts."""
         robot, period = self._robot, self.period
-        self._gains = self.driver.gains or (self.description.kp, self.description.kd)
+        self._gains = self.description.kp, self.description.kd
+        if self.driver.gains is not None:
+            kp, kd = finite_array("gains of a driver, kp and kd", self.driver.gains, (2, robot.na))
+            self._gains = kp, kd
         self._gate, self._parking = CommandGate(robot, period), Parking(self._gains)
         self._loads = SoleLoads(self.description, period, self._gains)
         self._start = self._begin_start(first, self.settings.fade)
