@@ -155,7 +155,7 @@ def test_the_size_of_a_step_is_checked_in_its_time(
     ("name", "time", "share", "height"),
     [
         ("hrp4_class", 0.5, 0.7, 0.15),
-        ("talos", 0.5, 0.95, 0.15),
+        ("talos", 0.5, 0.85, 0.15),
         ("g1", 0.3, 0.95, 0.2),
         ("talos", 0.8, 0.3, 0.85),
     ],
