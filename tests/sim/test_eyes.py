@@ -92,6 +92,85 @@ def test_toes_see_the_ground_under_them() -> None:
         assert np.ptp(points[:, 1]) == pytest.approx(plant.feet[0].fit.sole.width, abs=1e-3)
 
 
+def test_a_camera_looks_where_it_is_turned_from_where_it_is() -> None:
+    """Points of a level floor lie in its field of view by its pin-hole, within range; a misplaced one is off."""
+    camera = replace(
+        EXACT, latency=0.0, at=(0.1, 0.05, 0.2), turn=(0.0, 0.9, 0.3), view=(0.8, 0.6), rays=(9, 7)
+    )
+    plant = Plant(ROBOT, eyes=[camera])
+    base = np.array(plant.base_pose[:3])
+    (cloud,) = plant.clouds()
+    points = world(cloud, plant)
+    assert len(points) == 63 and np.abs(points[:, 2]).max() < 1e-6
+    heading, pitch = 0.3, 0.9  # of the optical axis, which looks down
+    axis = np.array(
+        [math.cos(heading) * math.cos(pitch), math.sin(heading) * math.cos(pitch), -math.sin(pitch)]
+    )
+    left = np.array([-math.sin(heading), math.cos(heading), 0.0])
+    rays = points - (base + [0.1, 0.05, 0.2])
+    depth, aside, up = rays @ axis, rays @ left, rays @ np.cross(axis, left)
+    np.testing.assert_allclose(
+        np.unique(np.round(np.arctan(aside / depth), 6)), np.linspace(-0.4, 0.4, 9), atol=1e-5
+    )
+    np.testing.assert_allclose(
+        np.unique(np.round(np.arctan(up / depth), 6)), np.linspace(-0.3, 0.3, 7), atol=1e-5
+    )
+    distances = np.sort(np.linalg.norm(rays, axis=1))
+    near, far = distances[10] + 1e-6, distances[40] + 1e-6
+    (some,) = Plant(ROBOT, eyes=[replace(camera, nearest=near, furthest=far)]).clouds()
+    assert len(some.points) == ((distances > near) & (distances < far)).sum() > 20
+    off = np.array([0.02, -0.03, 0.04])
+    wrong = Plant(ROBOT, eyes=[replace(camera, misplaced=tuple(off.tolist()))])
+    (shifted,) = wrong.clouds()
+    np.testing.assert_allclose(world(shifted, wrong)[:, 2], -off[2], atol=1e-6)
+
+
+def test_noise_of_a_camera_grows_with_the_distance() -> None:
+    """Along its ray a distance d has a deviation of noise + relative_noise · d, which the cloud says."""
+    camera = replace(EXACT, latency=0.0, noise=0.002, relative_noise=0.01, rate=200.0)
+    plant = Plant(ROBOT, eyes=[camera], seed=1)
+    assert plant.eyes is not None
+    clouds = [plant.eyes.cameras[0].clouds(0.0)[0] for _ in range(150)]
+    heights = np.array([cloud.points for cloud in clouds])
+    middle = heights.mean(axis=0)
+    spread = np.sqrt(((heights - middle) ** 2).sum(axis=2).mean(axis=0))
+    std = np.asarray(clouds[0].std)
+    assert spread / std == pytest.approx(np.ones(std.size), abs=0.3)
+    assert (spread / std).mean() == pytest.approx(1.0, abs=0.02)
+    far = (std - 0.002) / 0.01
+    assert far.min() > 0.2 and far.max() < 3.0
+
+
+def test_readings_of_toes_have_the_noise_losses_and_range_that_they_say() -> None:
+    sensors = ToeSensors(noise=0.004, dropout=0.2, nearest=0.03, furthest=0.12)
+    plant = Plant(ROBOT, foot="long_arch", eyes=[sensors])
+    assert plant.eyes is not None
+    (view,) = plant.eyes._views
+    q = plant.on_ground(plant.robot.half_sitting)
+    for height, seen in (
+        (0.029, False),
+        (0.05, True),
+        (0.099, True),
+        (0.101, False),
+    ):  # sensors are 20 mm higher
+        lifted = q.copy()
+        lifted[2] += height
+        plant.reset(lifted)
+        clouds = [cloud for _ in range(300) for cloud in view.clouds(0.0)]
+        assert bool(clouds) == seen
+        if seen:
+            each = [
+                [cloud for cloud in clouds if cloud.frame == frame] for frame in {c.frame for c in clouds}
+            ]
+            joined = [
+                PointCloud(np.vstack([c.points for c in some]), 0.0, some[0].frame, 1.0) for some in each
+            ]
+            points = np.vstack([world(cloud, plant) for cloud in joined])
+            assert points[:, 2].std() == pytest.approx(0.004, rel=0.1)
+            assert points[:, 2].mean() == pytest.approx(0.0, abs=5e-4)
+            assert len(points) / (300 * 6) == pytest.approx(0.8, abs=0.04)
+
+
 def test_the_errors_of_both_toes_are_independent() -> None:
     sensor = RangeSensor(noise=0.005)
     plant = Plant(ROBOT, foot="variable", range_sensor=sensor)

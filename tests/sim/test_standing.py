@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -165,6 +166,25 @@ def test_a_robot_whose_root_lies_on_the_ground_stands_and_its_camera_sees_the_gr
     seen = cloud.points @ base.rotation.T + base.translation
     assert len(seen) > 500 and np.abs(seen[:, 2]).max() < 0.01
     assert seen[:, 0].min() > 0.1 and seen[:, 0].max() > 0.8
+
+
+def test_a_camera_on_a_base_that_lies_on_the_ground_is_above_it_at_the_height_of_the_com() -> None:
+    """A camera at (0.1, 0, 0.2) m looks from there above the point above the base at the height of the CoM."""
+    camera = DepthCamera(
+        at=(0.1, 0.0, 0.2), turn=(0.0, 1.2, 0.0), noise=0.0, relative_noise=0.0, dropout=0.0, latency=0.0
+    )
+    description = described("footprint")
+    plant = Plant(description, eyes=[camera], visuals=False)
+    (cloud,) = plant.clouds()
+    robot, truth = description.robot(), plant.truth()
+    robot.update(truth.q, truth.v)
+    base = robot.placement(cloud.frame)
+    assert abs(base.translation[2]) > 1e-3  # else the height over the base would be that over the ground
+    com = float(robot.com[2]) - float(base.translation[2])
+    rays = cloud.points @ base.rotation.T - [0.1, 0.0, com + 0.2]
+    axis = np.array([math.cos(1.2), 0.0, -math.sin(1.2)])
+    aside = np.unique(np.round(np.arctan(rays[:, 1] / (rays @ axis)), 5))
+    np.testing.assert_allclose(aside, np.linspace(-0.5, 0.5, camera.rays[0]) * camera.view[0], atol=1e-4)
 
 
 def test_stands_clips_and_searches_for_pushes_are_trials_of_studies(tmp_path: Path) -> None:

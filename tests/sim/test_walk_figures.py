@@ -1,0 +1,351 @@
+"""Figures of walks without a simulation: ways, times and grounds of plans, pushes, falls, the objective."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import examples
+from scipy.spatial.transform import Rotation
+
+from wbc.base.errors import InputError
+from wbc.sim.terrain.spec import terrain
+from wbc.sim.trial.push import PushSchedule, WalkPush
+from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
+from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, fitted, plan_over, stair_of
+from wbc.sim.walks.prepare import moved
+from wbc.sim.walks.result import Spread, objective
+from wbc.sim.walks.spec import WalkSpec
+from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.sources import VelocityLimits
+
+# --- pushes ----------------------------------------------------------------------------------------------------------
+
+
+class Pushed:
+    """A plant, its controller and their tick, for a schedule of pushes."""
+
+    def __init__(self, mass: float) -> None:
+        self.time, self.robot, self.pushes = 0.0, SimpleNamespace(mass=mass), []
+        self.reference = SimpleNamespace(events=())
+        self.progress = SimpleNamespace(steps_done=0, cycle=0.8)
+        self.plant = self.walking = self
+
+    def push(self, body: str, force: np.ndarray, duration: float) -> None:
+        self.pushes.append((self.time, body, force, duration))
+
+
+@given(st.floats(0.01, 2.0), st.floats(-3.0, 3.0), st.floats(0.01, 0.5), st.floats(1.0, 90.0))
+@examples(20)
+def test_a_push_has_its_impulse_per_mass_in_its_direction(
+    impulse: float, direction: float, duration: float, mass: float
+) -> None:
+    """Force times duration is the impulse times the robot's mass, along the direction in the world."""
+    tick: Any = Pushed(mass)
+    push = WalkPush(impulse=impulse, direction=direction, duration=duration, body="pelvis", time=0.3)
+    schedule = PushSchedule([push])
+    for tick.time in np.arange(0.0, 0.6, 0.005):
+        schedule.tick(tick)
+    ((begin, body, force, lasts),) = tick.pushes
+    assert (begin, body, lasts) == (pytest.approx(0.3), "pelvis", duration)
+    along = [math.cos(direction), math.sin(direction), 0.0]
+    np.testing.assert_allclose(force * lasts, impulse * mass * np.array(along), atol=1e-9)
+    assert schedule.not_begun == []
+
+
+def test_a_push_at_a_step_begins_at_its_phase_after_the_lift_off() -> None:
+    """Step n begins with its first lift-off; a phase is a share of the step's cycle; another event begins nothing."""
+    tick: Any = Pushed(50.0)
+    pushes = [
+        WalkPush(impulse=0.1, step=n, phase=phase) for n, phase in ((1, 0.0), (2, 0.25), (2, 1.0), (5, 0.0))
+    ]
+    schedule = PushSchedule([*pushes, WalkPush(impulse=0.1, time=9.0)])
+    lift_offs = {0.5: 0, 1.4: 1}  # time → steps done
+    for now in np.arange(0.0, 3.0, 0.05).round(9).tolist():
+        tick.time = now
+        tick.reference.events = (Event.TOUCH_DOWN,) if now == 0.2 else ()
+        if now in lift_offs:
+            tick.reference.events, tick.progress.steps_done = (Event.LIFT_OFF,), lift_offs[now]
+        if now == 1.6:
+            tick.reference.events = (Event.LIFT_OFF,)  # again, of the same step
+        schedule.tick(tick)
+    assert [begin for begin, *_ in tick.pushes] == pytest.approx([0.5, 1.6, 2.2])
+    assert (
+        len(schedule.not_begun) == 2 and "step 5" in schedule.not_begun[0] and "9 s" in schedule.not_begun[1]
+    )
+    unable: Any = Pushed(50.0)
+    unable.walking, unable.time = SimpleNamespace(), 9.0
+    schedule.tick(unable)
+    assert len(unable.pushes) == 1
+    for times in ({}, {"time": 1.0, "step": 1}):
+        with pytest.raises(InputError):
+            WalkPush(impulse=0.1, **times)
+
+
+# --- plans -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_way_of_a_plan_is_that_of_its_velocities() -> None:
+    gait, start = Gait(), (1.0, 2.0, 0.5 * math.pi)
+    assert WalkPlan(distance=-0.7).way(start, gait, planned=True) == [(1.0, 2.0), pytest.approx((1.0, 1.3))]
+    step = Gait.for_speed((0.2, 0.0, 0.0), gait).full.cycle
+    for planned, time in ((True, step), (False, 0.8)):
+        way = WalkPlan(velocity=(0.2, 0.0, 0.0), steps=5).way(start, gait, planned=planned)
+        assert len(way) == 6
+        np.testing.assert_allclose(way[-1], [1.0, 2.0 + 5 * 0.2 * time], atol=1e-9)
+    # A circle of radius v / ω, in pieces of at most 0.25 s; a stand goes nowhere.
+    rows = ((0.0, 0.3, 0.0, 0.5), (2.0, 0.0, 0.0, 0.0), (3.0, 0.0, 0.1, 0.0), (4.0, 0.0, 0.0, 0.0))
+    way = WalkPlan(drive=rows).way((0.0, 0.0, 0.0), gait, planned=False)
+    assert len(way) == 1 + 8 + 4
+    angle = 1.0
+    np.testing.assert_allclose(way[8], [0.6 * math.sin(angle), 0.6 * (1.0 - math.cos(angle))], atol=0.04)
+    np.testing.assert_allclose(
+        np.subtract(way[-1], way[8]), [-0.1 * math.sin(angle), 0.1 * math.cos(angle)], atol=1e-9
+    )
+    assert (
+        len(WalkPlan(drive=((0.0, 0.1, 0.0, 0.0), (0.24, 0.0, 0.0, 0.0))).way(start, gait, planned=True)) == 2
+    )
+
+
+@pytest.mark.parametrize(
+    ("way", "sizes"),
+    [
+        ([(0.0, 0.0), (3.0, 0.0)], {}),
+        ([(0.0, 0.0), (3.8, 0.0)], {}),  # 4.3 m of ground, less the room of 0.45 m
+        ([(0.0, 0.0), (3.9, 0.0)], {"length": 4.0}),
+        ([(0.0, 0.0), (7.4, 0.0)], {"length": 8.0}),
+        ([(0.0, 0.0), (-0.2, 0.0)], {}),
+        ([(0.0, 0.0), (-0.3, 0.0)], {"strip": 2.0}),
+        ([(0.0, 0.0), (1.0, 0.04)], {}),
+        ([(0.0, 0.0), (1.0, 0.06)], {"width": 2.0}),
+        ([(0.0, 0.0), (1.0, -0.7)], {"width": 4.0}),
+        ([(0.0, 0.3), (5.0, -1.0)], {"length": 5.0, "width": 4.0}),
+    ],
+)
+def test_a_ground_grows_by_whole_metres_to_hold_a_way_with_room_beside_it(
+    way: list[tuple[float, float]], sizes: dict[str, float]
+) -> None:
+    ground = terrain("stones")
+    larger = fitted(ground, way, ())
+    assert larger == replace(ground, **sizes)
+    x0, x1, y0, y1 = larger.extent
+    for x, y in way:
+        assert x0 <= x - BESIDE and y0 <= y - BESIDE <= y + BESIDE <= y1 and x <= x1 - BESIDE + 1e-9
+    assert fitted(ground, way, ("length", "strip", "width")) == ground
+
+
+def test_times_of_a_drive_increase_from_zero_and_end_with_a_stand() -> None:
+    go, stand = (0.1, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for times in ((0.0, 1.0), (0.5, 0.6)):
+        check_drive([(times[0], *go), (times[1], *stand)])
+    bad = [[], [(-0.1, *stand)], [(0.0, *go), (0.0, *stand)], [(1.0, *go), (0.5, *stand)], [(0.0, *go)]]
+    bad += [[(0.0, 0.0, 0.0, 0.1)], [(0.0, 0.0, 0.1, 0.0)]]
+    for rows in bad:
+        with pytest.raises(InputError):
+            check_drive(rows)
+
+
+@pytest.mark.parametrize("axis", range(4))
+def test_a_velocity_is_within_its_limits_each_or_together(axis: int) -> None:
+    limits = VelocityLimits(forward=0.4, back=0.2, aside=0.1, turn=0.5)
+    most = ((0.4, 0.0, 0.0), (-0.2, 0.0, 0.0), (0.0, -0.1, 0.0), (0.0, 0.0, 0.5))[axis]
+
+    def fits(velocity: tuple[float, ...], *, together: bool) -> bool:
+        try:
+            check_velocity(velocity, limits, "steps", "", together=together)  # type: ignore[arg-type]
+        except InputError:
+            return False
+        return True
+
+    for together in (False, True):
+        assert fits(most, together=together)
+        assert not fits(tuple(1.001 * v for v in most), together=together)
+    other = (0.0, 0.0, 0.5) if axis < 3 else (0.4, 0.0, 0.0)
+    both = np.add(most, other)
+    assert fits(tuple(both), together=False) and not fits(tuple(both), together=True)
+    assert fits(tuple(both / math.sqrt(2.0) * 0.999), together=True)  # shares of 0.71 each: squares add to 1
+    with pytest.raises(InputError):
+        check_velocity((0.0, 1e-6, 0.0), limits._replace(aside=0.0), "steps", "")
+    check_velocity((0.1, 0.0, 0.0), limits._replace(aside=0.0), "steps", "")
+
+
+@pytest.mark.parametrize(("direction", "sign"), [("up", 1.0), ("down", -1.0)])
+def test_the_stair_of_a_ground_is_where_its_height_changes(direction: str, sign: float) -> None:
+    ground = terrain("steps", 0.3, riser=0.12, tread=0.25, direction=direction, length=2.0)
+    rise, tread, count, edge = stair_of(ground)
+    assert (rise, tread, count) == pytest.approx((sign * 0.1, 0.25, 3))
+    for i in range(count):
+        before, after = ground.height(edge + i * tread + np.array([-1e-6, 1e-6]), 0.0)
+        assert after - before == pytest.approx(rise)
+    for none in (terrain("flat"), terrain("steps", 0.0), terrain("steps", 0.1)):
+        with pytest.raises(InputError):
+            stair_of(none)
+
+
+def test_a_plan_keeps_of_a_lower_one_what_belongs_to_its_kind() -> None:
+    assert plan_over({"distance": 1.0}, {"distance": 2.0, "first": "right"}) == {
+        "distance": 1.0,
+        "first": "right",
+    }
+    assert plan_over({"distance": 1.0}, {"turn": 2.0, "first": None}) == {"distance": 1.0}
+    assert plan_over({"turn": 1.0}, {"distance": 2.0, "first": "right"}) == {"turn": 1.0}
+    assert plan_over({"velocity": (0.1, 0.0, 0.0)}, {"distance": 2.0, "first": "left"}) == {
+        "velocity": (0.1, 0.0, 0.0),
+        "first": "left",
+    }
+    assert plan_over({"first": "left"}, {"distance": 2.0}) == {"distance": 2.0, "first": "left"}
+    assert plan_over({"steps": 3}, {"velocity": (0.1, 0.0, 0.0), "steps": 2})["steps"] == 3
+    assert WalkPlan().distance == 3.0 and WalkPlan(velocity=(0.1, 0.0, 0.0)).steps == 22
+    for bad in (
+        {"distance": 1.0, "turn": 1.0},
+        {"distance": 1.0, "steps": 3},
+        {"drive": ((0.0, 0.0, 0.0, 0.0),), "first": "left"},
+        {"footsteps": (), "first": "left"},
+    ):
+        with pytest.raises(InputError):
+            WalkPlan(**bad)  # type: ignore[arg-type]
+
+
+def test_a_planned_walk_takes_the_time_of_its_phases() -> None:
+    """Shift, n swings with n − 1 double supports between them, rest; a walk is given half as long again and 5 s."""
+    gait = Gait(single_support=0.7, double_support=0.2, initial_double_support=0.6, final_double_support=0.8)
+    changes = (("step_kind", "planned"),)
+    for plan in (WalkPlan(distance=0.5), WalkPlan(turn=0.4)):
+        prepared = WalkSpec(plan=plan, gait=gait, mode="position", changes=changes).prepare()
+        n = len(prepared.plan)
+        assert n >= 2 and prepared.nominal_time == pytest.approx(0.6 + 0.7 * n + 0.2 * (n - 1) + 0.8)
+        assert prepared.time_limit == math.ceil(1.5 * prepared.nominal_time + 5.0)
+    rows = ((0.0, 0.1, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0))
+    driven = WalkSpec(plan=WalkPlan(drive=rows), gait=gait, mode="position", changes=changes).prepare()
+    assert driven.nominal_time == pytest.approx(3.0 + 2.0 * 0.9 + 0.8) and driven.arrival() is None
+
+
+def test_a_walk_with_free_steps_has_time_to_set_off_go_turn_and_stop() -> None:
+    times = {}
+    for name, plan in {
+        "one": WalkPlan(distance=1.0),
+        "three": WalkPlan(distance=3.0),
+        "back": WalkPlan(distance=-1.0),
+        "turn": WalkPlan(turn=1.0),
+        "twice": WalkPlan(turn=2.0),
+    }.items():
+        prepared = WalkSpec(plan=plan, mode="torque").prepare()
+        times[name] = prepared.nominal_time
+        assert prepared.orders is None and not prepared.plan.steps and prepared.arrival() is not None
+    pace, turning = times["three"] - times["one"], times["twice"] - times["turn"]
+    assert pace > 0.0 and turning > 0.0
+    assert times["one"] == pytest.approx(times["back"])
+    pause = times["one"] - 0.5 * pace
+    assert pause == pytest.approx(times["turn"] - turning, abs=0.02)
+    orders = WalkSpec(plan=WalkPlan(velocity=(0.2, 0.0, 0.0), steps=6), mode="torque").prepare().orders
+    twelve = WalkSpec(plan=WalkPlan(velocity=(0.2, 0.0, 0.0), steps=12), mode="torque").prepare()
+    assert orders is not None and twelve.orders is not None
+    assert orders[0] == (0.0, 0.2, 0.0, 0.0) and orders[1][1:] == (0.0, 0.0, 0.0)
+    step = (twelve.orders[1][0] - orders[1][0]) / 6.0
+    assert 0.2 < step < 1.0 and twelve.nominal_time == pytest.approx(twelve.orders[1][0] + pause)
+    rows = ((0.0, 0.1, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0))
+    driven = WalkSpec(plan=WalkPlan(drive=rows), mode="torque").prepare()
+    assert driven.orders == rows and driven.nominal_time == pytest.approx(4.0 + pause)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
+@examples(20)
+def test_a_configuration_is_moved_over_the_ground_and_turned_about_the_vertical(
+    x: float, y: float, yaw: float
+) -> None:
+    q = np.array([0.3, -0.2, 0.8, *Rotation.from_euler("xyz", [0.1, 0.2, 0.4]).as_quat(), 0.5, -0.6])
+    there = moved(q, (x, y, yaw))
+    turn = Rotation.from_euler("z", yaw)
+    np.testing.assert_allclose(there[:3], turn.apply(q[:3]) + [x, y, 0.0], atol=1e-9)
+    expected = turn * Rotation.from_quat(q[3:7])
+    assert (Rotation.from_quat(there[3:7]).inv() * expected).magnitude() == pytest.approx(0.0, abs=1e-7)
+    np.testing.assert_array_equal(there[7:], q[7:])
+
+
+# --- figures ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_objective_is_that_of_the_paper() -> None:
+    """J = −(10 n + 3 μ_zmp + 9 σ_zmp + 3 μ_com + 9 σ_com), errors in m; what was not measured counts nothing."""
+    assert objective(0, Spread(None, None), Spread(None, None)) == 0.0
+    found = objective(3, Spread(0.01, 0.002), Spread(0.03, 0.004))
+    assert found == pytest.approx(-(30.0 + 0.03 + 0.018 + 0.09 + 0.036))
+    assert spread([]) == Spread(None, None)
+    assert spread([1.0, 3.0]) == Spread(2.0, 1.0)  # of all values: the deviation of a population
+
+
+def moment(
+    stance: int, rotation: Rotation, dcm_error: list[float] | None = None, elapsed: float = 0.3
+) -> _Moment:
+    matrix = rotation.as_matrix().ravel().tolist()
+    return _Moment(elapsed, 2, GaitPhase.SINGLE, elapsed, 0.6, stance, matrix, dcm_error)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.sampled_from([0, 1]))
+@examples(20)
+def test_an_excursion_is_seen_from_the_stance_foot(
+    yaw: float, roll: float, pitch: float, stance: int
+) -> None:
+    """Measured minus reference, forward along the foot and outward: to the left of a left foot."""
+    rotation = Rotation.from_euler("ZYX", [yaw, pitch, roll])
+    left = np.array([-math.sin(yaw), math.cos(yaw)])
+    excursion = 0.03 * np.array([math.cos(yaw), math.sin(yaw)]) + 0.07 * left
+    found = moment(stance, rotation, (-excursion).tolist())
+    assert found.dcm == pytest.approx((0.03, 0.07 if stance == 0 else -0.07))
+    assert found.tilt == pytest.approx((roll, pitch), abs=1e-9)
+    assert found.share == 0.5 and moment(0, rotation, elapsed=2.0).share == 1.0
+    assert moment(stance, rotation).dcm is None
+    assert found._replace(duration=0.0).share == 0.0
+
+
+LEVEL = Rotation.identity()
+
+
+def fall(moments: list[_Moment], reason: str = "tilt", velocity: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Any:
+    """Return the fall of a meter that has seen some moments, at 9 s."""
+    meter: Any = object.__new__(WalkMeter)
+    meter._moments = deque(moments)
+    meter._walking = SimpleNamespace(progress=SimpleNamespace(steps_done=4, phase=GaitPhase.STANDING))
+    truth = SimpleNamespace(com_velocity=np.array(velocity))
+    meter._plant = SimpleNamespace(time=9.0, truth=lambda: truth)
+    return meter.fall(reason)
+
+
+def test_the_onset_of_a_fall_is_the_last_time_that_the_dcm_left_its_reference() -> None:
+    """Moments 0.1 s apart with excursions forward, m: it left by 60 mm at 0.2 s, came back, and left at 0.5 s."""
+    aways = (0.0, 0.0, 0.07, 0.05, 0.059, 0.061, 0.1, 0.2)
+    moments = [moment(0, LEVEL, [-away, 0.0], 0.1 * i) for i, away in enumerate(aways)]
+    found = fall(moments)
+    assert (found.onset, found.time, found.step, found.reason) == (pytest.approx(0.5), 9.0, 2, "tilt")
+    assert found.dcm_forward == pytest.approx(0.061) and found.dcm_outward == pytest.approx(0.0)
+    assert pytest.approx(0.06) == EXCURSION and found.share == pytest.approx(0.5 / 0.6)
+    assert fall(moments[:2]).onset == pytest.approx(
+        0.1
+    )  # a fall without an excursion begins where it is seen
+    bare = fall([])
+    assert (bare.onset, bare.step, bare.phase) == (9.0, 5, "standing")
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_a_fall_goes_where_the_larger_excursion_is(stance: int) -> None:
+    side = 1.0 if stance == 0 else -1.0
+    for forward, left, cause in (
+        (0.1, 0.05, "forward"),
+        (-0.1, 0.05, "backward"),
+        (0.05, 0.1, "left"),
+        (0.05, -0.1, "right"),
+    ):
+        found = fall([moment(stance, LEVEL, [-forward, -left])])
+        assert found.cause == cause
+        assert (found.dcm_forward, found.dcm_outward) == pytest.approx((forward, side * left))
+        unseen = fall([moment(stance, LEVEL)], velocity=(forward, left, -1.0))
+        assert unseen.cause == cause and unseen.dcm_forward is None and unseen.dcm_outward is None
+        assert fall([moment(stance, LEVEL, [-forward, -left])], "height").cause == "dropped"
