@@ -164,8 +164,9 @@ def low_pass(z: Array, step: float, corner: float) -> Array:
     """
     if corner >= 0.5 / step:
         return z
-    if corner < 1e-6 / step:  # its equations lose the ground in rounding
-        raise InputError(f"corner (cycles/m) must be at least {1e-6 / step:g}, got {corner:g}")
+    least = 1e-6 / step  # its equations lose the ground in rounding
+    if corner < least:
+        raise InputError(f"corner (cycles/m) must be at least {least:g}, got {corner:g}")
     bands = _bands(z.shape[-1], corner * step)
     padded = np.concatenate([z[..., :1], z, z[..., -1:]], axis=-1)
     right = padded[..., :-2] + 2.0 * z + padded[..., 2:]

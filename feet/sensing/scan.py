@@ -174,11 +174,12 @@ class GroundScan:
         piece returned, the later one if two are equally long.
         """
         filled = np.flatnonzero(self._sums[0])
-        if filled.size < 2 or self._first is None:
+        if filled.size < 2:
             raise InputError(
                 f"no profile: {self.hits} hits in {filled.size} cells ({self.lost} readings lost, {self.outside} "
                 "out of reach); hits in two cells are needed"
             )
+        assert self._first is not None, "there are hits"
         cell = filled + self._first
         mean = self._sums[1:, filled] / self._sums[0, filled]
         return _broken_line(cell, mean, np.array([self._c, self._s]), self.settings)
