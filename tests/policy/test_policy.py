@@ -16,7 +16,7 @@ import wbc
 from wbc.app import Log, Recorder
 from wbc.base.errors import InputError, UnknownNameError, WbcError
 from wbc.core.estimation.falls import FallReason
-from wbc.policy import FootContacts, OnnxNetwork, PolicyControl, PolicyDescription, Term
+from wbc.policy import FootContacts, OnnxNetwork, PolicyControl, PolicyDescription, PolicyFilter, Term
 from wbc.policy.terms import Clock
 from wbc.sim import WalkSpec
 from wbc.sim.walks.plans import WalkPlan
@@ -447,7 +447,7 @@ def hands_error(plant: wbc.Plant, policy: PolicyControl, carried: bool = True) -
     )
     task.target = pin.SE3(task.target.rotation, np.array([0.3, 0.15, 0.2]))
     if not carried:
-        policy._carried.measured = lambda measurement: None  # type: ignore[method-assign]
+        policy._arms._carried.measured = lambda measurement: None  # type: ignore[method-assign]
     policy.velocity = (0.1, 0.0, 0.0)
     truth, worst = G1.robot(), 0.0
     while plant.time < 3.0:
@@ -514,3 +514,87 @@ def test_arms_that_the_qp_cannot_have_are_refused(arms: tuple[str, ...]) -> None
         bobbing(arms=arms)
     with pytest.raises(InputError, match="shared"):
         bobbing(arms=ARMS)[1].release(["left_elbow_joint"])
+
+
+def filtered(
+    wish: dict[str, float], limits: Sequence[Any] = (), **options: Any
+) -> tuple[wbc.Plant, PolicyControl]:
+    """Return a policy whose joints stay in half-sitting but for those of a wish, rad, with a filter of its arms."""
+    n = len(G1.joint_names)
+    servos = G1.robot().servos
+    description = PolicyDescription(
+        joints=tuple(G1.joint_names),
+        default=tuple(REST.values()),
+        kp=tuple(servos.kp),
+        kd=tuple(servos.kd),
+        observation=(Term("gravity"),),
+    )
+    action = [wish.get(name, REST[name]) - REST[name] for name in G1.joint_names]
+    return control(Known(3, n, action), description, filter=PolicyFilter(ARMS, limits, **options))
+
+
+def test_a_filter_changes_nothing_that_no_limit_asks_for() -> None:
+    plant, policy = filtered({"left_elbow_joint": REST["left_elbow_joint"] + 0.2})
+    asked = []
+    for k in range(400):
+        m = plant.measure()
+        command = policy.command(m)
+        if k > 50:
+            asked.append(np.abs(policy.changed).max())
+        made = command.joint_torque + command.kp * (command.joint_position - m.joint_position)
+        made += command.kd * (command.joint_velocity - m.joint_velocity)
+        wish = policy._kp * (policy._target - m.joint_position) - policy._kd * m.joint_velocity
+        np.testing.assert_allclose(made, wish + policy.changed, atol=1e-9)
+        plant.step(command)
+    assert max(asked) < 0.01
+
+
+def test_arms_that_a_policy_sends_through_the_trunk_stop_before_it() -> None:
+    wish = {"left_shoulder_roll_joint": -1.0, "left_elbow_joint": 1.2, "left_shoulder_yaw_joint": -1.2}
+    pairs = [
+        ("left_rubber_hand", "torso_link"),
+        ("left_rubber_hand", "pelvis"),
+        ("left_wrist_roll_link", "torso_link"),
+    ]
+
+    def nearest(limit: bool) -> float:
+        shapes = G1.collision_shapes()
+        limits = [wbc.CollisionLimit(pairs, shapes=shapes, recovery=100.0, influence=0.5)] if limit else []
+        plant, policy = filtered(wish, limits)
+        gauge = wbc.Controller(G1.robot(), DT)
+        near = gauge.add(wbc.CollisionLimit(pairs, shapes=shapes))
+        least = math.inf
+        while plant.time < 1.5:
+            plant.step(policy.command(plant.measure()))
+            state = plant.truth()
+            gauge.update(np.array(state.q), np.array(state.v))
+            gauge.solve()
+            least = min(least, *near.distances.values())
+        assert policy.status() in ("ok", "relaxed: limits, hard tasks and contacts cannot all be satisfied")
+        return least
+
+    assert nearest(limit=False) < 0.0
+    assert nearest(limit=True) > 0.01
+
+
+def test_stops_hold_in_a_filter_whatever_a_policy_asks_for() -> None:
+    wish = {
+        "left_elbow_joint": -9.0,
+        "right_shoulder_roll_joint": -9.0,
+        "right_wrist_roll_joint": 9.0,
+        "waist_yaw_joint": 9.0,
+    }
+    plant, policy = filtered(wish)
+    robot, over = G1.robot(), np.zeros(len(G1.joint_names))
+    while plant.time < 1.0:
+        plant.step(policy.command(plant.measure()))
+        q = np.array(plant.truth().q[7:])
+        over = np.maximum(over, np.maximum(robot.position_lower - q, q - robot.position_upper))
+    assert over.max() < 2e-3
+
+
+def test_arms_are_of_the_qp_or_filtered() -> None:
+    with pytest.raises(InputError, match="filter"):
+        bobbing(arms=ARMS, filter=PolicyFilter(ARMS))
+    with pytest.raises(InputError, match="legs"):
+        bobbing(filter=PolicyFilter(["left_knee_joint"]))

@@ -7,6 +7,7 @@ A new term of an observation goes into `wbc.policy.terms`, another way in which 
 from wbc.policy.contacts import FootContacts
 from wbc.policy.control import PolicyControl
 from wbc.policy.description import PolicyDescription, Term
+from wbc.policy.filter import PolicyFilter
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.terms import TERMS, Observed
 
@@ -18,5 +19,6 @@ __all__ = [
     "OnnxNetwork",
     "PolicyControl",
     "PolicyDescription",
+    "PolicyFilter",
     "Term",
 ]

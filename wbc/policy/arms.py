@@ -10,10 +10,13 @@ with the specific force s and the angular rate ω of the IMU, its rotation R, an
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
@@ -23,9 +26,12 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact, ContactOptions
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
+from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks import PostureTask
+
+logger = logging.getLogger(__name__)
 
 FORCE_LAG, RATE_LAG = 0.005, 0.01
 """Time constants of the low-passes of the specific force and of the differentiated angular rate, s. With less of them
@@ -39,8 +45,9 @@ class Carried(Contact):
         acceleration: Acceleration of the frame, [linear; angular] along its axes, shape (6,), m/s² and rad/s².
     """
 
-    dim, ranged = 6, ()
-    usual: ContactOptions = {"stiffness": 0.0, "damping": 0.0, "wrench_weight": 1e-9}
+    dim = 6
+    ranged: ClassVar[tuple[int, ...]] = ()
+    usual: ClassVar[ContactOptions] = {"stiffness": 0.0, "damping": 0.0, "wrench_weight": 1e-9}
 
     def __init__(self, robot: Robot, dt: float) -> None:
         """Carry the robot at its IMU."""
@@ -75,28 +82,50 @@ class Carried(Contact):
         drift -= self.acceleration
 
 
-def share_with_policy(
-    controller: Controller, arms: Sequence[str], default: Sequence[float]
-) -> tuple[Carried, PostureTask]:
-    """Let a controller move arms alone: the other joints and the base move as they are measured.
+class Arms:
+    """Arms that a controller moves, on a robot whose other joints and whose base somebody else moves.
 
-    Args:
-        controller: The controller, without contacts.
-        arms: Names of the joints that the controller moves.
-        default: Their default posture, rad.
-
-    Returns:
-        The contact that carries the base, and the posture task of the arms.
-
-    Raises:
-        UnknownNameError: The robot has no such joint.
-        InputError: A joint of a leg, or one twice.
+    Attributes:
+        index: Columns of their joints in arrays of the robot's joints, shape (number of joints,).
+        failure: Reason for which the last tick had no torques; empty if it had them.
+        solution: Solution of the last tick; None before the first one.
     """
-    robot = controller.robot
-    _ = ReleasedJoints(robot, arms)  # refuses legs
-    carried = controller.add(Carried(robot, controller.dt))
-    others = [name for name in robot.joint_names if name not in set(arms)]
-    controller.add(ReleasedJoints(robot, others, legs=True))
-    posture = controller.add(PostureTask(default, joints=arms))
-    controller.add(JointLimits(), TorqueLimits())
-    return carried, posture
+
+    def __init__(self, controller: Controller, joints: Sequence[str]) -> None:
+        """Carry the base of a controller without contacts, and release all other joints.
+
+        Raises:
+            UnknownNameError: The robot has no such joint.
+            InputError: A joint of a leg, or one twice.
+        """
+        robot = controller.robot
+        self.index: NDArray[np.intp] = ReleasedJoints(robot, joints).index  # refuses legs
+        self.controller, self._joints = controller, list(joints)
+        self._carried = controller.add(Carried(robot, controller.dt))
+        others = [name for name in robot.joint_names if name not in set(joints)]
+        controller.add(ReleasedJoints(robot, others, legs=True))
+        self.solution: Solution | None = None
+        self.failure = ""
+
+    def follow(self, default: Array) -> PostureTask:
+        """Return a new task that holds a posture of the arms, rad, within the limits of their joints."""
+        posture = self.controller.add(PostureTask(default[self.index], joints=self._joints))
+        self.controller.add(JointLimits(), TorqueLimits())
+        return posture
+
+    def torques(self, measurement: Measurement) -> Array | None:
+        """Return the torques of the arms, shape (number of joints,), Nm; None where the QP has no solution."""
+        try:
+            self._carried.measured(measurement)
+            self.solution = solution = self.controller.solve(measurement)
+            if solution.ok:
+                self.failure = ""
+                torques: Array = solution.torques[self.index]
+                return torques
+            failure = solution.status.value
+        except Exception as error:  # of tasks of the user
+            failure = f"{type(error).__name__}: {error}"
+        if not self.failure:
+            logger.error("no torques for the arms (%s)", failure)
+        self.failure = failure
+        return None

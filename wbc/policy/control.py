@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, names_in, unknown_name
@@ -21,10 +20,11 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
-from wbc.core.signals import Command
-from wbc.policy.arms import share_with_policy
+from wbc.core.signals import Command, Measurement
+from wbc.policy.arms import Arms
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
+from wbc.policy.filter import FilteredArms, PolicyFilter
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.terms import TERMS, Clock, Observed
 from wbc.walking.plans.footsteps import heading
@@ -67,7 +67,7 @@ class PolicyControl(TorqueControl):
         observed: What the terms of the observation read.
         contacts: Contacts of the feet, by their measured loads.
         controller: The controller; tasks and limits on the arms are added to it.
-        arm_failure: Reason for which the QP has no torques for the arms, which are damped meanwhile; else empty.
+        changed: Torques that a filter has changed in the last tick, made minus asked for, shape (na,), Nm.
         posture: Task on the posture of the arms; None without arms of the QP.
     """
 
@@ -80,7 +80,8 @@ class PolicyControl(TorqueControl):
         *,
         description: PolicyDescription | None = None,
         arms: Sequence[str] = (),
-        sees_arms: bool = False,
+        filter: PolicyFilter | None = None,
+        sees_arms: bool | None = None,
         regain: Annotated[NonNegative, "1/s"] = 0.0,
         observer: Observer | None = None,
         failures: FailurePolicy | None = None,
@@ -95,8 +96,10 @@ class PolicyControl(TorqueControl):
             description: Description; from the file and the TOML file beside it when None.
             arms: Names of joints that the QP of the controller moves, such as those of both arms; not of a leg. The
                 policy moves the others.
-            sees_arms: Let the policy see the arms of the QP where they are. By default it sees them at rest in its
-                default posture: a policy that has trained with other arms walks elsewhere than it is asked to.
+            filter: Filter that keeps the policy's torques within limits; none when None.
+            sees_arms: Let the policy see the arms where they are. When None it sees those of the QP at rest in its
+                default posture, because a policy that has trained with other arms walks elsewhere than it is asked to,
+                and its own ones, filtered or not, where they are.
             regain: Share of the missing velocity that is asked for as well after 1 s, 1/s, as for a load in the hands,
                 which makes a policy drift; 0.5 is a good value. The velocity is the estimated one of the CoM.
             observer: Observer of the robot's state; a new one when None.
@@ -117,7 +120,10 @@ class PolicyControl(TorqueControl):
             network = policy
             if description is None:
                 raise InputError("a network of your own needs a description: PolicyDescription(joints=…, …)")
-        super().__init__(Controller(robot, dt), observer, failures, safety=safety)
+        if arms and filter is not None:
+            raise InputError("arms of a policy are those of the QP, or filtered: give arms or filter")
+        controller = Controller(robot, dt) if filter is None else filter.controller(robot, dt)
+        super().__init__(controller, observer, failures, safety=safety)
         self.network, self.description = network, description
         self._columns = columns = np.array(joint_columns(robot, description.joints))
         n = len(columns)
@@ -137,7 +143,8 @@ class PolicyControl(TorqueControl):
         )
         self._kp[columns], self._kd[columns] = description.kp, description.kd
         self._target = np.array(robot.half_sitting[7:])
-        self._share_arms(names_in("arms", arms), sees_arms)
+        seen = filter is not None if sees_arms is None else sees_arms
+        self._share_arms(names_in("arms", arms), filter, seen)
         self._still = np.zeros(robot.na)
         self.observed = Observed(
             self.observer.robot, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(2)
@@ -172,23 +179,26 @@ class PolicyControl(TorqueControl):
             start = stop
         self.contacts = FootContacts(robot, dt)
         self._velocity: Velocity | None = None
-        self._regain, self.arm_failure = regain, ""
+        self._regain = regain
+        self.changed = np.zeros(robot.na)
         self._fastest = np.array(description.fastest)
         self._begin_policy()
 
-    def _share_arms(self, arms: Sequence[str], seen: bool) -> None:
-        """Let the controller move arms, and the policy see them at rest, or where they are."""
-        robot, default = self.controller.robot, np.array(self.controller.robot.half_sitting[7:])
-        self._arms: NDArray[np.intp] | None = None
+    def _share_arms(self, arms: Sequence[str], safe: PolicyFilter | None, seen: bool) -> None:
+        """Let the controller move arms, or filter the policy's, and the policy see them at rest or where they are."""
+        controller, default = self.controller, np.array(self.controller.robot.half_sitting[7:])
+        self._arms: Arms | None = None
         self._masked, self.posture = np.zeros(0, dtype=np.intp), None
-        if not arms:
-            return
-        default[self._columns] = self._default
-        self._arms = index = np.array([robot.joint_index(name) for name in arms])
-        self._carried, self.posture = share_with_policy(self.controller, arms, default[index])
-        self._arms_kd, self._kp[index], self._kd[index] = self._kd[index], 0.0, 0.0
-        if not seen:
-            self._masked = np.flatnonzero(np.isin(self._columns, index))
+        if safe is not None:
+            self._arms = safe.bind(controller)
+        elif arms:
+            default[self._columns] = self._default
+            self._arms = Arms(controller, arms)
+            self.posture = self._arms.follow(default)
+            index = self._arms.index
+            self._arms_kd, self._kp[index], self._kd[index] = self._kd[index], 0.0, 0.0
+        if self._arms is not None and not seen:
+            self._masked = np.flatnonzero(np.isin(self._columns, self._arms.index))
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """See `DriveControl.release`; an `InputError` where the QP moves arms: it shares the joints with the policy."""
@@ -332,39 +342,48 @@ class PolicyControl(TorqueControl):
 
     def _servos(self, state: State) -> Command:
         """Return the targets with the policy's gains, within the torque limits where the joints are now."""
-        m, torque, arms = state.measurement, self._still, self._arms
+        m, arms, torque, target = state.measurement, self._arms, self._still, self._target
+        velocity = self._still
+        if isinstance(arms, FilteredArms):
+            torque, target, velocity = self._filtered(arms, m)
+        elif arms is not None:
+            torque, index, torques = self._torques, arms.index, arms.torques(m)
+            torque[index] = -self._arms_kd * m.joint_velocity[index] if torques is None else torques
+            target[index] = m.joint_position[index]
         if arms is not None:
-            torque = self._torques
-            torque[arms] = self._arm_torques(state)
-            self._target[arms] = m.joint_position[arms]
+            self.solution = arms.solution
         return self.gate.pass_on_with_gains(
-            torque, self._target, self._still, (self._kp, self._kd), (m.joint_position, m.joint_velocity)
+            torque, target, velocity, (self._kp, self._kd), (m.joint_position, m.joint_velocity)
         )
 
-    def _arm_torques(self, state: State) -> Array:
-        """Return the torques of the arms by the QP, Nm; damping where it has no solution."""
-        m, arms = state.measurement, self._arms
-        try:
-            self._carried.measured(m)
-            self.solution = solution = self.controller.solve(m)
-            if solution.ok:
-                self.arm_failure = ""
-                return solution.torques[arms]
-            failure = solution.status.value
-        except Exception as error:  # of tasks of the user
-            failure = f"{type(error).__name__}: {error}"
-        if not self.arm_failure:
-            logger.error("no torques for the arms (%s); they are damped", failure)
-        self.arm_failure = failure
-        damping: Array = -self._arms_kd * m.joint_velocity[arms]
-        return damping
+    def _filtered(self, arms: FilteredArms, m: Measurement) -> tuple[Array, Array, Array]:
+        """Return feed-forward torques, Nm, and references, rad and rad/s, with which servos make those of the filter.
+
+        The servos of the arms are those of the policy about what they do now: until the next tick they change as they
+        would about its targets.
+        """
+        index, target, velocity = arms.index, self._target.copy(), np.zeros_like(self._still)
+        asked = self._kp * (target - m.joint_position) - self._kd * m.joint_velocity
+        torque = arms.near(m, asked)
+        self.changed = torque - asked
+        feed = self.changed.copy()
+        feed[index], target[index], velocity[index] = (
+            each[index] for each in (torque, m.joint_position, m.joint_velocity)
+        )
+        return feed, target, velocity
+
+    @property
+    def arm_failure(self) -> str:
+        """Reason for which the QP has no torques for the arms, which are damped, or not filtered; empty if it has."""
+        return "" if self._arms is None else self._arms.failure
 
     def status(self) -> str:
         """See `DriveControl.status`; the arms have a failure of their own."""
         status = super().status()
         if not self.arm_failure:
             return status
-        return f"arms damped: {self.arm_failure}" + ("" if status == "ok" else f"; {status}")
+        what = "not filtered" if isinstance(self._arms, FilteredArms) else "damped"
+        return f"arms {what}: {self.arm_failure}" + ("" if status == "ok" else f"; {status}")
 
 
 def joint_columns(robot: Robot, joints: Sequence[str]) -> list[int]:
