@@ -348,6 +348,17 @@ def test_the_damping_of_all_hinges_goes_with_the_stiffness() -> None:
     np.testing.assert_allclose(stand.model.dof_damping[dofs], 0.02 * sole.actual)
 
 
+def test_springs_and_dampers_of_a_soft_foot_are_those_of_the_paper() -> None:
+    """Ten hinges of k and 2 Nms/rad, about the transverse axis; the frontal arch of 100 Nm/rad and 80 Nms/rad."""
+    stand = Stand(foot("soft", stiffness=7.0), "nothing")
+    hinges = [stand.model.joint(name) for name in stand.foot.sole_joints]
+    assert [float(joint.stiffness[0]) for joint in hinges] == [7.0] * 10
+    assert [float(joint.damping[0]) for joint in hinges] == [2.0] * 10
+    np.testing.assert_array_equal([joint.axis for joint in hinges], [[0.0, 1.0, 0.0]] * 10)
+    arch = stand.model.joint(stand.foot.arch_joint)
+    assert (arch.stiffness[0], arch.damping[0]) == (100.0, 80.0)
+
+
 def test_stiffness_follows_its_actuator_and_is_reported() -> None:
     stand = Stand(foot("variable", stiffness=10.0), "nothing")
     actuator = StiffnessActuator(rate_limit=4.0, time_constant=0.05)

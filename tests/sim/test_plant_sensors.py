@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import fields, replace
 
 import mujoco
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from properties import by_default
 
 from wbc.base.numbers import Array
+from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
 from wbc.feet import StiffnessActuator, foot
 from wbc.feet.soles.contact import ContactSpheres
@@ -18,7 +20,7 @@ from wbc.feet.soles.rigid import FlatFoot
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load
 from wbc.sim import FootTest, Machine, PhysicsSettings, Plant, SensorNoise, SignalNoise
-from wbc.sim.plant.sensors import SensorChain
+from wbc.sim.plant.sensors import REALISTIC, SensorChain
 from wbc.sim.rig.rig import Rig
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -164,6 +166,35 @@ def test_noise_has_the_statistics_it_was_given() -> None:
     white = velocity - velocity.mean(axis=0)
     assert abs((white[1:] * white[:-1]).mean()) < 0.02 * 0.2**2 * 5
     assert abs((white[:, 0] * white[:, 1]).mean()) < 0.1 * 0.2**2
+
+
+def test_errors_arise_in_the_order_of_a_real_sensor() -> None:
+    """The sum of value, bias and noise is rounded to the resolution: every reading is a multiple of it."""
+    noise = SensorNoise(angular_velocity=SignalNoise(std=0.03, bias_std=0.5, quantum=0.01))
+    chain = SensorChain(noise, joints=2, soles=1, timestep=0.001)
+    truth = np.full(chain.size, 0.1234)
+    chain.reset(truth, seed=3)
+    read = np.array([chain.read(truth) for _ in range(500)])[:, 4:7]
+    np.testing.assert_allclose(read / 0.01, np.round(read / 0.01), atol=1e-6)
+    assert read.std(axis=0) == pytest.approx(np.full(3, math.hypot(0.03, 0.01 / math.sqrt(12.0))), rel=0.15)
+    assert np.ptp(read.mean(axis=0)) > 0.05  # each channel has a bias of its own
+
+
+def test_realistic_sensors_have_the_numbers_of_their_sources() -> None:
+    """Encoders of 18 bits; a motor encoder of 13 bits behind a gear of 25 in 1 ms; data sheets of the IMU."""
+    joint, speed = REALISTIC.joint_position, REALISTIC.joint_velocity
+    assert joint.quantum == pytest.approx(math.tau / 2**18)
+    # The difference of two readings that are rounded evenly has a variance of two twelfths of a quantum squared.
+    assert speed.std == pytest.approx(math.tau / 2**13 / 25.0 / 1e-3 * math.sqrt(2.0 / 12.0), rel=0.01)
+    gyro = REALISTIC.angular_velocity
+    assert gyro.std == pytest.approx(math.radians(0.007) * math.sqrt(255.0), rel=0.05)
+    assert gyro.bias_std == pytest.approx(10.0 * math.radians(10.0) / 3600.0, rel=0.05)
+    assert REALISTIC.specific_force.bias_std == pytest.approx(5e-3 * GRAVITY, rel=0.05)
+    half = 0.5 * 39.0 * GRAVITY
+    assert 1e3 * REALISTIC.sole_moment.std / half == pytest.approx(0.3, abs=0.05)  # mm
+    assert 1e3 * REALISTIC.sole_moment.bias_std / half == pytest.approx(0.5, abs=0.05)
+    latencies = {getattr(REALISTIC, each.name).latency for each in fields(REALISTIC)}
+    assert latencies == {0.001}  # one cycle of a 1 kHz field bus
 
 
 AGES = {

@@ -106,6 +106,27 @@ def test_a_hand_that_grips_a_cart_pulls_it() -> None:
     assert not plant.data.eq_active.any()
 
 
+def test_a_hand_reaches_handles_up_to_a_quarter_of_a_metre_away_and_holds_them_where_they_are() -> None:
+    plant = Plant(load("hrp4_class"), scene="rail")
+    model, data = plant.model, plant.data
+    hand, handle = model.site("left_hand site").id, model.site("scene/left handle").id
+    way = np.array([1.0, 2.0, -2.0]) / 3.0
+    for distance, reached in ((0.2499, True), (0.2501, False)):
+        data.site_xpos[handle] = point = data.site_xpos[hand] + distance * way
+        if not reached:
+            with pytest.raises(InputError):
+                plant.grip("left_hand", "left handle")
+            continue
+        plant.grip("left_hand", "left handle")
+        grip = model.equality("left_hand on left handle").id
+        assert data.eq_active[grip] == 1 and data.eq_active.sum() == 1
+        for body, place in ((model.eq_obj1id[grip], 0), (model.eq_obj2id[grip], 3)):
+            held = data.xpos[body] + data.xmat[body].reshape(3, 3) @ model.eq_data[grip, place : place + 3]
+            np.testing.assert_allclose(held, point, atol=1e-9)
+        plant.let_go("left_hand")
+        assert not data.eq_active.any()
+
+
 def test_the_cart_moves_above_its_resistance_and_not_below() -> None:
     plant = Plant(load("hrp4_class"), scene=make_scene("cart", distance=1.0, resistance=15.0))
     cart = plant.model.body("scene/cart").id

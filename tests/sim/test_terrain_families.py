@@ -447,6 +447,14 @@ def test_a_ground_has_as_many_parts_as_are_built_and_no_more(
         terrain(name, **(largest | beyond))
 
 
+def test_a_ground_lies_where_its_page_says() -> None:
+    """3 m long and 1 m wide, 0.3 m ahead of the robot, with strips of 1 m and a ramp of 0.5 m (docs/grounds.md)."""
+    t = terrain("stones")
+    assert (t.start, t.length, t.width, t.strip, t.ramp) == (0.3, 3.0, 1.0, 1.0, 0.5)
+    assert t.stop == pytest.approx(3.3) and t.extent == pytest.approx((-0.7, 4.3, -0.5, 0.5))
+    assert terrain("slope").ramp == 0.0
+
+
 @pytest.mark.parametrize("name", ["stones", "random", "boards"])
 def test_a_ground_says_what_it_is_made_of(name: str) -> None:
     t = terrain(name, seed=4, length=2.0, ramp=0.4, strip=0.7)
