@@ -169,6 +169,42 @@ def test_a_stand_is_pushed_and_takes_postures() -> None:
     assert env.trial.walking.body.com_height < float(robot.com[2]) + 0.04
 
 
+def test_the_reward_of_a_walk_is_the_way_of_its_feet_and_its_end_is_its_time() -> None:
+    """Three actions of 0.1 s: the rewards add up to the displacement of the middle of the soles along x."""
+    env = WbcEnv("walk", seconds=0.3, period=0.1, noise="none")
+    env.reset(seed=2)
+    assert env.trial is not None
+    plant = env.trial.plant
+
+    def place() -> float:
+        return 0.5 * float(plant.sole_pose(0)[0][0] + plant.sole_pose(1)[0][0])
+
+    begin, before, total, ends = place(), plant.time, 0.0, []
+    for _ in range(3):
+        *_, reward, terminated, truncated, info = env.step([9.0, -9.0, 0.2])
+        assert env.trial.walking.velocity == pytest.approx((0.3, -0.15, 0.2))  # the bounds of an action
+        assert plant.time - before == pytest.approx(0.1) and info["time"] == plant.time
+        before, total = plant.time, total + reward
+        ends.append((terminated, truncated))
+    assert total == pytest.approx(place() - begin, abs=1e-12)
+    assert ends == [(False, False), (False, False), (False, True)]
+    assert WbcEnv("walk", seconds=0.2, period=5.0)._ticks == round(0.2 / plant.control_period)
+
+
+def test_a_stand_is_pushed_every_two_seconds_in_any_direction_up_to_its_greatest_push() -> None:
+    env, every = WbcEnv("stand", seconds=9.0, noise="none"), []
+    env._begin = lambda spec, hooks=(): every.append(spec) or np.zeros(env.observation_space.shape)  # type: ignore
+    for seed in range(30):
+        env.reset(seed=seed)
+    pushes = [push for spec in every for push in spec.pushes]
+    assert [push.time for push in every[0].pushes] == [2.0, 4.0, 6.0, 8.0]
+    impulses, directions = (np.array([getattr(p, name) for p in pushes]) for name in ("impulse", "direction"))
+    assert 0.0 <= impulses.min() < 0.01 and 0.14 < impulses.max() <= 0.15
+    assert impulses.mean() == pytest.approx(0.075, rel=0.15)
+    assert -math.pi <= directions.min() < -2.9 and 2.9 < directions.max() <= math.pi
+    assert len({spec.seed for spec in every}) == 30
+
+
 def test_an_observation_is_the_same_wherever_the_robot_is_and_heads() -> None:
     env = WbcEnv("stand", robot="g1", noise="none")
     env.reset(seed=0)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import types
 
+import mujoco
 import numpy as np
 import pytest
 
+from wbc.base.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.robots import load
 from wbc.sim import MujocoLoop, Plant, RobotServer
@@ -58,3 +60,72 @@ def test_a_command_acts_until_its_time_is_over_or_damping_is_asked_for(
     wire.command, wire.damped = COMMAND, True
     server.step()
     assert server.damped
+
+
+@pytest.mark.parametrize(
+    ("time", "lowered", "share"),
+    [(0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (1.5, 0.025, 1.0), (2.5, 0.05, 0.5), (3.01, 0.0, 0.0)],
+)
+def test_the_band_is_a_damped_spring_that_is_let_down_in_a_second_and_fades_in_another(
+    loop: MujocoLoop, time: float, lowered: float, share: float
+) -> None:
+    """400 N/m and 40 Ns/m for each kilogram, from 50 mm above the place at the start, beside all other forces."""
+    wire, root = Wire(), loop.places.root
+    server, data = RobotServer(loop, wire, band=1.0), loop.data
+    top, mass = data.xpos[root].copy() + [0.0, 0.0, 0.05], loop.robot.mass
+    rng = np.random.default_rng(0)
+    data.qpos[loop.places.base_qpos : loop.places.base_qpos + 3] += [0.02, -0.03, 0.01]
+    data.qvel[loop.places.base_dof : loop.places.base_dof + 6] = rng.normal(0.0, 0.1, 6)
+    mujoco.mj_forward(loop.model, data)
+    own = rng.normal(size=6)
+    data.xfrc_applied[root] = own
+    data.time = time
+    server._pull()
+    velocity = np.zeros(6)
+    mujoco.mj_objectVelocity(loop.model, data, mujoco.mjtObj.mjOBJ_XBODY, root, velocity, 0)
+    pull = 400.0 * mass * (top - [0.0, 0.0, lowered] - data.xpos[root]) - 40.0 * mass * velocity[3:]
+    np.testing.assert_allclose(data.xfrc_applied[root, :3] - own[:3], share * pull, atol=1e-9)
+    up = data.xmat[root].reshape(3, 3)[:, 2]
+    turn = 20.0 * mass * np.cross(up, [0.0, 0.0, 1.0]) - 0.8 * mass * velocity[:3]
+    np.testing.assert_allclose(data.xfrc_applied[root, 3:] - own[3:], share * turn, atol=1e-9)
+    data.time = 9.0
+    server._pull()
+    np.testing.assert_allclose(data.xfrc_applied[root], own, atol=1e-9)
+
+
+def test_a_server_keeps_its_period_and_counts_those_that_began_late(
+    loop: MujocoLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, slept, wire = [10.0], [], Wire()
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        now[0] += seconds
+
+    monkeypatch.setattr(module, "time", types.SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
+    server = RobotServer(loop, wire)
+    works = iter([0.001, 0.004, 0.007, 0.02, 0.001, 0.001])  # s a period; two of them take longer than 5 ms
+    begun: list[float] = []
+
+    def step() -> None:
+        begun.append(round(now[0] - 10.0, 9))
+        now[0] += next(works)
+
+    monkeypatch.setattr(server, "step", step)
+    server.run(lambda: len(begun) == 6)
+    # The third is made up for; after the fourth, which ends 12 ms late, the periods are counted anew.
+    assert begun == pytest.approx([0.0, 0.005, 0.01, 0.017, 0.037, 0.042])
+    assert server.late == 1 and slept == pytest.approx([0.004, 0.001, 0.004])
+
+
+def test_a_robot_without_commands_is_damped_and_sinks(loop: MujocoLoop) -> None:
+    """A tenth of the servos' damping, nothing else; a watchdog must be longer than a period."""
+    server = RobotServer(loop, Wire())
+    command = server._sinking()
+    np.testing.assert_allclose(command.kd, 0.1 * np.array(DESCRIPTION.kd))
+    assert not command.kp.any() and not command.joint_torque.any()
+    np.testing.assert_array_equal(command.joint_position, loop.joint_position)
+    for watchdog in (0.005, 0.004):
+        with pytest.raises(InputError):
+            RobotServer(loop, Wire(), watchdog=watchdog)
+    RobotServer(loop, Wire(), watchdog=0.0051)

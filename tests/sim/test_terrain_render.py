@@ -1,13 +1,17 @@
 """Grounds in MuJoCo: rays and contacts meet the surface that the height query describes."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from properties import by_default
 from scipy.spatial.transform import Rotation
 
 from wbc.base.numbers import Array
 from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.plot import _draw_map, _number, example_terrain, plot_terrain
 from wbc.sim.terrain.render import TERRAIN_GROUP, _colour, _geom, add_to_spec
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere, lowered
 from wbc.sim.terrain.spec import Terrain, terrain
@@ -171,3 +175,30 @@ def test_contacts_lie_on_the_surface(name: str) -> None:
         good += any(met)
     # The rest touch a second face, in a corner, or slip beside an edge.
     assert good >= 0.95 * x.size
+
+
+def test_a_map_shows_the_height_at_the_middle_of_each_of_its_pixels() -> None:
+    ground = terrain("steps", 0.06, riser=0.03, direction="up", length=1.0)
+    box = (-0.2, 1.4, -0.4, 0.4)
+    figure = Figure()
+    image = _draw_map(figure.subplots(), ground, box)
+    shown = np.asarray(image.get_array())
+    rows, columns = shown.shape
+    assert (columns, rows) == (400, 200)  # of 4 mm
+    x0, x1, y0, y1 = image.get_extent()
+    assert (x0, x1, y0, y1) == box and image.origin == "lower"
+    x, y = x0 + (np.arange(columns) + 0.5) * 0.004, y0 + (np.arange(rows) + 0.5) * 0.004
+    np.testing.assert_allclose(shown, 1e3 * ground.height(x[None, :], y[:, None]), atol=1e-9)
+    assert image.get_clim()[0] < shown.min() - 0.5 * np.ptp(shown)
+    assert [_number("Sa", "m", 0.0123), _number("P", "", 0.5), _number("M", "m2", 2e-6)] == [
+        "Sa 12.3 mm",
+        "P 0.5",
+        "M 2 mm²",
+    ]
+
+
+def test_families_are_drawn_each_once_and_a_ground_with_its_profile(tmp_path: Path) -> None:
+    plot_terrain(terrain("steps", 0.06, direction="up"), tmp_path / "ground.svg")
+    assert (tmp_path / "ground.svg").stat().st_size > 10_000
+    for name in terrain_families():
+        assert example_terrain(name).name == name and example_terrain(name).amplitude >= 0.0
