@@ -1,6 +1,6 @@
 """Small errors put into the code, drawn at random, to see whether the default tests notice them; run by hand.
 
-    python tests/mutations.py core                        # 40 errors of a room, which a text in the files' paths names
+    python tests/mutations.py core                        # 40 errors of a room, or of folders of this name
     python tests/mutations.py sim feet --count 60 --seed 2
     python tests/mutations.py core --kinds number         # constants are doubled
 
@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("wbc", "robots", "feet", "tasks", "sim")
 KINDS = ("arithmetic", "comparison", "seed", "number")
 SLOWEST = 300  # s of CPU; tests that hang have noticed, too
-MOST = 80  # tests of one error, those of the room first
+MOST = 80  # tests of one run, those of the room first
 
 ARITHMETIC = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"}
 COMPARISON = {
@@ -122,10 +122,10 @@ class Covering:
             found = {test.partition("|")[0] for line in some for test in by_line.get(line, ()) if test}
             tests = sorted(found - past)
             draws.shuffle(tests)
-            tests = sorted(tests, key=lambda test: f"tests/{room}/" not in test)[:MOST]
+            tests = sorted(tests, key=lambda test: f"tests/{room}/" not in test)
             past |= {*tests}
-            if tests:
-                yield tests
+            for first in range(0, len(tests), MOST):
+                yield tests[first : first + MOST]
         if not past:
             yield [f"tests/{room}"]
 
@@ -184,7 +184,7 @@ def reasons() -> dict[tuple[str, str], str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument(
-        "rooms", nargs="+", metavar="ROOM", help="text in the paths of the files, such as core"
+        "rooms", nargs="+", metavar="ROOM", help="a room, such as core, else folders or files of a name"
     )
     parser.add_argument("--count", type=int, default=40, help="errors a room, default %(default)s")
     parser.add_argument("--seed", type=int, default=1)
@@ -212,7 +212,8 @@ def main() -> None:
             cover(tree, data, options.rooms)
         covering = Covering(data, tree)
         for room in options.rooms:
-            chosen = [f for f in files if room in package_file(f).parts]
+            own = [f for f in files if package_file(f).parts[1] == room]
+            chosen = own or [f for f in files if room in package_file(f).parts]
             every = [(f, m) for f in chosen for m in mutations(f.read_bytes()) if m.kind in kinds]
             if not every:
                 parser.error(f"no file of '{room}' has an error to make")

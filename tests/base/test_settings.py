@@ -13,6 +13,7 @@ import pytest
 from wbc.base.changes import as_changes, changed, normal_changes, read_changes, setting_names
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.settings import (
+    Angle,
     Count,
     NonNegative,
     Positive,
@@ -20,6 +21,7 @@ from wbc.base.settings import (
     Share,
     from_json,
     in_units,
+    json_object,
     may_be_none,
     nested_settings,
     settings,
@@ -181,12 +183,27 @@ def test_a_refused_value_is_named_by_its_place_its_unit_and_what_was_given() -> 
         assert all(part in str(refusal.value) for part in parts), refusal.value
     with pytest.raises(UnknownNameError, match="length"):
         from_json(Spec, {"lenght": 1.0})
-    with pytest.raises(InputError, match=r"impulse \(Ns/kg\)"):
-        Push(-1.0)
+    for given, said in (((-1.0,), "impulse (Ns/kg)"), ((0.1, -1.0), "time (s)"), ((0.1, 1e-13), "time (s)")):
+        with pytest.raises(InputError) as refusal:
+            Push(*given)
+        assert str(refusal.value).startswith(said) and str(refusal.value).count(f"{given[-1]:g}") == 1
+    assert json_object("a spec", {"a": 1}) == {"a": 1}
+    for bad in ([("a", 1)], "a", None):
+        with pytest.raises(InputError):
+            json_object("a spec", bad)
     for tiny in (0.0, -1.0, 0.99e-12, np.inf, np.nan):
         with pytest.raises(InputError, match="length"):
             Spec(length=tiny)
     assert Spec(length=1e-12).length == 1e-12
+
+    @settings
+    class Turn:
+        angle: Angle = 0.0
+
+    assert Turn(-np.pi).angle == -np.pi and Turn(2.0 * np.pi).angle > 6.28
+    for degrees in (-360.0, 7.0, -7.0):
+        with pytest.raises(InputError, match=r"angle \(rad\)"):
+            Turn(degrees)
 
 
 def test_a_path_names_a_file_of_printable_characters_that_is_not_too_long() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +19,7 @@ from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion
 from wbc.motion.contacts import find_contacts, runs
-from wbc.motion.feasible import centre_of_mass_shift
+from wbc.motion.feasible import centre_of_mass_shift, supports_on
 from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import planted
 from wbc.motion.kinematics import BodyMotion, corners_of
@@ -394,6 +395,120 @@ def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> Non
     assert max(result.changes, key=lambda joint: result.changes[joint]) == "left_elbow_joint"
     times = result.source_times
     assert times[0] == 0.0 and times[-1] == pytest.approx(wild.duration) and times.max() <= wild.duration
+
+
+@pytest.fixture(scope="module")
+def hrp4() -> Robot:
+    return load_robot("hrp4_class").robot()
+
+
+def still(robot: Robot, **changes: Any) -> MotionClip:
+    """Return 0.8 s of half-sitting at 100 Hz with both soles on the ground: joint, or x, y, z, → its changes."""
+    q = np.tile(robot.half_sitting, (81, 1))
+    for name, change in changes.items():
+        q[:, "xyz".index(name) if name in "xyz" else 7 + robot.joint_index(name)] += change
+    return MotionClip.of(robot, q, 100.0, standing=np.ones((81, 2), dtype=bool))
+
+
+def test_a_feasible_clip_rests_half_a_second_at_both_ends_and_eases_in_and_out(hrp4: Robot) -> None:
+    """Its time is eased by 3r² − 2r³ over 0.4 s, of which the way is r³ − r⁴/2: 0.4 s longer, and as fast between."""
+    result = make_feasible(hrp4, still(hrp4))
+    assert len(result.clip) == 50 + 121 + 50 and result.stretched == pytest.approx(1.21 / 0.8)
+    assert result.after.feasible and not result.changes and result.shortened == 0.0
+    t = np.clip(np.arange(-50, 171) / 100.0, 0.0, 1.2)
+    rise, fall = np.clip(t / 0.4, 0.0, 1.0), np.clip((1.2 - t) / 0.4, 0.0, 1.0)
+    way = 0.4 * (rise**3 - 0.5 * rise**4) + np.clip(t - 0.4, 0.0, 0.4)
+    way += 0.4 * (0.5 - (fall**3 - 0.5 * fall**4)) * (t > 0.8)
+    np.testing.assert_allclose(result.source_times, way, atol=1e-4)
+    np.testing.assert_allclose(result.clip.base[:, :3], np.tile(hrp4.half_sitting[:3], (221, 1)), atol=1e-6)
+    with pytest.raises(InputError, match="10002 s"):  # of 1e6 frames 10,000 s
+        make_feasible(hrp4, MotionClip.of(hrp4, np.tile(hrp4.half_sitting, (10_003, 1)), 1.0))
+
+
+def test_a_joint_of_twice_the_allowed_speed_is_moved_in_twice_the_time(hrp4: Robot) -> None:
+    joint, t = hrp4.joint_index("left_elbow_pitch"), np.arange(81) / 100.0
+    limit = hrp4.velocity_limit[joint]
+    clip = still(hrp4, left_elbow_pitch=-1.6 * limit * np.clip(t - 0.3, 0.0, 0.2))
+    assert check_motion(hrp4, clip).joint_speed == {"left_elbow_pitch": pytest.approx(1.6)}
+    result = make_feasible(hrp4, clip)
+    middle = (result.source_times > 0.35) & (result.source_times < 0.45)
+    np.testing.assert_allclose(np.diff(result.source_times)[middle[1:]], 0.005, rtol=0.05)
+    speed = np.abs(np.gradient(result.clip.joints[:, joint], 0.01))
+    assert 0.7 * limit < speed.max() < 0.8 * 1.05 * limit
+    assert not result.after.joint_speed and result.after.feasible and max(result.changes.values()) < 0.05
+
+
+def test_an_oscillation_above_the_cut_off_is_taken_out_and_one_below_stays(hrp4: Robot) -> None:
+    """A Butterworth filter of order 2 there and back: 1 / (1 + (f / 6 Hz)⁴); then a Gaussian of 0.03 s."""
+    t = np.arange(81) / 100.0
+    for frequency in (2.0, 6.0):
+        given = 0.02 * np.sin(2.0 * np.pi * frequency * t)
+        result = make_feasible(hrp4, still(hrp4, left_wrist_yaw=given))
+        joint = hrp4.joint_index("left_wrist_yaw")
+        inside = (result.source_times > 0.25) & (result.source_times < 0.55)
+        phase = 2.0 * np.pi * frequency * result.source_times[inside]
+        waves = np.column_stack([np.sin(phase), np.cos(phase), np.ones(len(phase))])
+        kept = np.hypot(*np.linalg.lstsq(waves, result.clip.joints[inside, joint])[0][:2]) / 0.02
+        pace = float(np.diff(result.source_times)[inside[1:]].mean()) / 0.01
+        smoothed = np.exp(-0.5 * (2.0 * np.pi * frequency * pace * 0.03) ** 2)
+        assert kept == pytest.approx(smoothed / (1.0 + (frequency / 6.0) ** 4), abs=0.08), frequency
+
+
+def test_arms_and_trunk_are_no_further_out_than_their_torques_hold(hrp4: Robot) -> None:
+    """Raised arms come down, and a trunk that is bent comes up, until gravity takes the share that is allowed."""
+    for changes, share, joint in (
+        ({"left_shoulder_pitch": -1.3}, 0.1, "left_shoulder_pitch"),
+        ({"waist_pitch": 0.6}, 0.1, "waist_pitch"),
+    ):
+        clip, place = still(hrp4, **changes), hrp4.joint_index(joint)
+        motion = BodyMotion.of(hrp4, clip.configurations(hrp4), 100.0)
+        assert motion.torque_share(hrp4)[40, place] > 1.5 * share
+        assert check_motion(hrp4, clip, share=share).joint_torque[joint] > 1.5 * share
+        result = make_feasible(hrp4, clip, share=share)
+        made = BodyMotion.of(hrp4, result.clip.configurations(hrp4), 100.0)
+        assert not result.after.joint_torque
+        assert 0.3 * share < made.torque_share(hrp4)[100, place] <= 1.05 * share
+    assert abs(changes["waist_pitch"] - result.changes["waist_pitch"]) > 0.4, (
+        "it is the whole trunk that comes up"
+    )
+
+
+def test_the_zmp_is_kept_to_the_middle_of_the_soles_and_of_both_where_both_carry(hrp4: Robot) -> None:
+    """On 0.6 of length and width; between two soles 0.15 of their distance further in, from 0.6 s beside a step on."""
+    soles = [tuple(pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) for y in (0.1, -0.1))] * 300
+    standing = np.ones((300, 2), dtype=bool)
+    standing[200:, 1] = False
+    areas = supports_on(hrp4, soles, standing)  # type: ignore[arg-type]
+    length, width = 0.3 * hrp4.soles[0].length, 0.3 * hrp4.soles[0].width
+    for frame, out in ((0, 0.1 - 0.15 * 0.2), (199, 0.1)):
+        np.testing.assert_allclose(areas[frame].max(axis=0), (length, out + width), atol=1e-3)
+        np.testing.assert_allclose(areas[frame].min(axis=0), (-length, -out - width), atol=1e-3)
+    np.testing.assert_allclose(areas[250].min(axis=0), (-length, 0.1 - width), atol=1e-12)
+    np.testing.assert_allclose(areas[250].max(axis=0), (length, 0.1 + width), atol=1e-12)
+    extents = np.array([area[:, 1].max() for area in areas[:200]])
+    assert (np.diff(extents) > -1e-12).all() and np.diff(extents).max() < 0.15 * 0.2 / 15.0, "no jump"
+    assert extents[110] == pytest.approx(extents[0], abs=1e-3)
+
+
+def test_the_body_moves_until_the_zmp_is_on_the_soles(hrp4: Robot) -> None:
+    """Swayed 0.25 m aside in 0.8 s: it needs the ground half a metre beside the soles; squatting needs nothing."""
+    bump = np.sin(np.pi * np.arange(81) / 80.0) ** 2
+    for changes, worst in (({"y": 0.25 * bump}, 300.0), ({"z": -0.1 * bump}, 0.0)):
+        clip = still(hrp4, **changes)
+        if worst:
+            assert check_motion(hrp4, clip).zmp_worst > worst
+        result = make_feasible(hrp4, clip)
+        made = BodyMotion.of(hrp4, result.clip.configurations(hrp4), 100.0)
+        assert result.after.feasible and result.after.zmp_worst < 1.0
+        assert result.after.foot_slide < 1e-3 and result.after.penetration < 1e-3
+        np.testing.assert_allclose(
+            made.centres, np.broadcast_to(made.centres[0], made.centres.shape), atol=1e-6
+        )
+        assert np.abs(made.v[:10]).max() < 0.02 and np.abs(made.v[-10:]).max() < 0.02
+        zmp = made.zmp()
+        if "z" in changes:
+            assert np.ptp(made.com[:, 2]) == pytest.approx(0.1, abs=0.025) and np.ptp(zmp[:, 1]) < 1e-3
+            assert made.com[0, 2] - made.com[100, 2] > 0.07
 
 
 @pytest.mark.slow

@@ -20,6 +20,7 @@ from wbc.core import conventions
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load, names, register, registry, urdf
+from wbc.robots.derivation.soles import sole_rectangle
 from wbc.robots.models import example_robots, hrp4_class
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.balance.tracking import TrackSpec
@@ -104,6 +105,19 @@ def test_frames_sit_where_the_attachment_says(name: str) -> None:
         body = state.body(link)
         world = pin.SE3(body.xmat.reshape(3, 3), body.xpos) * placement
         assert world.isApprox(robot.placement(frame), 1e-9)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_soles_are_the_rectangles_around_what_touches_the_ground(name: str) -> None:
+    """To a millimetre, whether given or derived."""
+    description = load(name)
+    model, root = description.robot().model, urdf.read(description.urdf)
+    for sole in description.soles:
+        found = sole_rectangle(root, model, sole.frame, description.package_dirs)
+        assert found is not None
+        centre, *size = found
+        np.testing.assert_allclose(centre, 0.0, atol=1e-3)
+        np.testing.assert_allclose((sole.length, sole.width), size, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

@@ -180,7 +180,8 @@ def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
         for side in ("left", "right")
     }
     lost = RobotDescription.from_urdf(biped(geometry=shape), **below)
-    assert lost.soles[0].length == pytest.approx(0.152 / 0.530 * (THIGH + SHIN + ANKLE))
+    ratios = np.array([0.152, 0.055]) / 0.530 * (THIGH + SHIN + ANKLE)
+    assert (lost.soles[0].length, lost.soles[0].width) == pytest.approx(tuple(ratios))
     assert "no usable geometry" in "\n".join(lost.derived)
     assert [sole.frame for sole in lost.soles] == ["left_foot_sole", "right_foot_sole"]
 
