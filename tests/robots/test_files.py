@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from mjcf_biped import biped
 
 from wbc.base.errors import InputError, UnknownNameError
-from wbc.robots import files, load, registry
+from wbc.core.frames import FrameDescription
+from wbc.robots import files, frames, load, registry
 
 SOLE = {"link": "left_foot", "translation": [0.03, 0.0, -0.07], "length": 0.2, "width": 0.1}
 
@@ -86,6 +88,46 @@ def test_a_robot_is_read_anew_when_a_file_that_it_refers_to_has_changed(changed:
     (tmp_path / changed).write_text(texts[changed].replace(old, new))
     os.utime(tmp_path / changed, (2e9, 2e9))  # MuJoCo keeps meshes of one second
     assert load(tmp_path / "arm.toml").robot().mass == pytest.approx(2.0)
+
+
+def test_a_file_in_the_folder_of_its_user_is_read_anew_when_it_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A path that begins with ~, in a TOML beside other files."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "home").mkdir()
+    robot = tmp_path / "home" / "biped.xml"
+    robot.write_text(biped())
+    mine = tmp_path / "mine.toml"
+    mine.write_text("file = '~/biped.xml'\n")
+    before = load(mine)
+    robot.write_text(biped().replace('mass="', 'mass="1'))
+    os.utime(robot, (2e9, 2e9))
+    assert load(mine).robot().mass > 1.5 * before.robot().mass
+
+
+def test_a_frame_that_is_there_already_is_the_same_one_or_refused() -> None:
+    """The same by its name, its link and its place in this."""
+    model = load("hrp4_class").pinocchio_model()
+    links = frames.link_names(model)
+    place = FrameDescription("mark", links[3], (0.1, 0.0, 0.0), (0.0, 0.0, 0.3))
+    frames.add_frame(model, place)
+    count = model.nframes
+    frames.add_frame(model, place)
+    assert model.nframes == count and frames.same_place(model, place)
+    at = model.frames[model.getFrameId("mark")]
+    body = frames.body_frame(model, links[3])
+    assert (
+        at.placement.isApprox(body.placement * place.placement, 1e-12) and at.parentJoint == body.parentJoint
+    )
+    for wrong in (
+        replace(place, link=links[4]),
+        replace(place, translation=(0.1, 0.0, 1e-3)),
+        replace(place, rpy=(0.0, 0.0, 0.31)),
+    ):
+        assert not frames.same_place(model, wrong)
+        with pytest.raises(InputError, match="'mark'"):
+            frames.add_frame(model, wrong)
 
 
 def test_shapes_of_links_are_of_who_asked_for_them() -> None:

@@ -299,6 +299,16 @@ SOFT = {  # elements → range of a knee of [-0.1, 2.6], said
         (0.15, 1.2),
     ),
     "speed": ("", command("0.15", "1.3", "velocity"), (None, None)),
+    "least": (
+        "",
+        '<command_interface name="position"><param name="min">0.2</param></command_interface>',
+        (0.2, None),
+    ),
+    "most": (
+        "",
+        '<command_interface name="position"><param name="max">1.1</param></command_interface>',
+        (None, 1.1),
+    ),
 }
 
 
