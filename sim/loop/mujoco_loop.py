@@ -113,11 +113,7 @@ class MujocoLoop(SimulatedRobot):
                 the model.
         """
         machine = machine or Machine(torque_sensors=True)
-        if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
-            raise InputError(
-                "a MujocoLoop takes friction and payload from the MuJoCo model, and has no force sensors at wrists: "
-                "leave friction, payload and hand_sensors of the machine at their defaults"
-            )
+        machine.check_loop("a MujocoLoop")
         description = as_description(description)
         description.needs_feet("a loop with sensors of a humanoid")
         steps_per_tick(control_period, float(model.opt.timestep))

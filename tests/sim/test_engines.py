@@ -202,7 +202,10 @@ def test_drives_of_another_engine_keep_to_their_law_and_limits_and_delays() -> N
 
 
 def test_what_another_engine_cannot_take_is_refused_and_a_divergence_is_named() -> None:
+    own = wbc.Plant("hrp4_class", visuals=False).model
     for machine in (Machine(friction=1.0), Machine(payload=1.0), Machine(hand_sensors=True)):
+        with pytest.raises(InputError):
+            MujocoLoop("hrp4_class", own, control_period=0.005, machine=machine)
         with pytest.raises(InputError, match="leave friction, payload and hand_sensors"):
             InAir("g1", machine=machine)
     with pytest.raises(InputError, match="two feet"):

@@ -16,6 +16,7 @@ from properties import examples
 from scipy.spatial.transform import Rotation
 
 from wbc.base.errors import InputError
+from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
 from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
@@ -23,9 +24,12 @@ from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, f
 from wbc.sim.walks.prepare import moved
 from wbc.sim.walks.result import Spread, objective
 from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import _eyes, _range_sensor
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import VelocityLimits
+
+EXACT = {"noise": 0.0, "relative_noise": 0.0, "resolution": 0.0, "dropout": 0.0}
 
 # --- pushes ----------------------------------------------------------------------------------------------------------
 
@@ -268,6 +272,22 @@ def test_a_configuration_is_moved_over_the_ground_and_turned_about_the_vertical(
     expected = turn * Rotation.from_quat(q[3:7])
     assert (Rotation.from_quat(there[3:7]).inv() * expected).magnitude() == pytest.approx(0.0, abs=1e-7)
     np.testing.assert_array_equal(there[7:], q[7:])
+
+
+@pytest.mark.parametrize(("eyes", "kind"), [("none", None), ("depth", DepthCamera), ("toes", ToeSensors)])
+@pytest.mark.parametrize("noise", ["none", "realistic"])
+def test_sensors_of_a_walk_are_exact_if_its_noise_is_none(noise: str, eyes: str, kind: type | None) -> None:
+    spec = WalkSpec(noise=noise, eyes=eyes, foot="variable")  # type: ignore[arg-type]
+    settings = spec.prepare().settings
+    ranges, seeing = _range_sensor(spec, settings), _eyes(spec, settings)
+    assert ranges is not None and _range_sensor(replace(spec, foot="soft"), settings) is None
+    assert [type(each) for each in seeing] == ([] if kind is None else [kind])
+    errors = [getattr(each, name) for each in seeing for name in ("noise", "dropout")]
+    errors += [ranges.noise, ranges.relative_noise, ranges.resolution, ranges.dropout]
+    assert not any(errors) if noise == "none" else seeing == () or any(errors[:2])
+    assert ranges == (settings.range_sensor if noise != "none" else replace(settings.range_sensor, **EXACT))
+    for each, own in zip(seeing, (settings.camera if eyes == "depth" else settings.toes,), strict=False):
+        assert (each == own) == (noise == "realistic") and each.rate == own.rate
 
 
 # --- figures ---------------------------------------------------------------------------------------------------------
