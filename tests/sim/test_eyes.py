@@ -17,6 +17,7 @@ from wbc.robots import load
 from wbc.sim import DepthCamera, DepthView, Plant, WalkPlan, WalkSpec, make_terrain
 from wbc.sim.plant.eyes import ToeSensors
 from wbc.sim.plant.eyes.depth import visible_model
+from wbc.sim.plant.shapes import SHAPE_GROUP
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.trial import WalkTrial
 
@@ -229,6 +230,26 @@ def test_a_ghost_is_seen_where_it_is_not() -> None:
     inside = (np.abs(points[:, :2] - (0.8, 0.1)) < 0.2).all(axis=1)
     assert inside.sum() > 20
     assert points[:, 2] == pytest.approx(np.where(inside, 0.05, 0.0), abs=1e-6)
+
+
+def test_a_camera_sees_soles_as_plates_that_stand_on_the_ground() -> None:
+    """Of the sole's rectangle, 20 mm high; and nothing of what the robot is drawn with can be looked through."""
+    plant = Plant(ROBOT, foot="rigid")
+    model = visible_model(plant)
+    data = mujoco.MjData(model)
+    data.qpos[:] = plant.data.qpos
+    mujoco.mj_forward(model, data)
+    plates = []
+    for side, foot in enumerate(plant.feet):
+        sole = foot.fit.sole
+        size = np.array([sole.length, sole.width, 0.02]) / 2.0
+        same = [i for i in range(model.ngeom) if np.allclose(model.geom_size[i], size, atol=1e-9)]
+        centre, rotation = plant.sole_pose(side)
+        middle = centre + 0.01 * rotation[:, 2]
+        plates.append([i for i in same if np.allclose(data.geom_xpos[i], middle, atol=1e-6)])
+    assert [len(each) for each in plates] == [1, 1]
+    shapes = model.geom_group == SHAPE_GROUP
+    assert shapes.any() and (model.geom_rgba[shapes, 3] == 1.0).all()
 
 
 def test_a_raised_leg_hides_ground_from_the_camera() -> None:

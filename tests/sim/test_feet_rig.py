@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 from properties import by_default
+from scipy.spatial.transform import Rotation
 
 from wbc.feet import Foot, foot
 from wbc.sim.plant.settings import PhysicsSettings
@@ -49,11 +50,17 @@ def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terr
 
 @pytest.mark.parametrize("name", ["rigid", "soft"])
 @pytest.mark.parametrize(("x", "y", "yaw"), [(0.0, 0.0, 0.0), (0.31, -0.12, 0.7), (-0.4, 0.2, -2.0)])
+@pytest.mark.parametrize("turned", [False, True])
 def test_a_foot_starts_over_its_place_by_its_drop_and_is_seen_in_its_own_plan(
-    name: str, x: float, y: float, yaw: float
+    name: str, x: float, y: float, yaw: float, turned: bool
 ) -> None:
     """The place is that of the sole's centre, from the middle of the rough part; heading and drop are the test's."""
     test = FootTest(foot(name), RANDOM, x=x, y=y, yaw=yaw, drop=0.07)
+    if turned:  # the axes of the ankle's link do not matter
+        axes = Rotation.random(rng=np.random.default_rng(4))
+        place = -axes.apply(test.robot_sole.ankle)
+        own = replace(test.robot_sole, translation=tuple(place), rotation=tuple(axes.as_quat()))
+        test = replace(test, robot_sole=own)
     rig = Rig(test)
     sole = rig.foot.fit.sole
     centre = np.array([0.5 * (test.ground.start + test.ground.stop) + x, y])

@@ -17,6 +17,7 @@ from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
 from wbc.sim import Machine, PhysicsSettings, Plant
+from wbc.sim.plant.model import _max_pairs
 from wbc.sim.terrain.spec import terrain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -117,6 +118,24 @@ def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: 
     weight = few.robot.mass * few.physics.gravity
     np.testing.assert_allclose(wrenches[0], wrenches[1], atol=2e-3 * weight)
     np.testing.assert_allclose(few.truth().com, all_of_them.truth().com, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("foot", "ground", "pairs"),
+    [
+        ("soft", "random", 12),
+        ("soft", "floor_tiles", 168),
+        ("rigid", "cobble_stones", 240),
+        ("flat", "ellipsoids", 252),
+        ("rigid", "stones", 600),
+    ],
+)
+def test_of_few_pairs_that_can_touch_no_trees_are_made(foot: str, ground: str, pairs: int) -> None:
+    """Spheres of one body of a foot times solids of one slab of the ground, as the times of steps were measured."""
+    model = Plant(load("hrp4_class"), foot=foot, terrain=ground, visuals=False).model
+    assert _max_pairs(model) == pairs
+    off = bool(model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE))
+    assert off == (pairs <= 240)
 
 
 def test_contacts_carry_what_moves_the_centre_of_mass() -> None:

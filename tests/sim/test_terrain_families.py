@@ -14,7 +14,7 @@ from properties import by_default, examples
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.sim.terrain.families.base import Family, terrain_families
+from wbc.sim.terrain.families.base import Family, FieldFamily, terrain_families
 from wbc.sim.terrain.families.fields import low_pass
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.families.site import Draws, Site, cells, centred
@@ -453,6 +453,46 @@ def test_a_ground_lies_where_its_page_says() -> None:
     assert (t.start, t.length, t.width, t.strip, t.ramp) == (0.3, 3.0, 1.0, 1.0, 0.5)
     assert t.stop == pytest.approx(3.3) and t.extent == pytest.approx((-0.7, 4.3, -0.5, 0.5))
     assert terrain("slope").ramp == 0.0
+
+
+FEATURES = {
+    "boards": 0.05,  # the shortest board
+    "cobble_stones": 0.18 / 4.0,  # a quarter of the pitch
+    "cylinder_obstacles": 0.03,  # the narrowest bar
+    "ellipsoids": 2.0 * 0.032,  # the smaller axis
+    "floor_tiles": 0.017,  # a joint
+    "iso8608": 0.5 / 5.0,  # half of the shortest wave
+    "large_floor_tiles": 0.01,  # a joint
+    "metal_sheets": 0.076 / 2.0,  # half of a wave
+    "patchwork": 0.03,  # that of its bars
+    "pyramidal_stones": 0.047,  # the base
+    "random": 3.0 * 0.007,  # three samples
+    "roof_tiles": 0.2 / 4.0,  # a quarter of the shorter side
+    "slats": 0.02,  # the narrowest slat
+    "slope": 0.6,  # the landing
+    "small_stones": 0.02 * 0.6,  # the shortest stone at its slimmest
+    "steps": 0.3,  # a tread
+    "sticks": 0.03 * 0.5,  # the thinnest stick
+    "stone_bricks": 0.01,  # a joint
+    "stones": 0.06 * 0.6,
+}
+"""Smallest feature of each family that a foot can feel, m, of its own parameters."""
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_smallest_feature_is_that_of_the_familys_parameters(name: str) -> None:
+    t = terrain(name)
+    assert t.describe()["smallest_feature_m"] == pytest.approx(FEATURES[name], rel=1e-12)
+    if isinstance(t.parameters, FieldFamily):  # eight cells for each, and none longer than 7 mm
+        assert t.parameters.grid == pytest.approx(
+            min(0.007, FEATURES[name] / (3.0 if name == "random" else 8.0))
+        )
+        for widest in (0.005, 0.0007):
+            cell = t.parameters.cell(widest)
+            assert cell <= widest * (1 + 1e-9) and t.parameters.grid / cell == pytest.approx(
+                round(t.parameters.grid / cell)
+            )
+            assert cell > 0.5 * min(widest, t.parameters.grid)
 
 
 @pytest.mark.parametrize("name", ["stones", "random", "boards"])

@@ -44,6 +44,17 @@ def test_an_array_becomes_the_ground() -> None:
     assert t != terrain("image", 0.03, source=grey[::-1].copy(), metres_per_pixel=0.006)
 
 
+def test_an_image_is_used_up_to_its_edges_along_and_across() -> None:
+    grey = np.random.default_rng(0).uniform(0, 1, (21, 51))
+    whole = terrain("image", 0.03, source=grey, metres_per_pixel=0.02)
+    assert (whole.length, whole.width, whole.ramp) == pytest.approx((1.0, 0.4, 0.0))
+    part = terrain("image", 0.03, source=grey, metres_per_pixel=0.02, length=0.5, width=0.4)
+    assert part.height(0.55, 0.1) > 0.0
+    for beyond in ({"length": 1.001}, {"width": 0.401}):
+        with pytest.raises(InputError):
+            terrain("image", 0.03, source=grey, metres_per_pixel=0.02, **beyond)
+
+
 def test_coarse_images_are_drawn_in_finer_cells_but_stay_the_same() -> None:
     grey = np.random.default_rng(1).uniform(0, 1, (9, 31))
     coarse = terrain("image", 0.03, source=grey, metres_per_pixel=0.05)

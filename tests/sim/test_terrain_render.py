@@ -129,6 +129,21 @@ def test_a_solid_is_as_high_and_as_wide_as_mujoco_has_it(seed: int) -> None:
                 assert 2.0 - far == pytest.approx(float(z[i]), abs=1e-6), type(shape)
 
 
+def test_solids_of_a_tenth_of_a_metre_of_track_share_a_body() -> None:
+    """By the middles of their footprints; the body is in the middle of the first of them."""
+    spec, t = mujoco.MjSpec(), terrain("floor_tiles", seed=1)
+    add_to_spec(spec, t)
+    model = spec.compile()
+    middles = np.array([0.5 * (s.box[0] + s.box[1]) for s in t.surface.solids])
+    bodies = np.array([model.geom(f"terrain_{i}").bodyid[0] for i in range(middles.size)])
+    slabs = np.floor(middles / 0.1)
+    assert np.unique(bodies).size == np.unique(slabs).size
+    for body in np.unique(bodies):
+        mine = middles[bodies == body]
+        assert np.unique(slabs[bodies == body]).size == 1
+        assert model.body_pos[body] == pytest.approx([mine[0], 0.0, 0.0])
+
+
 def test_colours_of_solids_show_their_heights() -> None:
     """The darkest lies on the floor, the lightest is as high as the ground; halfway up a quarter of the light is on."""
     low, high = (_colour(Sphere(np.array([0.0, 0.0, z]), 0.01), 0.0, 0.04) for z in (-0.01, 0.03))
