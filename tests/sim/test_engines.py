@@ -169,6 +169,75 @@ def test_sensors_of_another_engine_are_what_a_falling_robot_feels() -> None:
         np.testing.assert_allclose(rotation, place.rotation, atol=1e-12)
 
 
+class Touched(InAir):
+    """A robot that is touched by made-up contacts, which do not move it."""
+
+    touches: Any = ([], [], [])
+
+    def contacts(self) -> EngineContacts:
+        return EngineContacts(*self.touches)
+
+
+def test_wrenches_of_another_engine_are_those_of_its_contacts_about_each_sole() -> None:
+    """Points and forces in the world, of left sole, right sole and neither: as Pinocchio moves a force to a frame."""
+    loop, rng = Touched("hrp4_class", timestep=0.001, control_period=0.001), np.random.default_rng(0)
+    q = loop.on_ground(loop.robot.half_sitting)
+    q[3:7] = pin.Quaternion(pin.exp3(np.array([0.2, -0.3, 0.8]))).coeffs()
+    loop.reset(q)
+    soles = np.array([0, 1, -1, 0, 1, 1])
+    points, forces = rng.normal(size=(6, 3)), 100.0 * rng.normal(size=(6, 3))
+    loop.touches = points, forces, soles
+    loop.step(limp(loop))
+    robot, truth = loop.robot.clone(), loop.truth()
+    robot.update(truth.q, truth.v)
+    for side, sole in enumerate(robot.soles):
+        mine = soles == side
+        about = pin.Force(forces[mine].sum(axis=0), np.cross(points[mine], forces[mine]).sum(axis=0))
+        expected = robot.placement(sole.frame).actInv(about).vector
+        np.testing.assert_allclose(truth.sole_wrench[side], expected, atol=1e-9)
+        np.testing.assert_allclose(loop.measure().sole_wrench[side], expected, atol=1e-9)
+    np.testing.assert_allclose(truth.other_force, forces[2])
+    np.testing.assert_array_equal(truth.contact_position, points)
+    slow = Touched("hrp4_class", timestep=0.001, control_period=0.004)
+    slow.touches = points[:1], forces[:1], soles[:1]
+    slow.step(limp(slow))
+    found = []
+    one = Touched("hrp4_class", timestep=0.001, control_period=0.001)
+    one.touches = slow.touches
+    for _ in range(4):
+        one.step(limp(one))
+        found.append(one.measure().sole_wrench)
+    np.testing.assert_allclose(slow.measure().sole_wrench, np.mean(found, axis=0), atol=1e-9)
+
+
+@pytest.mark.parametrize("periods", [1, 3])
+def test_an_imu_of_another_engine_feels_what_the_body_that_carries_it_does(periods: int) -> None:
+    """A robot that tumbles: the acceleration of its IMU less gravity, and its rates, in the axes of the IMU."""
+    loop = InAir("hrp4_class", timestep=0.0005, control_period=0.001)
+    rng = np.random.default_rng(2)
+    robot, v = loop.robot.clone(), rng.normal(size=loop.robot.nv)
+    q = robot.half_sitting.copy()
+    q[3:7] = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
+    loop.reset(q)
+    loop._state = q.copy(), v
+    for _ in range(periods + 1):  # the first period has begun at rest
+        loop.step(limp(loop))
+    measured, (q, v) = loop.measure(), loop.state()
+    data, model = robot.model.createData(), robot.model
+    a = pin.aba(model, data, q, v, np.zeros(robot.nv))
+    pin.forwardKinematics(model, data, q, v, a)
+    imu = robot.frame_id(robot.imu_frame)
+    place = pin.updateFramePlacement(model, data, imu)
+    acceleration = pin.getFrameClassicalAcceleration(model, data, imu, pin.LOCAL).linear
+    felt = acceleration + place.rotation.T @ [0.0, 0.0, GRAVITY]
+    np.testing.assert_allclose(
+        measured.angular_velocity, pin.getFrameVelocity(model, data, imu, pin.LOCAL).angular, atol=1e-9
+    )
+    assert np.abs(felt).max() > 0.3  # it is off the centre of mass
+    np.testing.assert_allclose(measured.specific_force, felt, atol=0.05 * np.linalg.norm(felt) + 0.05)
+    np.testing.assert_allclose(measured.joint_velocity, v[6:], atol=1e-12)
+
+
 @pytest.mark.parametrize("duration", [0.01, 0.0173])
 def test_a_push_gives_its_impulse_wherever_it_acts(duration: float) -> None:
     loop, force = InAir("hrp4_class", timestep=0.001), np.array([30.0, -50.0, 20.0])
