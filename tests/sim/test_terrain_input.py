@@ -1,5 +1,6 @@
 """Wrong input to grounds is refused before anything is built, with a message that helps."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,11 @@ import pytest
 from PIL import Image as Picture
 
 from wbc.base.errors import InputError
+from wbc.base.settings import settings
+from wbc.sim.terrain.families.base import ShapeFamily
+from wbc.sim.terrain.families.site import Site
+from wbc.sim.terrain.families.solids import dome
+from wbc.sim.terrain.shapes import Shape
 from wbc.sim.terrain.spec import terrain
 
 
@@ -42,6 +48,66 @@ def test_an_array_becomes_the_ground() -> None:
     np.testing.assert_allclose(t.height(x[1:-1], y[1:-1, None]), want[1:-1, 1:-1], atol=1e-9)
     assert t == terrain("image", 0.03, source=grey.copy(), metres_per_pixel=0.006)
     assert t != terrain("image", 0.03, source=grey[::-1].copy(), metres_per_pixel=0.006)
+
+
+@settings
+class Single(ShapeFamily):
+    """One dome, as high as a share of the amplitude."""
+
+    name = "single"
+    x: float = 1.0
+    y: float = 0.0
+    share: float = 1.0
+    stop_level: float = 0.0
+
+    @property
+    def smallest_feature(self) -> float:
+        return 0.1
+
+    def stop(self, site: Site) -> float:
+        return self.stop_level
+
+    def shapes(self, site: Site) -> Iterator[Shape]:
+        yield dome(self.x, self.y, 0.1, self.share * site.amplitude)
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.4, 0.0), (3.2, 0.0), (1.0, 0.4), (1.0, -0.4)])
+def test_solids_of_a_family_stay_inside_the_rough_part(x: float, y: float) -> None:
+    """A dome of 0.1 m radius touches an edge from inside, and is refused a millimetre further."""
+    inwards = np.sign([1.8 - x if y == 0.0 else 0.0, -y])
+    for by, fits in ((1e-4, True), (-1e-3, False)):
+        place = np.array([x, y]) + by * inwards
+        ground = terrain(Single(*place.tolist()), 0.05)
+        if fits:
+            assert ground.height(*place) == pytest.approx(0.05, abs=0.05)
+        else:
+            with pytest.raises(InputError):
+                ground.height(0.0, 0.0)
+
+
+def test_a_family_must_be_as_high_as_its_amplitude() -> None:
+    assert terrain(Single(), 0.05).height(1.0, 0.0) == pytest.approx(0.05)
+    for share in (1.0 + 1e-6, 1.0 - 1e-6):
+        with pytest.raises(InputError):
+            terrain(Single(share=share), 0.05).height(0.0, 0.0)
+    high = terrain(Single(stop_level=0.02), 0.05)
+    assert high.height(high.stop + 0.1, 0.0) == pytest.approx(0.02)
+    assert high.height(high.stop - 0.01, 0.0) == high.height(high.start - 0.1, 0.0) == 0.0
+
+
+def test_a_profile_has_a_sample_at_each_step_up_to_its_end() -> None:
+    ground = terrain("slope", 0.1, direction="up")
+    for x0, x1, step, count in ((0.0, 1.0, 0.1, 11), (0.0, 0.99, 0.1, 10), (-0.2, 0.1, 0.15, 3)):
+        x, z = ground.profile(x0, x1, 0.2, step)
+        np.testing.assert_allclose(x, x0 + step * np.arange(count), atol=1e-12)
+        np.testing.assert_array_equal(z, ground.height(x, 0.2))
+    x, _ = ground.profile()
+    assert x[0] == ground.start and ground.stop - x[-1] < 0.007
+    for bad in ({"x0": 1.0, "x1": 1.0}, {"x0": 0.0, "x1": 1.0, "step": 0.99e-7}, {"step": 0.0}):
+        with pytest.raises(InputError):
+            ground.profile(**bad)
+    slope = np.arctan(0.1 / 3.0)
+    np.testing.assert_allclose(ground.normal(1.0, 0.1), [-np.sin(slope), 0.0, np.cos(slope)], atol=1e-6)
 
 
 def test_an_image_is_used_up_to_its_edges_along_and_across() -> None:
