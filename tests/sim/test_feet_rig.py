@@ -95,6 +95,18 @@ def test_a_foot_starts_over_its_place_by_its_drop_and_is_seen_in_its_own_plan(
     assert rig.depth == 0.0 and rig.mean_square_rate == 0.0
 
 
+@pytest.mark.parametrize("across", [False, True])
+def test_a_foot_starts_over_an_edge_that_a_sphere_under_its_rim_would_touch(across: bool) -> None:
+    """A step in the middle of the track, half a radius or one and a half beside the sole's rectangle."""
+    step = terrain("steps", 0.1, riser=0.1, direction="up")
+    sole = foot("rigid").fit(FootTest().robot_sole).sole
+    half, radius = 0.5 * (sole.width if across else sole.length), foot("rigid").contact.radius
+    for share, height in ((0.5, 0.1), (1.5, 0.0)):
+        x = -(half + share * radius)
+        rig = Rig(FootTest(foot("rigid"), step, x=x, yaw=0.5 * math.pi if across else 0.0, drop=0.02))
+        assert rig.data.site(rig.foot.wrench_site).xpos[2] == pytest.approx(height + 0.02, abs=1e-9)
+
+
 def test_figures_of_a_rig_are_those_of_mujocos_state() -> None:
     rig = Rig(replace(SOFT_ON_STONES, ankle_stiffness=50.0))
     rig.set_tilt(0.01, -0.02)

@@ -16,6 +16,7 @@ from properties import examples
 from scipy.spatial.transform import Rotation
 
 from wbc.base.errors import InputError
+from wbc.core.robot import GRAVITY
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
@@ -24,7 +25,7 @@ from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, f
 from wbc.sim.walks.prepare import moved
 from wbc.sim.walks.result import Spread, objective
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import _eyes, _range_sensor
+from wbc.sim.walks.trial import WalkTrial, _eyes, _range_sensor
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import VelocityLimits
@@ -369,3 +370,40 @@ def test_a_fall_goes_where_the_larger_excursion_is(stance: int) -> None:
         unseen = fall([moment(stance, LEVEL)], velocity=(forward, left, -1.0))
         assert unseen.cause == cause and unseen.dcm_forward is None and unseen.dcm_outward is None
         assert fall([moment(stance, LEVEL, [-forward, -left])], "height").cause == "dropped"
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_the_way_of_a_walk_is_that_of_its_true_feet_from_where_they_began(yaw: float) -> None:
+    """Forward and left of the first heading; work over weight and way; the pelvis against its first heading."""
+    trial = WalkTrial(
+        WalkSpec(plan=WalkPlan(distance=0.5), noise="none", start=(1.0, -2.0, yaw)), visuals=False
+    )
+    plant, q = trial.plant, trial.plant.truth().q
+    c, s, away = math.cos(yaw), math.sin(yaw), np.array([0.4, 0.1])
+    there = q.copy()
+    there[:2] += [c * away[0] - s * away[1], s * away[0] + c * away[1]]
+    trial.meter.work = 50.0
+    plant.reset(there)
+    arrival = trial._prepared.arrival()
+    found = trial._travel(arrival)
+    assert (found["distance"], found["drift"]) == pytest.approx((0.4, 0.1), abs=1e-9)
+    assert found["yaw_error"] == pytest.approx(0.0, abs=1e-9)
+    assert found["cost_of_transport"] == pytest.approx(
+        50.0 / (plant.robot.mass * GRAVITY * math.hypot(0.4, 0.1))
+    )
+    assert arrival is not None and found["goal_error"] == pytest.approx(math.hypot(0.1, 0.1), abs=0.02)
+    for by in (0.3, -0.2):
+        turned = there.copy()
+        turned[3:7] = (Rotation.from_euler("z", by) * Rotation.from_quat(there[3:7])).as_quat()
+        plant.reset(turned)
+        assert (
+            trial._travel(None)["yaw_error"] == pytest.approx(by)
+            and trial._travel(None)["goal_error"] is None
+        )
+    for way, counted in ((0.049, False), (0.051, True)):
+        near = q.copy()
+        near[0] += way
+        plant.reset(near)
+        assert (trial._travel(None)["cost_of_transport"] is not None) == counted
+    lowest = min(plant.sole_pose(side)[0][2] for side in (0, 1))
+    assert trial.ground == pytest.approx(lowest)
