@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
@@ -25,6 +26,7 @@ from wbc.walking import (
     walk_distance,
     walk_velocity,
 )
+from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.sources import FootstepSource, Standing
 
 DT = 0.002
@@ -434,3 +436,48 @@ def test_a_spec_of_a_version_with_laws_is_the_same_walk(
     assert "gait" not in without_law({"law": "stepping", "gait": {"apex": 0.5}})
     assert without_law({"seed": 3, **old}).get("mode", "position") == mode
     assert without_law({"seed": 3, **old}).get("changes", {}) == changes
+
+
+@pytest.mark.parametrize("mode", ["torque", "hybrid"])
+def test_a_gait_begins_in_the_step_that_the_feet_are_in(mode: str) -> None:
+    """Another walk on the same estimate takes over in the middle of a swing: the foot swings on, the robot stops."""
+    plant, first = standing()
+    robot, observer = first.controller.robot, first.control.observer
+    other = WalkingControl(robot, None, DT, WalkingControlSettings(mode=mode), observer=observer)  # type: ignore[arg-type]
+    first.velocity = (0.25, 0.0, 0.0)
+    air, landed = [0.0, 0.0], [9.0, 9.0]
+    while not (plant.time > 2.0 and air[0] > 0.15):
+        state = first.control.estimate(plant.measure())
+        for foot, load in enumerate(state.measurement.wrenches[:, 2]):
+            air[foot], landed[foot] = (air[foot] + DT, 0.0) if load < 20.0 else (0.0, landed[foot] + DT)
+        plant.step(first.act(state))
+    state = first.control.estimate(plant.measure())
+    other.begin(state, air, landed)
+    command = other.act(state)
+    reference, sole = other.reference, robot.soles[0].frame
+    assert reference is not None and reference.swing == 0 and reference.stance == 1
+    assert reference.elapsed == pytest.approx(min(air[0], reference.duration / 2.0), abs=0.02)
+    moved = pin.getFrameVelocity(
+        robot.model, robot.data, robot.frame_id(sole), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    )
+    foot = reference.feet[0]
+    np.testing.assert_allclose(foot.placement.translation, robot.placement(sole).translation, atol=3e-3)
+    np.testing.assert_allclose(foot.velocity[:3], moved.linear, atol=0.05)
+    assert np.linalg.norm(moved.linear) > 0.2  # it does move
+    plant.step(command)
+    run(plant, other, 3.0)
+    assert other.done and other.progress.phase is GaitPhase.STANDING and other.steps_done >= 1
+
+
+def test_a_gait_that_begins_on_feet_that_have_stood_stands_and_one_in_position_control_is_refused() -> None:
+    plant, walking = standing()
+    run(plant, walking, 0.2)
+    state = walking.control.estimate(plant.measure())
+    walking.begin(state)
+    plant.step(walking.act(state))
+    run(plant, walking, 0.5)
+    assert walking.steps_done == 0 and walking.progress.phase is GaitPhase.STANDING
+    robot = wbc.load_robot("hrp4_class").robot()
+    planned = WalkingControl(robot, None, 0.005, WalkingControlSettings(mode="position"))
+    with pytest.raises(InputError, match="free"):
+        planned.begin(state)

@@ -6,6 +6,7 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from time import perf_counter
 from typing import Annotated
 
 import numpy as np
@@ -67,6 +68,9 @@ class PolicyControl(TorqueControl):
         observed: What the terms of the observation read.
         contacts: Contacts of the feet, by their measured loads.
         controller: The controller; tasks and limits on the arms are added to it.
+        longest: Longest time that the network may take, s; None for any time. A longer one fails the tick.
+        lost: Error of the last action; None if it was good.
+        acted: True if the policy has acted in the last tick.
         changed: Torques that a filter has changed in the last tick, made minus asked for, shape (na,), Nm.
         posture: Task on the posture of the arms; None without arms of the QP.
     """
@@ -180,6 +184,7 @@ class PolicyControl(TorqueControl):
         self.contacts = FootContacts(robot, dt)
         self._velocity: Velocity | None = None
         self._regain = regain
+        self.longest: float | None = None
         self.changed = np.zeros(robot.na)
         self._fastest = np.array(description.fastest)
         self._begin_policy()
@@ -209,7 +214,8 @@ class PolicyControl(TorqueControl):
     def _begin_policy(self) -> None:
         self._ticks = 0
         self._fresh = True  # no observation yet
-        self._lost: Exception | None = None  # of the last action
+        self.lost: Exception | None = None
+        self.acted = False
         self._asked = 0.0  # time since a velocity was asked for, s
         self._lack = np.zeros(2)  # velocity that is asked for as well, m/s
         self.contacts.reset()
@@ -219,6 +225,11 @@ class PolicyControl(TorqueControl):
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
         super().reset(q)
+        self._begin_policy()
+
+    def resume(self) -> None:
+        """See `TorqueControl.resume`; the policy begins anew."""
+        super().resume()
         self._begin_policy()
 
     @property
@@ -281,18 +292,20 @@ class PolicyControl(TorqueControl):
         if self.damped:
             command = self._damp(state)
         else:
+            self.acted = False
             self._asked = self._asked + self.controller.dt if self._stands else 0.0
             if state.ok:
                 self.contacts.update(state.measurement.wrenches[:, 2].tolist())
             if state.ok and self._ticks % self._every == 0:
+                self.acted = True
                 try:
                     self._step(state)
-                    self._lost = None
+                    self.lost = None
                 except Exception as error:  # of a network of the user's own
-                    self._lost = error
+                    self.lost = error
             self._ticks += 1
-            if state.ok and self._lost is not None:  # until the next action
-                state = self.refuse(state, self._lost)
+            if state.ok and self.lost is not None:  # until the next action
+                state = self.refuse(state, self.lost)
             if state.ok:
                 self._failing = 0
             command = self._damp(state) if self.stopped else self._servos(state)
@@ -321,7 +334,10 @@ class PolicyControl(TorqueControl):
                 part[:-1] = part[1:]
                 part[-1] = values
         self._fresh = False
+        start = perf_counter()
         action = self.network(self._observation)
+        if self.longest is not None and (took := perf_counter() - start) > self.longest:
+            raise PolicyError(f"the policy took {1e3 * took:.1f} ms, longer than {1e3 * self.longest:g} ms")
         if not np.isfinite(action).all():
             raise PolicyError(f"the policy's action has {action[~np.isfinite(action)][0]}")
         most = self.description.action_clip
@@ -363,7 +379,7 @@ class PolicyControl(TorqueControl):
         would about its targets.
         """
         index, target, velocity = arms.index, self._target.copy(), np.zeros_like(self._still)
-        asked = self._kp * (target - m.joint_position) - self._kd * m.joint_velocity
+        asked = self.asked(m)
         torque = arms.near(m, asked)
         self.changed = torque - asked
         feed = self.changed.copy()
@@ -371,6 +387,12 @@ class PolicyControl(TorqueControl):
             each[index] for each in (torque, m.joint_position, m.joint_velocity)
         )
         return feed, target, velocity
+
+    def asked(self, measurement: Measurement) -> Array:
+        """Return the torques that the policy asks for where the joints are now, shape (na,), Nm."""
+        torque: Array = self._kp * (self._target - measurement.joint_position)
+        torque -= self._kd * measurement.joint_velocity
+        return torque
 
     @property
     def arm_failure(self) -> str:

@@ -30,6 +30,7 @@ from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in, shown
 from wbc.base.settings import Angle, NonNegative, Number, Period
 from wbc.core.drive.control import State
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.limits.base import Limit
@@ -60,6 +61,7 @@ from wbc.walking.plans.sources import (
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steering import SteeredSteps, Steering
+from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.steps import Steps, com_height, drive_of, steps_of
 
 logger = logging.getLogger(__name__)
@@ -198,8 +200,11 @@ class WalkingControl:
             Command of the drives until the next tick. No error is raised: in a tick that fails, the policy of the
             control decides.
         """
+        return self.act(self.control.estimate(measurement))
+
+    def act(self, state: State) -> Command:
+        """End a tick whose state has been estimated, by this control or by another one on the same observer."""
         control = self.control
-        state = control.estimate(measurement)
         if state.ok and not control.damped:
             try:
                 self._follow(state)
@@ -207,6 +212,37 @@ class WalkingControl:
                 state = control.refuse(state, error)
         command = control.act(state, None if self.balance is None else self.balance.wrenches)
         return command if self.stiffness is None else self._with_stiffness(command, self.stiffness)
+
+    def check_begin(self) -> tuple[SteppingWalk, TorqueControl]:
+        """Return free steps and drives; an `InputError` if `begin` is not for them."""
+        source = self._kinds["free"].source if "free" in self._kinds else None
+        if not isinstance(source, SteppingWalk) or not isinstance(self.control, TorqueControl):
+            raise InputError("a gait begins on its way in free steps, in torque or hybrid control")
+        return source, self.control
+
+    def begin(
+        self, state: State, air: Sequence[float] = (0.0, 0.0), landed: Sequence[float] = (9.0, 9.0)
+    ) -> None:
+        """Begin anew from the state of the robot, on its way: to take over from a control on the same observer.
+
+        The gait begins in the phase that the contacts say, with free steps (`SteppingWalk.join`); all orders before are
+        forgotten, so that the robot comes to a stand.
+
+        Args:
+            state: State of this tick.
+            air: Time for which the left and the right foot have been in the air, s; 0 for one on the ground.
+            landed: Time since each of them has landed, s; 0 for one in the air.
+
+        Raises:
+            InputError: A robot in position control, or one that takes planned steps alone.
+        """
+        source, control = self.check_begin()
+        if self.reference is not None:
+            self._take("free", self._kinds[self._kind])
+        control.resume()
+        source.begin(heading(state.robot.placement(state.robot.base_frame).rotation))
+        source.join(air, landed)
+        self.reference, self._waiting, self.stopped, self._before = None, None, False, 0
 
     def _follow(self, state: State) -> None:
         """Set the targets of all tasks and contacts of this tick."""

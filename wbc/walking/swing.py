@@ -152,6 +152,11 @@ class SwingFoot:
         self._plan_height(time)
         self._plan_place(time, self.duration)
 
+    def join(self, time: float, place: pin.SE3, velocity: Vector, ground: float, most: float) -> None:
+        """Go on with a foot that has been in the air for a time, s, over a ground at a height, m; see `restart`."""
+        self._origin = ground
+        self.restart(time, place, velocity, most)
+
     def motion(self, time: float) -> tuple[Vector, Vector]:
         """Return the place, m, and the velocity, m/s, at a time from lift-off, s, in the world."""
         (x, u, _), (y, v, _), (z, w, _) = (self._c[name].at(time) for name in COORDINATES[:3])

@@ -79,6 +79,12 @@ class HybridControl(TorqueControl):
         super().reset(q)
         self.q[:], self.v[:] = self.controller.robot.q[7:], 0.0
 
+    def resume(self) -> None:
+        """See `TorqueControl.resume`; the references begin where and as fast as the joints are."""
+        super().resume()
+        robot = self.controller.robot
+        self.q[:], self.v[:] = robot.q[7:], robot.v[BASE_DOF:]
+
     def _follow(self, state: State, solution: Solution) -> Command:
         robot = self.controller.robot
         velocity = robot.v[BASE_DOF:]

@@ -39,6 +39,10 @@ class TorqueControl(DriveControl):
         robot.update(self.observer.robot.q, self.observer.robot.v)
         self._forget()
 
+    def resume(self) -> None:
+        """Restart from the present estimate, which another control has kept with the same observer."""
+        self._forget()
+
     def _follow(self, state: State, solution: Solution) -> Command:
         return self.gate.pass_on(self._torques)
 

@@ -59,6 +59,8 @@ Frames = tuple[pin.SE3, pin.SE3]
 
 ORIGIN: Vector = (0.0, 0.0, 0.0)
 
+WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
 
 class BodyState(NamedTuple):
     """State of the robot, as far as the gait reads it, in plain numbers."""
@@ -179,6 +181,21 @@ class SteppingWalk(GaitMachine):
         self._high: Follower[float] | None = None  # reference of the CoM's height over the feet, m
         self._ticks = 0
         self._seen_robot: Robot | None = None  # that of the state
+        # Times for which each foot has been in the air and on the ground, s, of a robot that walks already; until the
+        # first tick, or until its foot swings.
+        self._joins: tuple[Sequence[float], Sequence[float]] | None = None
+
+    def join(self, air: Sequence[float], landed: Sequence[float]) -> None:
+        """Begin anew in the step that a robot is in which walks already, after `begin`.
+
+        A foot in the air swings on from its place and with its velocity. Of two feet on the ground the one that has
+        landed a moment ago carries, and the other one swings; the robot stands if both have stood for longer.
+
+        Args:
+            air: Time for which the left and the right foot have been in the air, s; 0 for one on the ground.
+            landed: Time since each of them has landed, s; 0 for one in the air.
+        """
+        self._joins = air, landed
 
     # ---- what is asked for --------------------------------------------------------------------------------------
 
@@ -337,7 +354,9 @@ class SteppingWalk(GaitMachine):
     # ---- on both feet -----------------------------------------------------------------------------------------
 
     def _stand(self) -> tuple[Event, ...]:
-        """Set off when a velocity, a goal or footsteps ask for it, or step out of a push."""
+        """Set off when a velocity, a goal or footsteps ask for it, or step out of a push, or walk on."""
+        if self._joins is not None:
+            return self._walk_on(*self._joins)
         asks = self.planner is not None and self.time >= self._next
         if self.elapsed > self.constants.rest and (asks or self.steering.pending):
             self._plan_steps(None)
@@ -384,6 +403,30 @@ class SteppingWalk(GaitMachine):
         if loads[self.stance] < self.constants.least_force < loads[1 - self.stance]:
             self.stance = 1 - self.stance  # a foot that has been kicked away carries nothing
         return self._begin()
+
+    def _walk_on(self, air: Sequence[float], landed: Sequence[float]) -> tuple[Event, ...]:
+        """Begin in the step that the feet are in; see `join`."""
+        c, state, robot = self.constants, self._state, self._seen_robot
+        least, loads = c.least_force, [row[2] for row in state.wrenches]
+        up = [loads[side] < least < loads[1 - side] for side in (0, 1)]
+        if robot is None or max(loads) < least or not (any(up) or min(landed) < c.landed):
+            self._joins = None
+            return self._step_out()
+        self.stance = up.index(False) if any(up) else int(landed[1] < landed[0])
+        # The next tick has velocities from a tick before.
+        moved = [
+            pin.getFrameVelocity(robot.model, robot.data, sole, WORLD).linear.tolist() for sole in self._soles
+        ]
+        left, right = (
+            (x - self.dt * u, y - self.dt * v, z - self.dt * w)
+            for (x, y, z), (u, v, w) in zip(state.places, moved, strict=True)
+        )
+        self._before, self._passed = state._replace(places=(left, right)), self.dt
+        events = self._begin()
+        self._since_stand = 1  # the step takes the time that the DCM leaves it
+        # A foot may land in the second half of its step.
+        self.elapsed = min(max(air), 0.5 * self.steering.step_time)
+        return events
 
     def _kicked(self) -> int | None:
         """Return the foot that a push has thrown off the ground while the other one holds, else None."""
@@ -533,6 +576,10 @@ class SteppingWalk(GaitMachine):
             landing = self._seen(landing)
             speed = min(c.landing_speed + c.haste * self.ground.uneven, c.hardest)
             self._begin_swing(frames, landing, touch, self._shape._replace(landing_speed=speed))
+            if self._joins is not None and self.swing is not None:
+                self._joins, ground = None, self.ground.height
+                self.swing.join(self.elapsed, frames[side], self._velocity(side), ground, c.swing_push)
+                self.swing.retarget(self.elapsed, landing, touch)
             return
         looks = self.ground.sight is not None and self._ticks // self._period % LOOKS == 0
         if looks and touch - self.elapsed > LAST_LOOK:

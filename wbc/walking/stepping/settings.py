@@ -186,6 +186,8 @@ class SteppingConstants:
     hurled_time: Annotated[float, "1/ω"] = 0.4
     # Speed of a foot without load in a stand from which on it has been kicked away.
     kicked: Annotated[float, "hω"] = 0.2
+    # Time since a landing up to which a robot on both feet is on its way, where the gait begins anew.
+    landed: Annotated[float, "1/ω"] = 1.15
     # Change of the height of a foot that stands from which on its estimate has moved, and not the foot.
     drifted: Annotated[float, "h"] = 0.033
     # Height of the swing foot over the ground, in heights of a swing, above which its force is no contact.

@@ -1,0 +1,169 @@
+"""Guard of a policy: the library's own walk takes the robot over, in any phase, where the policy fails."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from typing import Annotated
+
+import numpy as np
+
+from wbc.base.checked import checked
+from wbc.base.errors import InputError
+from wbc.base.settings import Positive
+from wbc.core.drive.control import DriveControl, State
+from wbc.core.estimation.falls import FallReason
+from wbc.core.qp.controller import Controller
+from wbc.core.signals import Command, Measurement
+from wbc.policy.control import PolicyControl
+from wbc.walking.control import WalkingControl
+from wbc.walking.plans.sources import Velocity
+from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.source import Progress
+
+logger = logging.getLogger(__name__)
+
+BEYOND = 4.0
+"""Torque that a policy asks for over the limit of its joint from which on it is beside itself. Public policies ask for
+0.9 as they walk, and for 1.8 after pushes from which they fall."""
+
+
+class Guard:
+    """Control by a policy until it fails, and from then on by the library's walk, which brings the robot to a stand.
+
+        guard = Guard(PolicyControl(robot, "policy.onnx", dt))
+        while guard.fallen is None:
+            plant.step(guard.command(plant.measure()))
+
+    A policy is relieved in the tick in which its action is not finite, its network raises an error or takes too long,
+    or it asks for torques of more than four times the limits. A push or a tilt is no reason: policies recover from
+    pushes after which a gait that takes over falls. `take_over` relieves it at any moment.
+
+    Attributes:
+        policy: The policy.
+        walking: The walk that takes over, on the observer of the policy, in torque or hybrid control.
+        relieved: Reason for which the policy has been relieved; empty while it controls the robot.
+    """
+
+    @checked
+    def __init__(
+        self,
+        policy: PolicyControl,
+        walking: WalkingControl | None = None,
+        *,
+        longest: Annotated[Positive, "s"] | None = None,
+    ) -> None:
+        """Put a walk beside a policy, both for a robot that stands.
+
+        Args:
+            policy: The policy.
+            walking: Walk that takes over, made with the observer and the period of the policy; a new one in torque
+                control when None.
+            longest: Longest time that the network may take, s, on a machine its period at most; None for any time.
+
+        Raises:
+            InputError: A walk on another observer, with another period, or one that cannot begin on its way.
+        """
+        robot, dt = policy.controller.robot, policy.controller.dt
+        if walking is None:
+            settings = WalkingControlSettings(mode="torque")
+            walking = WalkingControl(robot, None, dt, settings, observer=policy.observer)
+        if walking.control.observer is not policy.observer:
+            raise InputError(
+                "the walk of a guard must be made with observer=policy.observer: one estimate for both"
+            )
+        if walking.dt != dt:
+            raise InputError(
+                f"the walk of a guard must have the period of the policy, {dt:g} s, got {walking.dt:g} s"
+            )
+        self.policy, self.walking, self.relieved = policy, walking, ""
+        walking.check_begin()
+        policy.longest = longest
+        self._asked = ""  # to take over in the next tick
+
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick of the policy, or of the walk."""
+        if self.relieved:
+            return self.walking.command(measurement)
+        policy = self.policy
+        state = policy.estimate(measurement)
+        command = policy.act(state)
+        reason = self._failure(state)
+        if not reason:
+            return command
+        self._relieve(state, reason)
+        return self.walking.act(state)
+
+    def take_over(self, reason: str = "asked for") -> None:
+        """Relieve the policy in the next tick, at any moment of its walk."""
+        self._asked = reason
+
+    def hand_back(self) -> None:
+        """Let the policy control the robot again, from a stand.
+
+        Raises:
+            InputError: The robot does not stand.
+        """
+        if not self.relieved:
+            return
+        if self.fallen is not None or not self.walking.stands:
+            raise InputError("a robot must stand before a policy controls it again")
+        self.policy.resume()
+        self.relieved = ""
+
+    def _failure(self, state: State) -> str:
+        """Return why the policy is to be relieved in this tick; empty if it goes on."""
+        policy = self.policy
+        if self._asked:
+            reason, self._asked = self._asked, ""
+            return reason
+        if not state.ok or policy.damped:
+            return ""
+        if policy.lost is not None:
+            return str(policy.lost)
+        if policy.acted:
+            robot = policy.controller.robot
+            far = np.abs(policy.asked(state.measurement)) > BEYOND * robot.torque_limit
+            if far.any():
+                return f"it asks for more than {BEYOND:g} times the torque of {robot.joint_names[int(far.argmax())]}"
+        return ""
+
+    def _relieve(self, state: State, reason: str) -> None:
+        logger.error("the policy is relieved: %s", reason)
+        self.relieved = reason
+        contacts = self.policy.contacts
+        self.walking.begin(state, contacts.air, contacts.landed)
+
+    @property
+    def control(self) -> DriveControl:
+        """Drives of the one who controls the robot now."""
+        return self.walking.control if self.relieved else self.policy
+
+    @property
+    def controller(self) -> Controller:
+        """Controller of the one who controls the robot now."""
+        return self.control.controller
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Velocity that is asked for of the one who controls the robot now; see `WalkingControl.velocity`."""
+        return (self.walking if self.relieved else self.policy).velocity
+
+    @velocity.setter
+    def velocity(self, value: Sequence[float] | None) -> None:
+        (self.walking if self.relieved else self.policy).velocity = value
+
+    @property
+    def progress(self) -> Progress:
+        """Phase of the feet and number of steps, of the one who controls the robot now."""
+        return (self.walking if self.relieved else self.policy).progress
+
+    @property
+    def fallen(self) -> FallReason | None:
+        """Reason of the robot's fall; None while it has not fallen."""
+        return self.control.fallen
+
+    def status(self) -> str:
+        """Return in one line how the control is; see `DriveControl.status`."""
+        status = self.control.status()
+        return f"policy relieved ({self.relieved}); {status}" if self.relieved else status
