@@ -136,6 +136,7 @@ def test_equivalent_changes_are_equal() -> None:
     short = {"start": [1, 2, 3], "later": True, "count": 8.0, "push.time": 2}
     normal = normal_changes(Gait(), short)
     assert normal == normal_changes(Gait(), full) == normal_changes(Gait(), normal)
+    assert repr(normal) == repr(normal_changes(Gait(), full)), "they are written alike"
     assert dict(normal) == full and [name for name, _ in normal] == sorted(full)
     assert changed(Gait(), normal) == changed(Gait(), short) and changed(Gait(), {}) == Gait()
     with pytest.raises(InputError, match="twice"):

@@ -473,6 +473,16 @@ def test_arms_and_trunk_are_no_further_out_than_their_torques_hold(hrp4: Robot) 
     )
 
 
+def test_a_motion_that_would_slip_is_slowed_down_until_it_does_not(hrp4: Robot) -> None:
+    """Arms that swing against each other turn the body: of half the friction they get, in steps of 1.2 of the time."""
+    wave = 0.3 * np.sin(2.0 * np.pi * np.arange(81) / 80.0)
+    clip = still(hrp4, left_shoulder_pitch=wave, right_shoulder_pitch=-wave)
+    loose, kept = make_feasible(hrp4, clip), make_feasible(hrp4, clip, friction=0.05)
+    assert loose.after.friction > 0.09 and kept.after.friction < 1.05 * 0.05 and kept.after.feasible
+    assert 1.2 * loose.stretched < kept.stretched < 1.2**3 * loose.stretched
+    assert kept.after.foot_slide < 1e-3 and np.ptp(kept.clip.joints, axis=0).max() > 0.4
+
+
 def test_the_zmp_is_kept_to_the_middle_of_the_soles_and_of_both_where_both_carry(hrp4: Robot) -> None:
     """On 0.6 of length and width; between two soles 0.15 of their distance further in, from 0.6 s beside a step on."""
     soles = [tuple(pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) for y in (0.1, -0.1))] * 300
