@@ -182,6 +182,10 @@ def test_quaternions_keep_their_sign_and_have_length_one(robot: Robot) -> None:
     rest = np.delete(q, [10, 11], axis=1)[:, 7:]
     assert (rest == np.delete(robot.half_sitting, [10, 11])[7:]).all() and (q[:, 10:12] == few.joints).all()
     lying = clip.base.copy()
+    lying[7, 3:] *= 1.06
+    with pytest.raises(InputError, match=r"1.060 in frame 7$"):
+        replace(clip, base=lying)
+    lying = clip.base.copy()
     for tilt, good in ((1.0, True), (1.1, False)):  # cos 1.047 is a half
         lying[0, 3:] = Rotation.from_rotvec([tilt, 0.0, 0.0]).as_quat()
         if good:

@@ -18,6 +18,7 @@ from wbc.app.cli import main
 from wbc.base.errors import InputError
 from wbc.core.robot import Robot
 from wbc.motion import SkeletonClip, make_feasible, read_motion, read_skeleton, retarget
+from wbc.motion.kinematics import BodyMotion
 from wbc.motion.retarget import arms_of
 from wbc.motion.skeleton import NAMES, limb_places
 from wbc.sim import TrackSpec, track_motion
@@ -405,6 +406,36 @@ def test_limbs_of_the_robot_point_where_those_of_the_person_point(g1: Robot) -> 
     ):
         cosine = ours @ theirs / np.linalg.norm(ours) / np.linalg.norm(theirs)
         assert np.degrees(np.arccos(cosine)) < 12.0
+
+
+def test_a_step_of_a_person_is_a_step_of_the_robot() -> None:
+    """Half a step of 0.15 m with the left foot, turned out by 0.12 rad; its heel rises first, then its toes."""
+    robot, begin = load_robot("hrp4_class").robot(), 8.7
+    result = retarget(make_person(noise=0.0).part(begin, 9.8), robot)
+    made = BodyMotion.of(robot, result.clip.configurations(robot), result.clip.rate)
+    air = np.clip((begin + result.clip.times - 9.0) / 0.6, 0.0, 1.0)
+    standing = result.clip.standing
+    assert standing is not None and standing[:, 1].all()
+    assert (
+        standing[(air == 0.0) | (air == 1.0), 0].all() and not standing[(air > 0.15) & (air < 0.9), 0].any()
+    )
+    left = [soles[0] for soles in made.soles]
+    way = left[-1].translation - left[0].translation
+    np.testing.assert_allclose(way, [0.15 * result.scale, 0.0, 0.0], atol=1e-3)
+    places = np.array([soles[1].translation for soles in made.soles])
+    np.testing.assert_allclose(places, np.broadcast_to(places[0], places.shape), atol=1e-5)
+    for sole in left:
+        assert np.arctan2(sole.rotation[1, 0], sole.rotation[0, 0]) == pytest.approx(0.12, abs=0.01)
+    high = (air > 0.5) & (air < 0.67)
+    pitch = np.array([-np.arcsin(sole.rotation[2, 0]) for sole in left])
+    np.testing.assert_allclose(pitch[high], 0.5 * np.sin(2.0 * np.pi * air[high]), atol=0.1)
+    assert pitch.max() > 0.1 and pitch.min() < -0.3
+    assert max(sole.translation[2] for sole in left) == pytest.approx(0.1 * result.scale, abs=0.02)
+    legs, hips = (
+        made.com[:, 1] - made.com[0, 1],
+        0.7 * 0.09 * result.scale,
+    )  # the weight goes to the right foot
+    assert -1.2 * hips < legs.min() < -0.5 * hips
 
 
 @pytest.mark.slow

@@ -15,9 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from wbc import load_robot
 from wbc.app.cli import main
+from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, MotionSource, make_feasible, write_motion
-from wbc.motion.source import clip_references, splines
+from wbc.motion.kinematics import BodyMotion
+from wbc.motion.source import clip_references, placed, splines
 from wbc.sim import Machine, TrackSpec, track_motion
 from wbc.walking import Reference
 from wbc.walking.contact import Event
@@ -120,6 +122,35 @@ def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_earl
     early = update(landing - 9, heavy)
     assert early.contact[side] and early.events == (Event.EARLY_TOUCH_DOWN,) and source.landings == 1
     assert update(landing, 0.0).contact[side] and source.landings == 1
+
+
+def test_a_robot_that_does_not_stand_as_the_clip_begins_is_told_the_joint_and_both_places(
+    steps: MotionClip,
+) -> None:
+    robot = load_robot("g1").robot()
+    name, q = "right_elbow_joint", steps.configurations(robot)[0]
+    i = 7 + robot.joint_index(name)
+    for off, good in ((0.099, True), (-0.099, True), (0.101, False), (-0.3, False)):
+        moved = q.copy()
+        moved[i] += off
+        robot.update(moved, np.zeros(robot.nv))
+        if good:
+            MotionSource(robot, steps, DT)
+            continue
+        with pytest.raises(InputError, match=name) as refusal:
+            MotionSource(robot, steps, DT)
+        assert f"{moved[i]:.3f} rad" in str(refusal.value) and f"{q[i]:.3f} rad" in str(refusal.value)
+
+
+def test_a_clip_is_placed_under_the_feet_of_a_robot(g1: Robot, steps: MotionClip) -> None:
+    """Turned about the vertical and moved: its soles begin where those of the robot are."""
+    own = BodyMotion.of(g1, steps.configurations(g1)[:2], steps.rate).soles[0]
+    there = pin.SE3(pin.utils.rotate("z", 2.0), np.array([3.0, -1.0, 0.4]))
+    clip = placed(steps, own, (there * own[0], there * own[1]))
+    for frame in (0, 40):
+        base, given = (pin.XYZQUATToSE3(each.base[frame]) for each in (clip, steps))
+        assert base.isApprox(there * given, 1e-6)
+    assert np.array_equal(clip.joints, steps.joints)
 
 
 @pytest.mark.slow
