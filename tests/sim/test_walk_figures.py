@@ -16,7 +16,9 @@ from properties import examples
 from scipy.spatial.transform import Rotation
 
 from wbc.base.errors import InputError
+from wbc.base.files import file_hash
 from wbc.core.robot import GRAVITY
+from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
@@ -289,6 +291,22 @@ def test_sensors_of_a_walk_are_exact_if_its_noise_is_none(noise: str, eyes: str,
     assert ranges == (settings.range_sensor if noise != "none" else replace(settings.range_sensor, **EXACT))
     for each, own in zip(seeing, (settings.camera if eyes == "depth" else settings.toes,), strict=False):
         assert (each == own) == (noise == "realistic") and each.rate == own.rate
+
+
+def test_a_spec_that_names_a_policy_has_the_hash_of_what_it_reads() -> None:
+    """One that leaves the choice to the library has none, so that it follows the library; numbers are numbers."""
+    model = file_hash(DEFAULT_MODEL)
+    for given, stored in (
+        ({}, ()),
+        ({"policy": "model"}, (("sha256", model),)),
+        ({"policy_params": {"path": None}}, (("sha256", model),)),
+        ({"policy": "fixed", "policy_params": {"stiffness": 7}}, (("stiffness", 7.0),)),
+    ):
+        spec = WalkSpec(foot="variable", **given)  # type: ignore[arg-type]
+        assert spec.policy_params == stored
+        assert spec.scheduling == (spec.policy or "model", stored or (("sha256", model),))
+    timing = WalkSpec(foot="variable").prepare().settings.stiffness
+    assert (timing.decide_at, timing.early_landing) == (0.55, 0.25)  # as docs/feet.md says
 
 
 # --- figures ---------------------------------------------------------------------------------------------------------
