@@ -230,6 +230,53 @@ def test_a_load_moves_the_centre_of_mass_of_all_bodies_above_it() -> None:
     assert model.body_subtreemass[0] - before[0] == pytest.approx(7.0)
 
 
+def inertia_at_origin(plant: Plant, body: int) -> Array:
+    """Inertia of a body about the origin of its frame, in its axes, shape (3, 3), kg m²."""
+    model = plant.model
+    w, x, y, z = model.body_iquat[body]
+    axes = pin.Quaternion(w, x, y, z).matrix()
+    return axes @ np.diag(model.body_inertia[body]) @ axes.T + point_inertia(
+        model.body_mass[body], model.body_ipos[body]
+    )
+
+
+def point_inertia(mass: float, place: Array) -> Array:
+    """Inertia of a point about the origin, m (|p|² 1 − p pᵀ), shape (3, 3), kg m²."""
+    return np.asarray(mass * (place @ place * np.eye(3) - np.outer(place, place)))
+
+
+def test_a_load_comes_evenly_in_its_time_and_is_a_point_where_it_is_put() -> None:
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    model = plant.model
+    body, place = plant.places.carrier("torso")
+    at, compiled = np.array([0.1, -0.05, 0.2]), [model.body_mass.copy(), model.body_inertia.copy()]
+    mass, moment = model.body_mass[body], model.body_mass[body] * model.body_ipos[body]
+    before, point = inertia_at_origin(plant, body), place.act(at)
+    for target, over, masses in (
+        (4.0, 0.02, (1.0, 2.0, 3.0, 4.0, 4.0)),
+        (1.0, 0.01, (2.5, 1.0, 1.0)),
+        (2.0, 0.0, (2.0,)),
+    ):
+        plant.load("torso", target, over=over, at=at)
+        for now in masses:
+            plant.step(plant.hold())
+            assert plant.load_mass == pytest.approx(now)
+            assert model.body_mass[body] == pytest.approx(mass + now)
+            np.testing.assert_allclose(
+                model.body_mass[body] * model.body_ipos[body], moment + now * point, atol=1e-12
+            )
+            np.testing.assert_allclose(
+                inertia_at_origin(plant, body), before + point_inertia(now, point), atol=1e-12
+            )
+    plant.load("torso", 3.0)
+    plant.step(plant.hold())
+    assert plant.load_mass == pytest.approx(5.0)
+    plant.reset()
+    np.testing.assert_array_equal(model.body_mass, compiled[0])
+    np.testing.assert_array_equal(model.body_inertia, compiled[1])
+    assert plant.load_mass == 0.0
+
+
 def _is_below(body: int, root: int, parents: Any) -> bool:
     while body not in (root, 0):
         body = parents[body]
