@@ -8,6 +8,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 from foreign import KINDS, foreign_model
 from properties import by_default
@@ -18,6 +19,7 @@ from wbc.base.errors import InputError, MeasurementError, ModelError, UnknownNam
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 from wbc.sim import MujocoLoop, PhysicsSettings, Plant
+from wbc.sim.loop.floor import friction_under, lowest_sole_point
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
 PREFIX = "mine/"
@@ -63,6 +65,43 @@ def test_contact_forces_in_the_data_are_those_of_the_truth_or_none(kind: str) ->
         if np.isfinite(total):
             assert total == pytest.approx(plant.truth().contact_force[:, 2].sum(), abs=1e-6)
     assert len(numbers) > 1 and known == (0 if kind == "plant" else 200)
+
+
+@pytest.mark.parametrize("cone", ["ELLIPTIC", "PYRAMIDAL"])
+@pytest.mark.parametrize("dimensions", [1, 3, 4, 6])
+def test_wrenches_of_soles_are_those_of_mujocos_contacts(cone: str, dimensions: int) -> None:
+    """Forces and moments of all contacts of a sole, as `mj_contactForce` has them, about the sole in its own axes."""
+    model = foreign_model(DESCRIPTION, "motor")
+    model.opt.cone = getattr(mujoco.mjtCone, f"mjCONE_{cone}")
+    model.geom_condim[:] = dimensions
+    loop = MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
+    loop.push("torso", [80.0, 60.0, 0.0], 1.0)
+    for _ in range(5):
+        loop.step(loop.hold())
+    data, robot, truth = loop.data, loop.robot.clone(), loop.truth()
+    robot.update(truth.q, truth.v)
+    expected, local = np.zeros((2, 6)), np.zeros(6)
+    carriers = [
+        loop.places.feet.index(body) if body in loop.places.feet else -1 for body in model.geom_bodyid
+    ]
+    for i in range(data.ncon):
+        contact = data.contact[i]
+        first, second = (carriers[geom] for geom in contact.geom)
+        mujoco.mj_contactForce(model, data, i, local)
+        axes = contact.frame.reshape(3, 3)
+        for side, sign in ((first, -1.0), (second, 1.0)):
+            if side >= 0:
+                force, moment = sign * axes.T @ local[:3], sign * axes.T @ local[3:]
+                expected[side] += np.hstack([force, moment + np.cross(contact.pos, force)])
+    for side, sole in enumerate(robot.soles):
+        centre, rotation = loop.sole_pose(side)
+        np.testing.assert_allclose(centre, robot.placement(sole.frame).translation, atol=1e-6)
+        force, about = expected[side, :3], expected[side, 3:]
+        inside = np.hstack([rotation.T @ force, rotation.T @ (about - np.cross(centre, force))])
+        np.testing.assert_allclose(truth.sole_wrench[side], inside, atol=2e-2)
+    assert truth.sole_wrench[:, 2].min() > 50.0 and (dimensions == 1 or np.abs(expected[:, :2]).max() > 3.0)
+    points = truth.contact_force.sum(axis=0)
+    np.testing.assert_allclose(points, expected[:, :3].sum(axis=0), atol=1e-6)
 
 
 EACH_KIND = list(zip(KINDS, ("position", "torque") * (len(KINDS) // 2), strict=True))
@@ -419,6 +458,35 @@ def test_encoders_and_other_sensors_that_are_sampled_slower_are_noted() -> None:
     (note,) = (note for note in loop.notes if "sensors of the file" in note)
     assert all(name in note for name in ("'left_knee'", "'spin'", "'ray'"))
     assert not any(name in note for name in ("hinge", "quick"))
+
+
+@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (0.3, 0.0, 0.5), (-0.2, 0.4, -2.0)])
+def test_the_lowest_point_of_the_soles_is_that_of_their_corners(angles: tuple[float, float, float]) -> None:
+    robot = DESCRIPTION.robot()
+    q = robot.half_sitting.copy()
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*angles)).coeffs()
+    robot.update(q, np.zeros(robot.nv))
+    corners = []
+    for sole in robot.soles:
+        place = robot.placement(sole.frame)
+        for x in (-0.5, 0.5):
+            corners += [place.act(np.array([x * sole.length, y * sole.width, 0.0])) for y in (-0.5, 0.5)]
+    assert lowest_sole_point(robot, q) == pytest.approx(min(corner[2] for corner in corners), abs=1e-12)
+
+
+@pytest.mark.parametrize(("friction", "noted"), [(0.69, True), (0.71, False)])
+def test_a_floor_more_slippery_than_contacts_count_on_is_noted(friction: float, noted: bool) -> None:
+    model = foreign_model(DESCRIPTION, "motor")
+    model.geom_friction[:, 0] = friction
+    loop = MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
+    assert any("friction" in note for note in loop.notes) == noted
+    foot = int(np.flatnonzero(model.geom_bodyid == loop.places.feet[0])[0])
+    model.geom_friction[:, 0], model.geom_friction[foot, 0], model.geom_priority[foot] = 0.9, 0.3, 1
+    found = friction_under(loop.places, loop.robot, mujoco.MjData(model), 0.0)
+    assert found == pytest.approx(0.3)
+    model.geom_condim[:] = 1
+    assert friction_under(loop.places, loop.robot, mujoco.MjData(model), 0.0) == 0.0
+    assert friction_under(loop.places, loop.robot, mujoco.MjData(model), 0.05) is None
 
 
 def test_an_actuator_without_a_name_is_told_by_its_joint() -> None:

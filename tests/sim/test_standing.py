@@ -13,8 +13,10 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from made_motions import make_motion
-from properties import by_default
+from properties import by_default, examples
 
 from wbc.base.errors import InputError
 from wbc.core.drive.control import Mode
@@ -30,6 +32,7 @@ from wbc.sim.balance.standing import MODES, StandSpec, stand
 from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
+from wbc.sim.studies.push_limit import _searched, largest_recovered
 from wbc.sim.studies.trials import run_trial, trial_from_json, with_seed
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.loop import Trial
@@ -211,6 +214,48 @@ def test_stands_clips_and_searches_for_pushes_are_trials_of_studies(tmp_path: Pa
         and outcomes[0].result["upright"]
         and "tick_us" not in outcomes[0].result
     )
+
+
+@given(st.floats(0.0, 1.2), st.floats(0.3, 1.0), st.floats(0.01, 0.3))
+@examples(40)
+def test_the_largest_impulse_with_a_recovery_is_found_to_the_resolution(
+    limit: float, highest: float, resolution: float
+) -> None:
+    """What is returned was tried and recovered, and within the resolution above it an impulse was not."""
+    tried: dict[float, bool] = {}
+
+    def recovers_(impulse: float) -> bool:
+        assert impulse not in tried and 0.0 < impulse <= highest
+        return tried.setdefault(impulse, impulse <= limit)
+
+    found = largest_recovered(recovers_, highest, resolution)
+    assert found == 0.0 or tried[found]
+    if limit >= highest:
+        assert found == highest and len(tried) == 1
+        return
+    beyond = min(impulse for impulse, held in tried.items() if not held)
+    assert found <= limit < beyond and beyond - found <= resolution
+    assert len(tried) <= 1 + math.ceil(math.log2(highest / resolution)) + 1
+
+
+def test_a_search_begins_without_a_push_and_adds_up_its_walks() -> None:
+    spec = trial_from_json({"kind": "stand_push_limit", "seconds": 1.0, "highest": 0.8, "resolution": 0.2})
+    for limit, impulses, found in (
+        (0.5, [0.0, 0.8, 0.4, 0.6], 0.4),
+        (0.9, [0.0, 0.8], 0.8),
+        (-1.0, [0.0], None),
+    ):
+        outcome = _searched(
+            spec, lambda impulse, limit=limit: (impulse <= limit, 1.5, {"fact": 2.0 * impulse})
+        )
+        assert outcome.status == "done" and outcome.result is not None
+        assert [row["impulse"] for row in outcome.result["tried"]] == pytest.approx(impulses)
+        assert [row["fact"] for row in outcome.result["tried"]] == pytest.approx([2.0 * i for i in impulses])
+        assert outcome.result["impulse"] == (found if found is None else pytest.approx(found))
+        assert (outcome.result["walks"], outcome.result["seconds"]) == (len(impulses), 1.5 * len(impulses))
+    for bad in ({"resolution": 1.1}, {"push": {"time": 0.95}}):
+        with pytest.raises(InputError):
+            trial_from_json({"kind": "stand_push_limit", "seconds": 1.0} | bad)
 
 
 @pytest.mark.slow
