@@ -296,13 +296,13 @@ def test_sensors_of_a_walk_are_exact_if_its_noise_is_none(noise: str, eyes: str,
 def test_a_spec_that_names_a_policy_has_the_hash_of_what_it_reads() -> None:
     """One that leaves the choice to the library has none, so that it follows the library; numbers are numbers."""
     model = file_hash(DEFAULT_MODEL)
-    for given, stored in (
+    for fields, stored in (
         ({}, ()),
         ({"policy": "model"}, (("sha256", model),)),
         ({"policy_params": {"path": None}}, (("sha256", model),)),
         ({"policy": "fixed", "policy_params": {"stiffness": 7}}, (("stiffness", 7.0),)),
     ):
-        spec = WalkSpec(foot="variable", **given)  # type: ignore[arg-type]
+        spec = WalkSpec(foot="variable", **fields)  # type: ignore[arg-type]
         assert spec.policy_params == stored
         assert spec.scheduling == (spec.policy or "model", stored or (("sha256", model),))
     timing = WalkSpec(foot="variable").prepare().settings.stiffness
