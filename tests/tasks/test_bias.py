@@ -58,25 +58,30 @@ def test_the_limit_moves_what_it_cuts_off_the_bias_to_the_dcm() -> None:
     np.testing.assert_allclose(bounded.dcm + bounded.bias, free.dcm + free.bias, atol=1e-12)
 
 
-def test_one_step_is_the_kalman_filters() -> None:
-    settings = BiasSettings(limit=(np.inf, np.inf))
-    estimator = BiasEstimator(settings)
-    dt, z0 = 0.005, np.array([0.02, 0.01])
-    estimator.update(np.array([0.1, 0.2]), z0, 0.3, OMEGA, dt)
-    estimator.update(np.array([0.11, 0.19]), np.zeros(2), 0.4, OMEGA, dt)
-    # Textbook form with full matrices.
-    R, P0 = DCM_STD**2 * np.eye(2), INITIAL_STD**2 * np.eye(2)
-    P = np.block([[P0 + R, -P0], [-P0, P0]])
-    c, s = np.cos(0.1), np.sin(0.1)
-    a = np.exp(OMEGA * dt)
-    F = np.block([[a * np.eye(2), np.zeros((2, 2))], [np.zeros((2, 2)), np.array([[c, -s], [s, c]])]])
-    x = F @ np.array([0.1, 0.2, 0.0, 0.0]) + np.concatenate([(1 - a) * z0, np.zeros(2)])
-    Q = np.diag([((a - 1) * ZMP_STD) ** 2] * 2 + [(settings.drift_std * dt) ** 2] * 2)
-    P = F @ P @ F.T + Q
-    H = np.hstack([np.eye(2), np.eye(2)])
-    K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
-    x = x + K @ (np.array([0.11, 0.19]) - H @ x)
-    np.testing.assert_allclose(np.concatenate([estimator.dcm, estimator.bias]), x, atol=1e-12)
+def test_every_step_is_the_textbooks_kalman_filter() -> None:
+    """With full matrices, a robot that turns, and noises that are given for samples of 5 ms, here of 20 ms."""
+    settings, dt, rng = BiasSettings(drift_std=1.0, limit=(np.inf, np.inf)), 0.02, np.random.default_rng(4)
+    estimator, scale, two = BiasEstimator(settings), 0.005 / dt, np.eye(2)
+    grow = np.exp(OMEGA * dt)
+    R, H = scale * DCM_STD**2 * two, np.hstack([two, two])
+    Q = scale * np.diag([((grow - 1.0) * ZMP_STD) ** 2] * 2 + [(settings.drift_std * dt) ** 2] * 2)
+    x = P = zmp = yaw = None
+    for _ in range(20):
+        measured, before, heading = rng.normal(scale=0.2, size=2), zmp, rng.uniform(-3.0, 3.0)
+        zmp = rng.normal(scale=0.1, size=2)
+        found = estimator.update(measured, zmp, heading, OMEGA, dt)
+        if x is None:
+            x, P0 = np.array([*measured, 0.0, 0.0]), INITIAL_STD**2 * two
+            P = np.block([[P0 + R, -P0], [-P0, P0]])
+        else:
+            c, s = np.cos(heading - yaw), np.sin(heading - yaw)
+            F = np.block([[grow * two, 0.0 * two], [0.0 * two, np.array([[c, -s], [s, c]])]])
+            x = F @ x + np.concatenate([(1.0 - grow) * before, np.zeros(2)])
+            P = F @ P @ F.T + Q
+            K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
+            x, P = x + K @ (measured - H @ x), (np.eye(4) - K @ H) @ P
+        np.testing.assert_allclose(np.concatenate([estimator.dcm, found]), x, atol=1e-9)
+        yaw = heading
 
 
 def test_a_pause_keeps_the_bias_wherever_the_dcm_goes_meanwhile_and_however_the_robot_turns() -> None:

@@ -57,6 +57,23 @@ def test_it_comes_back_upright_and_rests() -> None:
     np.testing.assert_array_equal(UPRIGHT.rotation, np.eye(3))
 
 
+def test_a_trunk_that_is_let_go_swings_back_as_its_spring_and_damper_say() -> None:
+    """φ(t) = e^(−ζωt) (a cos ω_d t + b sin ω_d t) with ω = √k and ω_d = ω √(1 − ζ²)."""
+    stiffness, damping, dt = 30.0, 0.4, 1e-4
+    trunk = lean(stiffness=stiffness, damping=damping)
+    for _ in range(500):
+        trunk.update((40.0, -25.0), dt)
+    angle, speed = np.array(trunk.angle), np.array(trunk.speed)
+    decay = damping * np.sqrt(stiffness)
+    rate = np.sqrt(stiffness - decay**2)
+    for tick in range(1, 5001):
+        trunk.update((0.0, 0.0), dt)
+        if tick % 1000 == 0:
+            t = tick * dt
+            swing = angle * np.cos(rate * t) + (speed + decay * angle) / rate * np.sin(rate * t)
+            np.testing.assert_allclose(trunk.angle, np.exp(-decay * t) * swing, atol=3e-3 * abs(angle).max())
+
+
 def test_small_moments_are_left_alone() -> None:
     trunk = lean()
     dead_band = DEAD_BAND * MASS * 9.81 * HEIGHT

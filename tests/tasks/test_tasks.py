@@ -21,6 +21,7 @@ from task_factory import (
 
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
+from wbc.core.limits.base import Limit
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot
@@ -106,6 +107,47 @@ def test_mistakes_in_a_task_are_named(mistake: str, words: str) -> None:
         with pytest.raises(InputError, match=words):
             controller.add(Wrong(mistake, left_hand(robot)))
         assert controller.solve().ok, "as if it had not been tried"
+
+
+class Rows(Limit):
+    """A limit of given bounds, whose first row has no joint."""
+
+    def __init__(self, lower: float, upper: float, number: float = 1.0) -> None:
+        self.name, self.dim = "rows", 2
+        self.bounds, self.number = (lower, upper), number
+
+    def bind(self, robot: Robot) -> None:
+        pass
+
+    def write(self, dt: float, jacobian: Array, lower: Array, upper: Array) -> None:
+        jacobian[:] = 0.0
+        jacobian[1, 2] = self.number
+        lower[:], upper[:] = self.bounds
+
+
+@pytest.mark.parametrize(
+    ("limit", "refused"),
+    [
+        (Rows(-1.0, 1.0), None),
+        (Rows(-np.inf, 0.0), None),
+        (Rows(0.0, np.inf), None),
+        (Rows(0.1, 1.0), "row of zeros"),
+        (Rows(-1.0, -0.1), "row of zeros"),
+        (Rows(1.0, -1.0), "lower bound above"),
+        (Rows(np.nan, 1.0), "bound that is NaN"),
+        (Rows(-1.0, np.nan), "bound that is NaN"),
+        (Rows(-1.0, 1.0, np.nan), "not finite"),
+    ],
+)
+def test_a_limit_must_leave_a_robot_that_it_does_not_move_where_it_is(
+    limit: Rows, refused: str | None
+) -> None:
+    robot = make_robot("hrp4_class")
+    if refused is None:
+        check_rows(limit, robot)
+    else:
+        with pytest.raises(InputError, match=refused):
+            check_rows(limit, robot)
 
 
 @robots

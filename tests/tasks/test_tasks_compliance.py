@@ -229,6 +229,50 @@ def test_offset_is_kept_within_its_bound_and_velocity_within_its_clamp() -> None
     np.testing.assert_array_equal(task.offset_vector(), 0.0)
 
 
+def test_a_law_gets_the_filtered_wrench_error_and_its_derivative() -> None:
+    """A step w behind a low-pass T: w (1 − e^(−t/T)) and w/T e^(−t/T); without a low-pass, w and zero."""
+
+    class Seen(ComplianceTask):
+        def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
+            self.seen = error.copy(), rate.copy()
+            return np.zeros(6), np.zeros(6)
+
+    robot, step = robot_with_palm(), np.array([20.0, -10.0, 5.0, 1.0, 2.0, -3.0])
+    for time_constant, dt in ((0.05, 0.002), (0.02, 0.01), (0.0, 0.005)):
+        task = Seen("palm", time_constant=time_constant, target_wrench=step)
+        task.bind(robot)
+        task.measured_wrench = 2.0 * step
+        for tick in range(1, 11):
+            task.advance(dt)
+            left = np.exp(-tick * dt / time_constant) if time_constant else 0.0
+            np.testing.assert_allclose(task.seen[0], step * (1.0 - left), atol=1e-12)
+            np.testing.assert_allclose(
+                task.seen[1], step * left / time_constant if time_constant else 0.0 * step, atol=1e-9
+            )
+        np.testing.assert_array_equal(task.wrench_error, task.seen[0])
+
+
+def test_a_bound_of_the_offset_stops_the_frame_at_the_bound_whatever_its_speed() -> None:
+    robot = robot_with_palm()
+    for sign in (1.0, -1.0):
+        task = AdmittanceTask(
+            "palm",
+            admittance=(1e-3, 1e-3),
+            velocity_bound=(1.0, 1.0),
+            offset_bound=(0.03, 0.0),
+            time_constant=0.0,
+        )
+        task.bind(robot)
+        task.measured_wrench = sign * np.array([500.0, 0.0, 0.0, 0.0, 0.0, 500.0])
+        for tick in range(1, 11):
+            task.advance(0.01)  # 5 mm a period
+            expected = sign * min(0.005 * tick, 0.03)
+            np.testing.assert_allclose(task.offset_vector(), [expected, 0, 0, 0, 0, 0], atol=1e-12)
+        task.measured_wrench = -task.measured_wrench
+        task.advance(0.01)
+        np.testing.assert_allclose(task.offset_vector()[0], sign * 0.025, atol=1e-12)
+
+
 def test_a_constant_wrench_moves_the_reference_along_a_screw() -> None:
     """Velocities are along the axes of the reference, which turn with it."""
     robot, seconds, dt = robot_with_palm(), 1.0, 1e-3
