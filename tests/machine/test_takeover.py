@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 import logging
 import resource
@@ -15,15 +16,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from at_rest import at_rest
 from hanging import HOOK, HangingMachine
 
 import wbc
 from wbc import Command, HybridControl, Measurement, TorqueControl
+from wbc.core.robot import GRAVITY
 from wbc.machine import Runner, RunSettings
-from wbc.machine.inlet import Inlet
+from wbc.machine.inlet import Inlet, TimeRatio
+from wbc.machine.loads import SoleLoads
 from wbc.machine.report import Phase, RunReport
 from wbc.machine.run import mixed
+from wbc.machine.stand import Stand, standing
+from wbc.machine.start import Landing, SafeStart
 from wbc.walking import WalkingControlSettings
 
 MODES: dict[str, Any] = {"torque": TorqueControl, "hybrid": HybridControl}
@@ -301,9 +308,163 @@ def test_a_stamp_that_stands_still_is_no_clock_and_a_repeat_is_no_measurement() 
     assert not inlet.stamped and inlet.good is not None and inlet.good.time == pytest.approx(0.02)
     stamped = Inlet(robot, 0.004)
     again = measurement(1, 7.004)
-    taken = [stamped.take(m, 0.0) for m in (measurement(0, 7.0), again, again, replace(again))]
+    taken = [stamped.take(m, 0.0) for m in (measurement(0, 7.0), again, again, copy.deepcopy(again))]
     assert taken == [True, True, False, False]
     assert stamped.stamped and stamped.good is not None and stamped.good.time == 7.004
+
+
+def leaning(robot: wbc.Robot, time: float, roll: float, pitch: float, load: float = 0.0) -> Measurement:
+    """Measurement of a robot at rest whose base leans, with a share of its weight on the soles."""
+    up = pin.rpy.rpyToMatrix(roll, pitch, 0.0).T @ [0.0, 0.0, GRAVITY]
+    wrench = np.zeros((2, 6))
+    wrench[:, 2] = 0.5 * load * robot.mass * GRAVITY
+    imu = robot.placement(robot.imu_frame).rotation.T @ robot.placement(robot.base_frame).rotation
+    return at_rest(robot, time, specific_force=imu @ up, sole_wrench=wrench)
+
+
+G1 = wbc.load_robot("g1")
+
+
+def test_a_caught_robot_is_put_with_its_soles_where_those_of_half_sitting_are() -> None:
+    """The middle of the soles and their heading; posture, roll and pitch stay."""
+    robot, rng = G1.robot(), np.random.default_rng(1)
+
+    def middle(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        robot.update(q, np.zeros(robot.nv))
+        soles = [robot.placement(sole.frame) for sole in robot.soles]
+        ahead = sum(sole.rotation[:2, 0] for sole in soles)
+        return np.mean([sole.translation for sole in soles], axis=0), ahead / np.linalg.norm(ahead)
+
+    home = middle(np.array(robot.half_sitting))
+    for _ in range(10):
+        q = np.array(robot.half_sitting)
+        q[:3] = rng.normal(size=3)
+        q[7:] += 0.1 * rng.normal(size=robot.na)
+        roll, pitch = rng.uniform(-0.4, 0.4, 2)
+        q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(roll, pitch, rng.uniform(-3.0, 3.0))).coeffs()
+        given = q.copy()
+        placed = standing(robot, q)
+        np.testing.assert_array_equal(q, given)
+        np.testing.assert_array_equal(placed[7:], q[7:])
+        angles = pin.rpy.matrixToRpy(pin.Quaternion(placed[3:7]).matrix())
+        np.testing.assert_allclose(angles[:2], (roll, pitch), atol=1e-9)
+        for found, expected in zip(middle(placed), home, strict=True):
+            np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def test_a_robot_that_was_caught_leaning_is_turned_upright_within_a_second_and_a_half() -> None:
+    """Along a minimum-jerk curve, half of the way after half of the time, under the damping of its motors."""
+    robot, dt, lean = G1.robot(), 0.02, 0.2
+    gains = G1.kp, G1.kd
+    stand = Stand(G1, dt, SoleLoads(G1, dt, gains), G1.kd)
+    task = stand.control.controller.task("torso")
+    upright = np.array(task.target)
+    stand._loads.wrenches(leaning(robot, 0.0, 0.0, lean, 0.5))
+    stand.begin(leaning(robot, 0.0, 0.0, lean, 0.5))
+    for tick in range(1, 80):
+        measured = leaning(robot, tick * dt, 0.0, lean, 0.5)
+        command = stand.command(measured)
+        share = min(tick * dt / 1.5, 1.0)
+        way = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        left = np.linalg.norm(pin.log3(upright.T @ np.array(task.target)))
+        assert left == pytest.approx((1.0 - way) * lean, abs=2e-3)
+        np.testing.assert_array_equal(command.kp, 0.0)
+        np.testing.assert_array_equal(command.kd, G1.kd)
+        np.testing.assert_array_equal(command.joint_position, measured.joint_position)
+
+
+@pytest.mark.parametrize("lean", [(0.0, 0.15), (0.1, -0.1), (0.0, 1.2)])
+def test_legs_of_a_robot_that_hangs_bring_its_soles_level_below_the_centre_of_mass(
+    lean: tuple[float, float],
+) -> None:
+    """At 0.3 rad/s at most, never nearer than 0.1 rad to the end of a range; they stay once the soles carry 5 %."""
+    robot, dt = G1.robot(), 0.02
+    legs = [robot.joint_index(name) for leg in G1.legs for name in leg]
+    loads = SoleLoads(G1, dt, (G1.kp, G1.kd))
+    landing, before = Landing(robot, loads), np.array(robot.half_sitting[7:])
+
+    def soles(q: np.ndarray) -> list[pin.SE3]:
+        """Soles from the centre of mass."""
+        robot.update(q, np.zeros(robot.nv))
+        places = [robot.placement(sole.frame) for sole in robot.soles]
+        return [pin.SE3(place.rotation, place.translation - robot.com) for place in places]
+
+    home = soles(np.array(robot.half_sitting))
+    middle = robot.half_sitting[7:]
+    low, high = (
+        np.minimum(robot.position_lower + 0.1, middle),
+        np.maximum(robot.position_upper - 0.1, middle),
+    )
+    for tick in range(400):
+        measured = leaning(G1.robot(), tick * dt, *lean)
+        loads.wrenches(measured)
+        joints = landing.reference(replace(measured, joint_position=before))
+        assert np.abs(joints - before).max() <= 0.3 * dt + 1e-12
+        others = np.setdiff1d(np.arange(robot.na), legs)
+        np.testing.assert_array_equal(joints[others], middle[others])
+        assert ((low - 1e-12 <= joints) & (joints <= high + 1e-12))[legs].all()
+        before = joints
+    if max(map(abs, lean)) < 1.0:
+        q = np.array(robot.half_sitting)
+        q[3:7], q[7:] = pin.Quaternion(pin.rpy.rpyToMatrix(*lean, 0.0)).coeffs(), before
+        for found, expected in zip(soles(q), home, strict=True):
+            np.testing.assert_allclose(found.translation, expected.translation, atol=2e-3)
+            np.testing.assert_allclose(found.rotation, expected.rotation, atol=5e-3)
+    for tick in range(400, 440):
+        measured = leaning(G1.robot(), tick * dt, 0.0, 0.0, load=0.1)
+        loads.wrenches(measured)
+        joints = landing.reference(replace(measured, joint_position=before))
+    assert np.abs(joints - before).max() < 0.3 * 5 * dt  # it takes some ticks to see the load
+
+
+def test_a_start_is_a_minimum_jerk_motion_after_the_stiffness_has_risen() -> None:
+    robot, fade, speed = G1.robot(), 0.4, 0.5
+    away = np.zeros(robot.na)
+    away[[0, 3]] = 0.6, -0.3
+    first = replace(at_rest(robot, 0.0), joint_position=robot.half_sitting[7:] + away)
+    start = SafeStart(
+        robot,
+        first,
+        SoleLoads(G1, 0.004, (G1.kp, G1.kd)),
+        fade=fade,
+        speed=speed,
+        gains=(G1.kp, G1.kd),
+    )
+    assert start.duration == pytest.approx(fade + 0.6 / speed)
+    carried = start.carry(first)
+    assert np.abs(carried).max() > 1.0
+    for elapsed in (0.1, 0.3, 0.4, 1.0, 1.5):
+        command, share = start.command(first, elapsed), min(1.0, elapsed / fade)
+        u = max(0.0, (elapsed - fade) / 1.2)
+        way, rate = u**3 * (10.0 - 15.0 * u + 6.0 * u**2), 30.0 * u**2 * (1.0 - u) ** 2 / 1.2
+        np.testing.assert_allclose(
+            command.joint_position, first.joint_position - way * away, rtol=0.0, atol=1e-9
+        )
+        np.testing.assert_allclose(command.joint_velocity, -rate * away, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(command.joint_torque, share * carried, rtol=1e-9)
+        np.testing.assert_allclose(command.kp, share * G1.kp)
+        np.testing.assert_array_equal(command.kd, G1.kd)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.8, 1.4])
+def test_the_ratio_of_times_is_that_of_the_ways_of_all_joints(ratio: float) -> None:
+    robot, rates = G1.robot(), np.random.default_rng(2).normal(size=G1.robot().na)
+
+    def measured(time: float, way: float, scale: float = 1.0) -> Measurement:
+        rest = at_rest(robot, time)
+        position = rest.joint_position + way * rates
+        return replace(rest, joint_position=position, joint_velocity=scale * rates)
+
+    pace = TimeRatio()
+    for tick in range(30):
+        pace.update(measured(3.0 + 0.004 * tick, 0.004 * ratio * tick))
+    assert pace.ratio == pytest.approx(ratio)
+    for tick in range(60):  # a gap, in which the joints have gone elsewhere, and then rest
+        pace.update(measured(9.0 + 0.004 * tick, 5.0, scale=0.0))
+    assert pace.ratio == pytest.approx(ratio)
+    for tick in range(60):  # each joint as it likes: no ratio
+        pace.update(replace(measured(9.3 + 0.004 * tick, 0.004 * tick), joint_velocity=rates[::-1]))
+    assert pace.ratio == pytest.approx(ratio)
 
 
 @pytest.mark.long

@@ -153,6 +153,31 @@ def test_impedance_law_in_closed_form() -> None:
     )
 
 
+@pytest.mark.parametrize("mass", [(0.0, 0.0), (2.0, 0.5)])
+def test_velocity_and_acceleration_of_an_impedance_fulfil_its_law_at_the_end_of_each_period(
+    mass: tuple[float, float],
+) -> None:
+    """Mass · a + damper · v + spring · x = error; without a mass its derivative, damper · a + spring · v = rate."""
+    rng, dt = np.random.default_rng(3), 0.005
+    task = ImpedanceTask("palm", mass=mass, spring=(300.0, 20.0), damper=(50.0, 3.0), offset_bound=None)
+    task.bind(robot_with_palm())
+    for wrench in rng.normal(scale=[5, 5, 5, 0, 0, 0.1], size=(20, 6)):  # turned about one axis alone
+        error, rate = rng.normal(size=(2, 6)) * [1, 1, 1, 0, 0, 1]
+        velocity, acceleration = task.comply(error, rate, dt)
+        place = task.offset_vector() + dt * velocity
+        heavy, spring, damper = task.mass, task.spring, task.damper
+        if mass[0]:
+            given = heavy * acceleration + damper * velocity + spring * place
+            np.testing.assert_allclose(acceleration, (velocity - task.compliance_velocity) / dt, atol=1e-9)
+            np.testing.assert_allclose(given, error, atol=1e-9)
+        else:
+            np.testing.assert_allclose(damper * velocity + spring * place, error, atol=1e-9)
+            np.testing.assert_allclose(damper * acceleration + spring * velocity, rate, atol=1e-9)
+        task.measured_wrench = wrench
+        task.advance(dt)
+    assert np.abs(task.offset_vector()[[0, 1, 2, 5]]).min() > 1e-5
+
+
 LAWS: dict[str, Callable[..., ComplianceTask]] = {
     "admittance": partial(AdmittanceTask, "palm", admittance=(2e-3, 0.1)),
     "spring and damper": partial(
