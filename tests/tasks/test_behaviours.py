@@ -252,6 +252,45 @@ def test_an_exception_anywhere_has_the_outcome_that_its_transition_says(
     assert ("m/a", "error") in [entry[1:] for entry in program.history]
 
 
+class Still:
+    """A robot at rest for `Program.run`, whatever it is told."""
+
+    def __init__(self, control: PositionControl) -> None:
+        self.robot, self.ticks, self.told = control.controller.robot, 0, list[Any]()
+
+    def measure(self) -> Any:
+        return at_rest(self.robot, DT * self.ticks)
+
+    def step(self, command: Any) -> None:
+        self.told.append(command)
+        self.ticks += 1
+
+
+def test_a_run_lasts_until_the_machine_ends_or_its_seconds_are_over() -> None:
+    """A machine without an end needs a number of seconds; each tick is recorded, sent and followed by what is due."""
+    endless, ends = StateMachine("m", [Behaviour("stand")]), StateMachine("m", steps("a", "b"))
+    for machine, seconds, outcome, lasted in (
+        (endless, 0.05, None, 0.05),
+        (ends, None, "done", 0.04),
+        (ends, 1.0, "done", 0.04),
+        (ends, 0.03, None, 0.03),
+    ):
+        control = PositionControl(standing("hrp4_class", dt=DT))
+        program, plant, seen = Program(machine, control), Still(control), list[Any]()
+        recorded: list[Any] = []
+        found = program.run(
+            plant,
+            seconds=seconds,
+            record=lambda *tick, to=recorded: to.append(tick[3]),
+            after_tick=lambda to=seen: to.append(1),
+        )
+        assert found == program.outcome == outcome and program.time == pytest.approx(lasted)
+        assert len(seen) == plant.ticks and recorded == plant.told
+    control = PositionControl(standing("hrp4_class", dt=DT))
+    with pytest.raises(InputError, match="end"):
+        Program(endless, control).run(Still(control))
+
+
 @pytest.mark.parametrize(
     ("make", "named"),
     [

@@ -409,6 +409,13 @@ def test_gains_are_those_that_are_assigned_however_often_and_act_by_the_mass(mas
         assert tick(s, wrenches=np.array([[0.0, 0.0, load, 0.0, 0.0, 0.0], np.zeros(6)])).in_air is flies
 
 
+def test_the_usual_admittance_of_the_ankles_is_that_of_40_kg_over_the_mass() -> None:
+    for mass in (5.0, 39.0, 62.4, 90.0):
+        expected = 0.05 * min(1.0, 40.0 / mass)  # rad/(Nm s)
+        assert StabilizerGains().for_mass(mass).cop_admittance == pytest.approx((expected,) * 2)
+        assert StabilizerGains(cop_admittance=(0.02, 0.01)).for_mass(mass).cop_admittance == (0.02, 0.01)
+
+
 def test_foot_heights_settle_and_leak() -> None:
     gains = StabilizerGains(force_difference=1e-4, support_height_leak=3.0)
     f = FootAdmittance(gains.for_mass(39.0))

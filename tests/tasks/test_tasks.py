@@ -19,12 +19,13 @@ from task_factory import (
     standing,
 )
 
+import wbc
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
 from wbc.core.limits.base import Limit
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task, evaluated
-from wbc.core.robot import Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
@@ -38,6 +39,7 @@ from wbc.tasks import (
     RelativeFrameTask,
     check_rows,
 )
+from wbc.tasks.balance import BalanceGains, balance_controller
 
 cases = pytest.mark.parametrize("case", MOTION_TASKS)
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
@@ -402,6 +404,60 @@ def test_posture_moves_the_selected_joints_alone(name: str) -> None:
     expected = task.stiffness * task.error
     chosen = [6 + robot.joint_index(joint) for joint in joints]
     np.testing.assert_allclose(controller.solve().accelerations[chosen], expected, atol=1e-6)
+
+
+def test_a_posture_is_reached_within_0_05_rad_or_5_mm_and_when_its_joints_are_slow() -> None:
+    """Of the fingers of a Panda, which slide by 40 mm, within a tenth of that."""
+    robot = wbc.load_robot("panda").robot()
+    task, slides = PostureTask(), robot.slides
+    task.bind(robot)
+    middle = 0.5 * (robot.position_lower + robot.position_upper)
+    task.target = middle
+    near, slow = np.where(slides, 0.004, 0.05), np.where(slides, 0.02, 0.2)
+    assert slides.any() and not slides.all()
+    for joint in range(robot.na):
+        for sign in (1.0, -1.0):
+            for share, reached in ((0.99, True), (1.01, False)):
+                unit = sign * share * np.eye(robot.na)[joint]
+                robot.update(middle + near * unit, np.zeros(robot.na))
+                assert task.reached is reached
+                robot.update(middle, slow * unit)
+                assert task.reached is reached
+
+
+@pytest.mark.parametrize("chest", [True, False])
+def test_the_balance_of_a_stand_has_the_tasks_that_it_says_and_carries_the_weight(chest: bool) -> None:
+    given = make_robot("hrp4_class")
+    torso = given.torso_frame if chest else None
+    robot = Robot(given.model, given.soles, given.half_sitting, torso_frame=torso)
+    gains = BalanceGains(com_weight=7.0, orientation_stiffness=50.0, posture_weight=0.3)
+    controller = balance_controller(robot, 0.005, gains)
+    names = ["com", "base", *["torso"] * chest, "posture"]
+    assert [task.name for task in controller.tasks] == names
+    np.testing.assert_array_equal(controller.task("com").weight, 7.0)
+    np.testing.assert_array_equal(controller.task("posture").weight, 0.3)
+    for name in names[1:-1]:
+        np.testing.assert_array_equal(controller.task(name).stiffness, 50.0)
+    solution = controller.solve()
+    np.testing.assert_allclose(solution.accelerations, 0.0, atol=1e-2)
+    carried = sum(solution.wrenches[sole.name][2] for sole in robot.soles)
+    assert carried == pytest.approx(robot.mass * GRAVITY, rel=1e-3)
+
+
+def test_states_in_which_rows_are_checked_are_well_inside_of_the_ranges() -> None:
+    robot, seen = make_robot("hrp4_class"), list[Array]()
+
+    class Seeing(PositionTask):
+        def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+            seen.append(np.array(self.robot.q))
+            super().evaluate(jacobian, error, drift)
+
+    for seed in range(3):
+        check_rows(Seeing(left_hand(robot)), robot, seed=seed)
+    low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
+    shares = (np.array(seen)[:, 7:] - low) / (high - low)
+    assert shares.min() > 0.2 - 1e-5 and shares.max() < 0.8 + 1e-5
+    assert np.ptp(shares, axis=0).min() > 0.01 and shares.min() < 0.25 and shares.max() > 0.75
 
 
 def test_drift_follows_the_gravity_of_the_model() -> None:
