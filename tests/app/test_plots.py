@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -14,17 +15,18 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 from recorded import make_walk, recorded_stand, recorded_walk
+from scipy.spatial.transform import Rotation
 
 import wbc
 from wbc.app.cli import main
-from wbc.app.drift import Drift
+from wbc.app.drift import Drift, yaw_of
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.log.stances import SIDES, sole_sizes, stances, support_box
 from wbc.app.plot.figures import FIGURES, draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
-from wbc.app.plot.style import mark_events, new_figure
+from wbc.app.plot.style import labels, mark_events, new_figure
 from wbc.app.replay.replay import Replay
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.tasks import Behaviour, Program, StateMachine, after
@@ -67,6 +69,39 @@ def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
     assert set(ticks) == set(phases)
     drawn = np.asarray(own.axes[1].get_lines()[0].get_ydata())
     assert [ticks[int(level)] for level in drawn] == phases.tolist()
+
+
+def test_points_of_the_estimate_are_turned_and_moved_to_where_the_robot_is() -> None:
+    """There and back: what is seen from the middle of the feet stays what it is."""
+    rng = np.random.default_rng(4)
+    turn, estimated, true = rng.uniform(-9.0, 9.0, 6), rng.normal(size=(6, 3)), rng.normal(size=(6, 3))
+    drift, points = Drift(turn, estimated, true), rng.normal(size=(6, 3))
+    assert (
+        np.allclose(drift.size, np.hypot(*(true - estimated)[:, :2].T)) and np.abs(drift.turn).max() <= np.pi
+    )
+    for dim in (2, 3):
+        found = drift(points[:, :dim])
+        for i in range(6):
+            expected = Rotation.from_euler("z", turn[i]).apply(points[i] - estimated[i]) + true[i]
+            np.testing.assert_allclose(found[i], expected[:dim], atol=1e-12)
+            np.testing.assert_allclose(drift(points[:, :dim], i)[i], expected[:dim], atol=1e-12)
+    turns = Rotation.from_euler("ZYX", np.column_stack([turn, *rng.uniform(-1.0, 1.0, (2, 6))]))
+    np.testing.assert_allclose(yaw_of(turns.as_quat()), drift.turn, atol=1e-12)
+    assert f"{1e3 * drift.size[2]:.0f} mm" in drift.text(
+        2
+    ) and f"{np.degrees(drift.turn[2]):+.1f}" in drift.text(2)
+
+
+def test_logs_are_told_apart_by_title_else_by_file(tmp_path: Path) -> None:
+    def named(*rows: tuple[str, str]) -> list[str]:
+        logs: Any = [SimpleNamespace(header={"title": title}, path=tmp_path / file) for title, file in rows]
+        return labels(logs)
+
+    assert named(("a", "1.arrow"), ("b", "2.arrow")) == ["a", "b"]
+    assert named(("a", "1.arrow"), ("a", "2.arrow")) == ["1", "2"] == named(("", "1.arrow"), ("b", "2.arrow"))
+    assert named(("a", "x/1.arrow"), ("a", "y/1.arrow")) == [
+        str(tmp_path / each / "1.arrow") for each in "xy"
+    ]
 
 
 def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:

@@ -25,7 +25,18 @@ import wbc
 from wbc.app import MeshcatView, live
 from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.app.view.base import PortError, ViewError
-from wbc.app.view.marks import DCM_COLOUR, LIFT, Mark, Picture, css, mark_mesh, stiffness_colour
+from wbc.app.view.marks import (
+    DCM_COLOUR,
+    LIFT,
+    Force,
+    Mark,
+    Picture,
+    Scale,
+    css,
+    force_marks,
+    mark_mesh,
+    stiffness_colour,
+)
 from wbc.app.view.meshes import PLANE_DEPTH, SHOWN_GROUPS, body_meshes, geom_mesh
 from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.app.view.walk_marks import drift_of
@@ -149,6 +160,20 @@ def test_shapes_have_the_size_of_their_geoms() -> None:
         assert np.abs(mesh.vertices).max(axis=0) == pytest.approx(high.get(kind, size), rel=0.02)
         a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
         assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) > 0.0).all(), "faces look outwards"
+        volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+        x, y, z = (*size, size[-1])[:3] if kind != "sphere" else size * 3
+        solid = {
+            "box": 8.0 * x * y * z,
+            "sphere": 4.0 / 3.0 * np.pi * x**3,
+            "ellipsoid": 4.0 / 3.0 * np.pi * x * y * z,
+            "cylinder": 2.0 * np.pi * x**2 * y,
+            "capsule": 2.0 * np.pi * x**2 * y + 4.0 / 3.0 * np.pi * x**3,
+        }
+        assert 0.9 * solid[kind] < volume < solid[kind] * (1.0 + 1e-9), "closed, and inside of the solid"
+    for flat, area in ((plane, 2.0 * 4.0), (hills, 4.0 * 2.0)):
+        a, b, c = flat.vertices[flat.faces].transpose(1, 0, 2)
+        up = 0.5 * np.cross(b - a, c - a)[:, 2]
+        assert (up > 0.0).all() and up.sum() == pytest.approx(area), "each place once, and from above"
 
 
 @pytest.mark.parametrize("robot", ["hrp4_class", pytest.param("talos", marks=pytest.mark.slow)])
@@ -190,6 +215,47 @@ def test_marks_are_drawn_at_their_points() -> None:
         assert faces.max() < len(vertices)
         for point in points[:count]:
             assert np.linalg.norm(vertices - point, axis=1).min() < 0.015, kind
+
+
+def test_areas_and_arrows_have_their_size_and_face_outwards() -> None:
+    """A polygon looks up with all of its area; an arrow is closed: its volume is that of a cylinder and a cone."""
+    angles = 2.0 * np.pi * np.arange(7) / 7.0
+    corners = np.column_stack([np.cos(angles), np.sin(angles), np.full(7, 0.3)])
+
+    def triangles(mark: Mark) -> NDArray[np.float64]:
+        vertices, faces = mark_mesh(mark)
+        return np.asarray(vertices[faces].transpose(1, 0, 2))
+
+    a, b, c = triangles(Mark("m", "area", corners, (1, 1, 1, 1)))
+    across = 0.5 * np.cross(b - a, c - a)
+    assert (across[:, 2] > 0.0).all() and across[:, 2].sum() == pytest.approx(
+        3.5 * math.sin(2.0 * np.pi / 7.0)
+    )
+    for end in ((0.0, 0.0, 2.0), (1.0, -2.0, 0.5), (0.0, 0.0, -1.0)):
+        points, size = np.array([(1.0, 2.0, 3.0), np.add((1.0, 2.0, 3.0), end)]), 0.03
+        a, b, c = triangles(Mark("m", "arrow", points, (1, 1, 1, 1), size))
+        length = float(np.linalg.norm(end))
+        volume = np.einsum("ij,ij->i", a - points[0], np.cross(b - points[0], c - points[0])).sum() / 6.0
+        solid = 0.75 * size**2 + (2.5 * size) ** 2 * 0.25 / 3.0
+        assert volume == pytest.approx(np.pi * length * solid, rel=0.05)
+    line = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 2.0, 0.0)])
+    a, b, c = triangles(Mark("m", "line", line, (1, 1, 1, 1), 0.02))
+    assert np.linalg.norm(0.5 * np.cross(b - a, c - a), axis=1).sum() == pytest.approx(0.02 * 3.0)
+
+
+def test_arrows_of_forces_are_as_long_as_their_share_of_the_weight() -> None:
+    """That of the weight is as long as the centre of mass is high; one of more than 1.5 weights is cut off."""
+    scale = Scale(0.8, 400.0)
+    for share, shown in ((0.25, 0.25), (1.5, 1.5), (6.0, 1.5)):
+        force = 400.0 * share * np.array([0.6, 0.0, 0.8])
+        point = np.array([1.0, 2.0, 3.0])
+        ground, push, other = force_marks(
+            scale, [Force(kind, point, force) for kind in ("ground", "push", "ground")]
+        )
+        way = 0.8 * shown * np.array([0.6, 0.0, 0.8])
+        np.testing.assert_allclose(ground.points, [point, point + way])
+        np.testing.assert_allclose(push.points, [point - way, point])
+        assert [ground.name, push.name, other.name] == ["ground force 0", "push force 0", "ground force 1"]
 
 
 @pytest.mark.slow
