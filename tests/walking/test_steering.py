@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.walking.steering import PathSteering
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.reach import Reach
+from wbc.walking.plans.sources import DriveSettings, Standing, VelocityLimits
+from wbc.walking.steering import PathConstants, PathSteering, SteeredSteps, Steering
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 
 DT = 0.002
@@ -117,3 +121,290 @@ def test_steps_take_longer_about_the_speed_at_which_a_walk_becomes_fast(settings
     times, hastes = zip(*found[::2], strict=True)
     assert times[0] == times[4] == 1.0 and times[2] == max(times) > 1.05 and times[1] == times[3] < 1.01
     assert hastes == pytest.approx((0.0, 0.0, 0.0, 0.5, 1.0))
+
+
+# ---- figures --------------------------------------------------------------------------------------------------------
+
+
+def test_limits_are_those_of_the_settings_and_what_feet_that_come_together_give(
+    settings: SteppingSettings,
+) -> None:
+    """To the side feet lose v T of their distance, at most 0.8 of what lies over the gap."""
+    for fastest in (9.0, 0.1):
+        limits = steered(replace(settings, fastest_aside=fastest, fastest_back=fastest)).limits
+        most = 0.8 * (settings.widest - settings.gap) / settings.step_time
+        assert limits.aside == pytest.approx(min(most, fastest))
+        assert limits.back == pytest.approx(min(fastest, limits.forward))
+        assert limits.turn == settings.fastest_turn
+
+
+@pytest.mark.parametrize("share", [-3.0, -0.5, 0.0, 0.7, 2.0])
+def test_each_part_of_a_velocity_is_cut_to_its_own_limit(share: float) -> None:
+    steering = Steering(VelocityLimits(0.3, 0.2, 0.1, 0.5), 0.6)
+    cut = min(max(share, -1.0), 1.0)
+    back = max(share * 0.3, -0.2) if share < 0.0 else cut * 0.3
+    assert steering.limited((share * 0.3, share * 0.1, share * 0.5)) == pytest.approx(
+        (back, cut * 0.1, cut * 0.5)
+    )
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.9, -2.4])
+def test_a_near_goal_is_walked_to_as_one_stands_and_a_far_one_face_first(yaw: float) -> None:
+    steering, here = Steering(VelocityLimits(0.3, 0.2, 0.1, 0.5), 0.6), (1.0, -2.0)
+
+    def goal(ahead: float, aside: float, turn: float) -> None:
+        x, y = turned((ahead, aside), yaw)
+        steering.go_to(here[0] + x, here[1] + y, yaw + turn)
+
+    goal(0.3, -0.4, 0.2)
+    assert steering.away(here, yaw) == pytest.approx((0.5, 0.2))
+    assert steering.approach(here, yaw, 2.0, 9.0, None) == pytest.approx((0.15, -0.2, 0.1))
+    assert steering.approach(here, yaw, 2.0, 0.1, None)[0] == pytest.approx(0.1), "as fast as it may"
+    goal(-0.3, 0.4, 0.2)
+    assert steering.approach(here, yaw, 2.0, 0.1, None)[0] == pytest.approx(-0.1)
+    goal(3.0, 4.0, 0.2)
+    off = math.atan2(4.0, 3.0)
+    speed = steering.approach(here, yaw, 2.0, 0.3, None)
+    assert speed == pytest.approx((0.3 * math.cos(off) ** 4, 0.0, off / 2.0))
+    slow = steering.approach(here, yaw, 100.0, 0.3, yaw + 0.1)
+    assert slow == pytest.approx((0.05 * math.cos(0.1) ** 4, 0.0, 1e-3)), "5 m in 100 s"
+    goal(-5.0, 0.0, 0.2)
+    assert steering.approach(here, yaw, 2.0, 0.3, None)[0] == 0.0, "it turns first"
+
+
+def test_steps_are_slow_on_soles_that_hold_and_quick_in_fast_walks_in_turns_and_before_a_stand(
+    settings: SteppingSettings,
+) -> None:
+    """T + held · (2 − v/cruise), at most 1, of the difference to the slow time."""
+    steering, own = steered(settings), in_si(PathConstants(), SIZE)
+    longer = settings.slow_time - settings.step_time
+    for held in (0.0, 0.4, 1.0):
+        steering.held = held
+        for share, slow in ((0.0, 1.0), (1.0, 1.0), (1.6, 0.4), (2.5, 0.0)):
+            steering.velocity, steering.turn = (-share * settings.cruise, 0.0), 0.0
+            assert steering._slow == pytest.approx(settings.step_time + held * slow * longer)
+            steering.velocity, steering.turn = (0.0, 0.0), -share * own.slow_turn
+            assert steering._slow == pytest.approx(settings.step_time + held * slow * longer)
+    steering.goes, steering.turn = False, 0.0
+    assert steering._slow == settings.step_time
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.5 * math.pi, math.pi, 2.2])
+def test_a_robot_leaves_a_ground_that_ends_before_it_can_stop(settings: SteppingSettings, yaw: float) -> None:
+    """At v it goes on for v/2a and a step; its soles, and feet that come apart, need room beyond."""
+    speed, aside = 0.2, 0.05
+    c, s = math.cos(yaw), math.sin(yaw)
+    stop = math.hypot(speed, aside) / (2.0 * settings.acceleration) + settings.step_time
+    length, width = SIZE.sole
+    width += max(0.5 * settings.width, settings.gap + aside * settings.step_time / 0.8)
+    ahead = np.array([c * speed - s * aside, s * speed + c * aside])
+    room = np.array([abs(c) * length + abs(s) * width, abs(s) * length + abs(c) * width])
+    ends = stop * ahead + np.sign(ahead) * room
+    for axis in (0, 1):
+        for off in (-1e-3, 1e-3):
+            low, high = np.full(2, -9.0), np.full(2, 9.0)
+            (high if ends[axis] > 0.0 else low)[axis] = ends[axis] + off
+            extent = (low[0], high[0], low[1], high[1])
+            steering = PathSteering(settings, SIZE, CONSTANTS, yaw, DT, extent)
+            assert not steering.leaves((0.0, 0.0)), "it is not asked to walk"
+            steering.command((speed, aside, 0.0))
+            outwards = (off < 0.0) == (ends[axis] > 0.0)
+            assert steering.leaves((0.0, 0.0)) == outwards, "before it sets off"
+            steering.velocity = speed, aside
+            assert steering.leaves((0.0, 0.0)) == outwards
+            moved = PathSteering(
+                settings, SIZE, CONSTANTS, yaw, DT, tuple(np.add(extent, [3.0, 3.0, -2.0, -2.0]))
+            )
+            moved.command((speed, aside, 0.0))
+            assert moved.leaves((3.0, -2.0)) == outwards
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.3])
+def test_a_robot_beside_its_path_comes_back_to_it_at_a_speed_that_grows_with_the_distance(
+    settings: SteppingSettings, yaw: float
+) -> None:
+    own = in_si(PathConstants(), SIZE)
+    for speed, aside in ((0.2, 0.01), (0.2, 5.0), (0.2, -5.0), (0.0, 0.01)):
+        steering = steered(settings, yaw)
+        steering.rest((1.0, -2.0))
+        steering.velocity, steering.goes = (speed, 0.0), True
+        x, y = turned((0.02, aside), yaw)
+        back = steering._held((1.0 + x, -2.0 + y), 0.0)
+        along = 0.02 - speed * DT if speed == 0.0 else 0.0  # a robot that walks is never behind its path
+        expected = [-own.drift_gain * part for part in (along, aside)]
+        cut = [min(max(part, -own.drift_speed), own.drift_speed) for part in expected]
+        assert back == pytest.approx((speed + cut[0], cut[1]), abs=1e-9)
+
+
+def test_the_path_goes_along_with_a_robot_that_walks_to_the_side_and_lags_behind_it(
+    settings: SteppingSettings,
+) -> None:
+    """From 0.1 m beside it, by e^{−t/τ}, and with the velocity that is asked for."""
+    own, steering, yaw = in_si(PathConstants(), SIZE), steered(settings, 0.4), 0.4
+    steering.rest((1.0, -2.0))
+    steering.velocity = 0.0, 0.05
+    for tick in range(1, 301):
+        along = 0.05 * tick * DT
+        x, y = turned((0.0, along + 0.1), yaw)
+        steering._held((1.0 + x, -2.0 + y), 0.0)
+    assert steering._path is not None
+    x, y = turned((steering._path[0] - 1.0, steering._path[1] + 2.0), -yaw)
+    assert x == pytest.approx(0.0, abs=1e-9)
+    assert along + 0.1 - y == pytest.approx(0.1 * math.exp(-300 * DT / own.path_lag), rel=1e-6)
+
+
+def test_a_line_to_a_far_goal_is_held_from_where_it_began(settings: SteppingSettings) -> None:
+    steering, yaw = steered(settings), 0.7
+    start, own = (2.0, -3.0), in_si(PathConstants(), SIZE)
+    steering.rest(start)
+    x, y = turned((5.0, 0.0), yaw)
+    steering.go_to(start[0] + x, start[1] + y, yaw)
+    steering.turn_to(yaw)
+    steering.velocity = 0.1, 0.0
+    steering._wanted(start)
+    for gone, aside in ((1.0, 0.02), (2.0, -0.03)):
+        x, y = turned((gone, aside), yaw)
+        back = steering._held((start[0] + x, start[1] + y), 0.0)
+        assert back[1] == pytest.approx(-own.drift_gain * aside, abs=1e-9)
+
+
+@pytest.mark.parametrize("yaw", [0.0, -2.0])
+def test_a_robot_that_falls_short_is_sent_on_faster_up_to_a_bound(
+    settings: SteppingSettings, yaw: float
+) -> None:
+    """The integral of the velocity that lacks, over its time constant, of quick steps over (T_slow/T)⁴ of it."""
+    own, steering = in_si(PathConstants(), SIZE), steered(settings, yaw)
+    steering.goes = False  # quick steps
+    speed = turned((0.15, 0.3), yaw)
+    for _ in range(100):
+        steering._make_up((0.2, 9.0), speed)
+    assert steering._missing == pytest.approx(0.05 * 100 * DT / own.speed_lag)
+    for _ in range(20000):
+        steering._make_up((0.2, 9.0), speed)
+    assert steering._missing == pytest.approx(own.speed_bias)
+    steering.velocity = 2.0 * CONSTANTS.quick, 0.0
+    steering._missing, ratio = 0.0, steering._slow / steering.step_time
+    steering._make_up((0.2, 9.0), speed)
+    assert steering._missing == pytest.approx(0.05 * DT / (own.speed_lag * ratio**4))
+    for _ in range(20000):
+        steering._make_up((0.1, 9.0), speed)
+    assert steering._missing == pytest.approx(-2.0 * own.speed_bias), "twice as much in a fast walk"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_velocity_changes_no_faster_than_it_may_and_a_heading_turns_with_it(
+    settings: SteppingSettings, sign: float
+) -> None:
+    steering = steered(settings, 0.3)
+    steering.rest((0.0, 0.0))
+    steering.command((sign * 0.1, sign * 0.05, sign * 0.2))
+    steering.update((0.0, 0.0), (0.0, 0.0))
+    change = settings.acceleration * DT
+    assert steering.velocity == pytest.approx((sign * change, sign * change))
+    assert steering.heading == pytest.approx(0.3 + sign * 0.2 * DT)
+    assert steering.direction == pytest.approx((math.cos(steering.heading), math.sin(steering.heading)))
+    for _ in range(1000):
+        steering.update((0.0, 0.0), (0.0, 0.0))
+    assert steering.velocity == pytest.approx((sign * 0.1, sign * 0.05))
+
+
+@pytest.mark.parametrize("off", [0.2, -0.5, 0.9, 3.0])
+def test_a_heading_stays_as_near_to_the_pelvis_as_it_may(settings: SteppingSettings, off: float) -> None:
+    steering, most = steered(settings, 3.0), in_si(PathConstants(), SIZE).turned
+    steering.turn_with(3.0 + off)
+    left = math.remainder(3.0 + off - steering.heading, math.tau)
+    assert left == pytest.approx(off if abs(off) <= most else math.copysign(most, off))
+
+
+@pytest.mark.parametrize(("x", "turn", "there"), [(0.9, 0.9, True), (1.1, 0.0, False), (0.0, -1.1, False)])
+def test_a_goal_is_dropped_within_its_distance_and_turn(
+    settings: SteppingSettings, x: float, turn: float, *, there: bool
+) -> None:
+    steering, own = steered(settings), in_si(PathConstants(), SIZE)
+    assert not steering.arrives((0.0, 0.0))
+    steering.go_to(2.0 + x * own.arrived, 1.0, turn * own.arrived_turn)
+    assert steering.arrives((2.0, 1.0)) == there
+    assert (steering.goal is None) == there
+
+
+# ---- planned steps --------------------------------------------------------------------------------------------------
+
+
+def asked(side: str | None = "left", time: float = 0.0, begun: int = 0, swings: bool = False) -> Standing:
+    start = FootstepPlan(Footstep("left", 1.0, 0.0875), Footstep("right", 1.0, -0.0875), (), Gait())
+    return Standing(start, side, begun, swings, time)
+
+
+REACH = Reach.of(wbc.load_robot("hrp4_class").robot())
+
+
+def test_a_robot_sets_off_by_half_a_second_of_its_acceleration_and_goes_on_by_the_time_that_passes() -> None:
+    drive = DriveSettings(acceleration=(0.2, 0.1, 0.6))
+    planner = SteeredSteps(REACH, drive)
+    planner.steering.command((0.25, -0.15, 0.45))
+    planner.footsteps(asked("right"))
+    assert planner.granted == pytest.approx((0.1, -0.05, 0.3))
+    planner.footsteps(asked("left", 0.25, 1))
+    assert planner._wish == pytest.approx((0.15, -0.075, 0.45))
+    planner.steering.command((-0.2, 0.0, 0.0))
+    planner.footsteps(asked("right", 0.5, 2))
+    assert planner._wish == pytest.approx((0.1, -0.05, 0.3))
+
+
+def test_steps_of_a_velocity_go_as_far_as_it_does_in_their_time_and_the_outer_foot_takes_more_of_a_turn() -> (
+    None
+):
+    """Forward v T a step; to the side and in turns 2, 4/3 and 2/3 of it."""
+    planner = SteeredSteps(REACH, granted=(0.1, 0.02, 0.1), pace=0.1)
+    planner.steering.command((0.1, 0.02, 0.1))
+    plan = planner.footsteps(asked("left"))
+    assert planner.granted == pytest.approx((0.1, 0.02, 0.1)) and len(plan.steps) == 5
+    cycle = plan.gait.full.cycle
+    place = (1.0, 0.0, 0.0)
+    for k, step in enumerate(plan.steps[:4]):
+        opening = k % 2 == 0
+        turn = (4.0 / 3.0 if opening else 2.0 / 3.0) * 0.1 * cycle
+        aside = 2.0 * 0.02 * cycle if opening else 0.0
+        x, y = turned((0.1 * cycle, aside), place[2])
+        place = (place[0] + x, place[1] + y, place[2] + turn)
+        x, y = turned((0.0, 0.0875 if opening else -0.0875), place[2])
+        assert (step.x, step.y, step.yaw) == pytest.approx((place[0] + x, place[1] + y, place[2]))
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.3])
+def test_a_robot_that_is_to_stop_halves_a_long_step_and_closes_up(speed: float) -> None:
+    planner = SteeredSteps(REACH, granted=(speed, 0.0, 0.0), pace=speed)
+    plan = planner.footsteps(asked("left", begun=3))
+    cycle = Gait.at_speed(speed).cycle
+    long = speed * cycle > 0.1
+    places = [step.x for step in plan.steps]
+    assert places == pytest.approx([1.0 + 0.5 * speed * cycle] * 2 if long else [])
+    plan = planner.footsteps(asked("right", begun=4))
+    assert planner.granted == (0.0, 0.0, 0.0) and planner.pace == 0.0
+    assert all(step.x == pytest.approx(1.0) for step in plan.steps)
+
+
+def test_the_share_of_a_velocity_within_reach_is_the_greatest_one() -> None:
+    """By the ellipse of long and wide steps: forward and to the side together take more than each alone."""
+    planner, gait = SteeredSteps(REACH), Gait(single_support=2.0, double_support=0.5)
+    share, spacing = planner.settings.reach, 0.175
+    cycle = Gait.at_speed(0.1, gait).cycle
+    wider = share * (REACH.max_spacing - spacing)
+    for dx, dy, turn, fits in (
+        (0.99 * share * REACH.max_length, 0.0, 0.0, True),
+        (1.01 * share * REACH.max_length, 0.0, 0.0, False),
+        (0.0, 0.495 * wider, 0.0, True),
+        (0.0, 0.505 * wider, 0.0, False),
+        (0.72 * share * REACH.max_length, 0.36 * wider, 0.0, False),
+        (0.69 * share * REACH.max_length, 0.34 * wider, 0.0, True),
+        (0.0, 0.0, 0.99 * 0.9 * REACH.max_yaw * 0.75, True),
+        (0.0, 0.0, 1.01 * 0.9 * REACH.max_yaw * 0.75, False),
+    ):
+        velocity = (dx / cycle, dy / cycle, turn / cycle)
+        assert planner._within(velocity, 0.1, spacing, gait, 1.0) == fits, (dx, dy, turn)
+        assert planner._within(tuple(2.0 * part for part in velocity), 0.1, spacing, gait, 0.5) == fits
+    speed, part = planner._fit((0.9, 0.0, 0.0), spacing, gait)
+    assert speed == 0.9
+    within = [planner._within((0.9, 0.0, 0.0), 0.9, spacing, gait, part + off) for off in (0.0, 0.01)]
+    strained = [planner._strains((0.9, 0.0, 0.0), 0.9, gait, part + off) for off in (0.0, 0.01)]
+    assert within[0] and not strained[0] and (not within[1] or strained[1])

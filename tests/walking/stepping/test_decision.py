@@ -1,0 +1,205 @@
+"""Decision of a step in closed form: steps on their orbit, along footsteps, in the time that legs need, and bounds."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from point_mass import SCALE
+from properties import examples
+
+from wbc.core.robot import GRAVITY, SIDES
+from wbc.walking.ground import GroundEstimate
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
+from wbc.walking.stepping.law import Divergent, Orbit
+from wbc.walking.stepping.program import Bounds, Step
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+
+DT = 0.004
+CONSTANTS, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
+OMEGA = math.sqrt(GRAVITY / SCALE.height)
+POINT = (0.0, 0.0, 0.0)
+
+lengths, angles = st.floats(-0.6, 0.6), st.floats(-math.pi, math.pi)
+
+
+def decision() -> StepDecision:
+    return StepDecision(SETTINGS, CONSTANTS, SCALE, GroundEstimate(0.5, 0.0, 0.2), DT)
+
+
+@examples(25)
+@given(
+    st.sampled_from([1.0, -1.0]),
+    angles,
+    st.tuples(lengths, lengths),
+    st.tuples(st.floats(-0.2, 0.35), st.floats(-0.1, 0.1)),
+    st.floats(0.05, 0.9),
+)
+def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_any_direction(
+    side: float, yaw: float, pivot: tuple[float, float], velocity: tuple[float, float], share: float
+) -> None:
+    """ξ moves away from the foot by e^{ωt}: where it is on the orbit, place and time are the nominal ones."""
+    made, time, width = decision(), SETTINGS.step_time, SETTINGS.width
+    orbit = Orbit.of(velocity, side, width, time, time, OMEGA)
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    fall = math.exp(-OMEGA * time * (1.0 - share))
+    length, beside = velocity[0] * time, width + side * velocity[1] * time
+    end = length + orbit.ahead, beside - orbit.inwards
+    ahead, left = fall * end[0], side * fall * end[1]
+    swing = (pivot[0], pivot[1], 0.0, 0.0)
+    contact = (*pivot, 0.0)
+    dcm = Divergent(pivot[0] + cos * ahead - sin * left, pivot[1] + sin * ahead + cos * left, OMEGA)
+    stance = StepState(
+        side, (cos, sin), contact, contact, contact, dcm, orbit, time, share * time, swing, 0.06
+    )
+    assert stance.offset(*stance.point(0.3, -0.2)) == pytest.approx((0.3, -0.2))
+    assert stance.offset(dcm.x, dcm.y) == pytest.approx((fall * end[0], fall * end[1]))
+    wish = steps_of_velocity(velocity, width, stance)
+    assert wish.places == pytest.approx(
+        (length, beside, length, width - side * velocity[1] * time, length, beside)
+    )
+    made._later = lambda stance, step, *_: step.left  # type: ignore[method-assign]
+    made.decide(stance, wish, 2.0 * time, None)
+    assert made.end == pytest.approx(time, abs=1e-5) and made.urgency == 0.0
+    expected = stance.point(length - CONSTANTS.carrying, beside)
+    assert made.place == pytest.approx(expected, abs=1e-5)
+    made.press()
+    assert made.cop == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 6])
+def test_footsteps_are_walked_by_a_pendulum_that_rests_in_the_middle_of_the_last_two(count: int) -> None:
+    """From step to step ξ − p grows by E about the foot that stands; it is known backwards from its rest."""
+    side, time = 1.0, SETTINGS.step_time
+    growth, carrying = math.exp(OMEGA * time), CONSTANTS.carrying
+    steps = [
+        Footstep(SIDES[k % 2], 0.1 + 0.15 * k, (0.12 if k % 2 == 0 else -0.1) + 0.01 * k, yaw=0.05 * k)
+        for k in range(count)
+    ]
+    pivot = (carrying, -0.11, 0.0)
+    still = Orbit.of((0.0, 0.0), side, SETTINGS.width, time, time, OMEGA)
+    dcm = Divergent(0.0, 0.0, OMEGA)
+    stance = StepState(
+        side, (1.0, 0.0), pivot, pivot, pivot, dcm, still, time, 0.0, (0.0, 0.11, 0.0, 0.0), 0.06
+    )
+    wish = steps_of_plan(steps, carrying, SETTINGS.width, stance)
+    feet = [np.array(pivot[:2])] + [
+        np.array([s.x + carrying * math.cos(s.yaw), s.y + carrying * math.sin(s.yaw)]) for s in steps
+    ]
+    ends, mirror = [0.5 * (feet[-1] + feet[-2])], np.array([[1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+    for foot in feet[-2:0:-1]:
+        ends.insert(0, foot + (ends[0] - foot) / growth)
+    offsets = np.reshape(wish.offsets, (3, 2)) * mirror
+    ways = np.reshape(wish.places, (3, 2)) * mirror
+    for k in range(min(count, 3)):
+        np.testing.assert_allclose(ways[k], feet[k + 1] - feet[k], atol=1e-12)
+        np.testing.assert_allclose(offsets[k], ends[k] - feet[k + 1], atol=1e-12)
+    for k in range(1, 3):  # whatever leads on from there obeys the law as well
+        np.testing.assert_allclose(growth * offsets[k - 1], ways[k] + offsets[k], atol=1e-9)
+        assert ways[k, 0] == pytest.approx(0.0) or k < count
+        assert abs(ways[k, 1]) == pytest.approx(SETTINGS.width) or k < count
+        assert ways[k, 1] * ways[k - 1, 1] < 0.0
+
+
+@examples(20)
+@given(st.tuples(*[st.floats(-0.05, 0.05)] * 2), st.tuples(*[st.floats(-0.05, 0.05)] * 2))
+def test_the_centre_of_pressure_moves_at_no_more_than_its_speed(
+    now: tuple[float, float], wanted: tuple[float, float]
+) -> None:
+    made, most = decision(), CONSTANTS.cop_speed * DT
+    made.cop, made._wanted = now, wanted
+    made.press()
+    for before, goal, after in zip(now, wanted, made.cop, strict=True):
+        assert after == pytest.approx(
+            goal if abs(goal - before) <= most else before + math.copysign(most, goal - before)
+        )
+
+
+def stance_at(
+    swing: tuple[float, float, float, float], dcm: tuple[float, float] = (0.0, 0.0), elapsed: float = 0.1
+) -> StepState:
+    """State on a right foot that carries at the origin, in the heading of x."""
+    still = Orbit.of((0.0, 0.0), 1.0, SETTINGS.width, SETTINGS.step_time, SETTINGS.step_time, OMEGA)
+    return StepState(
+        1.0,
+        (1.0, 0.0),
+        POINT,
+        POINT,
+        POINT,
+        Divergent(*dcm, OMEGA),
+        still,
+        SETTINGS.step_time,
+        elapsed,
+        swing,
+        0.06,
+    )
+
+
+def test_a_foot_reaches_in_a_time_what_a_quintic_of_its_greatest_acceleration_passes() -> None:
+    """t² a √3/10 about where it is; the places stay within those of steps."""
+    made, time = decision(), 0.05
+    way = math.sqrt(3.0) / 10.0 * CONSTANTS.swing_push * time**2
+    low, high = made._near(stance_at((0.05, 0.3, 0.0, 0.0)), time)
+    here = np.array([0.05 + CONSTANTS.carrying, 0.3])
+    np.testing.assert_allclose((low, high), (here - way, here + way), atol=1e-12)
+    low, high = made._near(stance_at((-0.9, 0.1, 0.0, 0.0)), time)
+    assert low == (-SETTINGS.reach, SETTINGS.gap) and high[0] == -SETTINGS.reach
+    low, high = made._near(stance_at((0.9, 1.9, 0.0, 0.0)), time)
+    assert high == (SETTINGS.reach, SETTINGS.widest) == low
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.8, -0.8])
+def test_a_step_is_put_off_until_the_foot_can_pass_its_way(speed: float) -> None:
+    """A place that stays: v t/2 + a t² √3/10 is the way of a quintic that comes to rest after t."""
+    made, a = decision(), CONSTANTS.swing_push * math.sqrt(3.0) / 10.0
+    far = 0.35
+    stance = stance_at((-CONSTANTS.carrying, 0.1, 0.0, speed))
+    step = Step((0.0, 0.1 + far), (0.0, 0.0), 0.02)
+    bounds = Bounds(((-1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
+    wish = steps_of_velocity((0.0, 0.0), SETTINGS.width, stance)
+    fixed = wish._replace(offsets=(0.0, -(0.1 + far), *wish.offsets[2:]))
+    later = made._later(stance, step, (0.0, 0.0), (0.0, 0.0), fixed, bounds, 0.42)
+    times = 0.02 + 0.4 * np.arange(1, 9) / 8
+    missed = np.maximum(far - (0.5 * speed + a * times) * times, 0.0)
+    expected = times[int(np.argmax(missed < 0.02))]
+    assert later == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("share", [-0.5, 0.0, 0.3, 1.0, 2.0])
+def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_asked_for(share: float) -> None:
+    made, (near, far) = decision(), CONSTANTS.urgent
+    off = near + share * (far - near)
+    made._program.solve = lambda *_: Step((0.0, SETTINGS.width + off), (0.0, 0.0), 0.3)  # type: ignore[method-assign]
+    made._later = lambda *_: 0.0  # type: ignore[method-assign]
+    stance = stance_at((0.0, 0.22, 0.0, 0.0))
+    made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), 0.5, None)
+    assert made.urgency == pytest.approx(min(max(share, 0.0), 1.0))
+    assert made.end == pytest.approx(0.1 + 0.3)
+    assert made.place == pytest.approx((-CONSTANTS.carrying, SETTINGS.width + off))
+
+
+def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_ahead() -> None:
+    made, s, stretch = decision(), SETTINGS, CONSTANTS.stretch
+    stance = stance_at((0.0, 0.22, 0.0, 0.0))
+    held = made._bounds(stance, 0.0, 0.05, 0.6)
+    assert held.times == pytest.approx((s.shortest - 0.1, 0.5)) and held.places == (
+        (-s.reach, s.gap),
+        (s.reach, s.widest),
+    )
+    assert held.next_area == pytest.approx([CONSTANTS.next_area * half for half in SCALE.sole])
+    # ξ at 60 mm reaches the stretch after ln(stretch / 60 mm) / ω.
+    ahead = 0.3 * stretch
+    assert made._bounds(stance, ahead, 0.05, 9.0).times[1] == pytest.approx(
+        max(math.log(1.0 / 0.3) / OMEGA, s.shortest - 0.1)
+    )
+    walks = stance._replace(orbit=Orbit.of((0.4, 0.0), 1.0, s.width, 0.4, 0.4, OMEGA))
+    reach = abs(walks.orbit.forward) + stretch
+    assert made._bounds(walks, -0.1 * reach, 0.05, 9.0).times[1] == pytest.approx(math.log(10.0) / OMEGA)
+    made.area.ahead, made.area.aside = [-0.01, 0.02], [-0.03, 0.04]
+    for side, low, high in ((1.0, -0.03, 0.04), (-1.0, -0.04, 0.03)):
+        area = made._bounds(stance._replace(side=side), 0.0, 0.05, 0.6).area
+        assert area == ((-0.01, low), (0.02, high))

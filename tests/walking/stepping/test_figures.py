@@ -1,0 +1,473 @@
+"""Figures of free steps in closed form: points of soles, the pendulum, times, forces, and steps on their orbit."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pendulum import com_after
+from point_mass import SCALE, scaled
+from properties import examples
+from task_factory import make_robot
+
+from wbc.core.robot import GRAVITY, SIDES
+from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.steering import StepVelocity
+from wbc.walking.stepping.area import HeldArea
+from wbc.walking.stepping.gait import BodyState, SteppingWalk
+from wbc.walking.stepping.law import Divergent, Orbit, Pace, takes_over, viability
+from wbc.walking.stepping.rise import RiseLimit
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+from wbc.walking.swing import SwingFoot
+from wbc.walking.table import free_table
+
+DT = 0.004
+CONSTANTS, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
+OMEGA = math.sqrt(GRAVITY / SCALE.height)
+POINT = (0.0, 0.0, 0.0)
+
+lengths, angles = st.floats(-0.6, 0.6), st.floats(-math.pi, math.pi)
+places = st.tuples(lengths, lengths, lengths, angles, st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
+feet = st.tuples(places, places)
+
+
+def frame_of(place: tuple[float, ...]) -> pin.SE3:
+    x, y, z, yaw, pitch, roll = place
+    return pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array([x, y, z]))
+
+
+def gait_on(
+    frames: tuple[pin.SE3, pin.SE3],
+    com: tuple[float, float, float] = (0.0, 0.0, SCALE.height),
+    speed: tuple[float, float, float] = POINT,
+    wrenches: list[list[float]] | None = None,
+    heading: float = 0.0,
+) -> SteppingWalk:
+    """Gait of a robot on feet at these placements, half of the weight on each where no wrenches are given."""
+    gait = SteppingWalk(SteppingSettings(), SCALE, heading, DT)
+    half = [0.0, 0.0, 0.5 * SCALE.weight, 0.0, 0.0, 0.0]
+    left, right = frames
+    gait._state = BodyState(
+        com,
+        speed,
+        POINT,
+        (left.translation.tolist(), right.translation.tolist()),
+        (left.rotation.tolist(), right.rotation.tolist()),
+        [half, half] if wrenches is None else wrenches,
+        heading,
+    )
+    gait._frames = frames
+    return gait
+
+
+LEVEL = frame_of((0.0, 0.11, 0.0, 0.0, 0.0, 0.0)), frame_of((0.0, -0.11, 0.0, 0.0, 0.0, 0.0))
+
+
+def pressed(x: float, y: float, force: float) -> list[float]:
+    """Wrench of a force on a sole at a point of it, in its frame, N and Nm."""
+    return [0.0, 0.0, force, y * force, -x * force, 0.0]
+
+
+# ---- points ---------------------------------------------------------------------------------------------------------
+
+
+@examples(20)
+@given(feet, st.floats(-0.08, 0.08), st.floats(-0.029, 0.029), st.floats(0.1, 0.9))
+def test_a_force_on_a_sole_acts_where_its_moments_say_and_within_its_edges(
+    two: tuple[tuple[float, ...], tuple[float, ...]], x: float, y: float, share: float
+) -> None:
+    frames = frame_of(two[0]), frame_of(two[1])
+    loads = share * SCALE.weight, (1.0 - share) * SCALE.weight
+    wrenches = [pressed(x, y, loads[0]), pressed(9.0, -9.0, loads[1])]
+    gait = gait_on(frames, wrenches=wrenches)
+    length, width = SCALE.sole
+    points = frames[0].act(np.array([x, y, 0.0])), frames[1].act(np.array([length, -width, 0.0]))
+    for side in (0, 1):
+        np.testing.assert_allclose(gait._centre_of_pressure(side), points[side], atol=1e-12)
+    np.testing.assert_allclose(
+        gait._contact_point(), share * points[0] + (1.0 - share) * points[1], atol=1e-12
+    )
+    for gait.phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.carrying)):
+        gait._state = gait._state._replace(wrenches=[[0.0] * 6] * 2)
+        carrying = [frame.act(np.array([ahead, 0.0, 0.0])) for frame in frames]
+        for side in (0, 1):
+            np.testing.assert_allclose(gait._centre_of_pressure(side), carrying[side], atol=1e-12)
+        expected = carrying[gait.stance] if gait.phase is GaitPhase.SINGLE else 0.5 * sum(carrying)
+        np.testing.assert_allclose(gait._contact_point(), expected, atol=1e-12)
+
+
+@examples(20)
+@given(angles, st.floats(0.15, 0.5), lengths, lengths, st.floats(0.3, 1.0))
+def test_the_dcm_is_as_far_outside_the_standing_boxes_as_its_parts_along_the_line_of_the_feet_say(
+    yaw: float, spacing: float, ahead: float, aside: float, share: float
+) -> None:
+    c, s = math.cos(yaw), math.sin(yaw)
+    left = frame_of((0.3 - 0.5 * spacing * s, -0.2 + 0.5 * spacing * c, 0.0, yaw, 0.0, 0.0))
+    right = frame_of((0.3 + 0.5 * spacing * s, -0.2 - 0.5 * spacing * c, 0.0, yaw, 0.0, 0.0))
+    dcm = Divergent(0.3 + ahead * c - aside * s, -0.2 + ahead * s + aside * c, OMEGA)
+    length, width = CONSTANTS.standing_box
+    expected = max(abs(ahead) - 0.5 * share * length, abs(aside) - 0.5 * spacing - 0.5 * share * width)
+    assert gait_on((left, right))._outside(dcm, share) == pytest.approx(expected, abs=1e-8)
+
+
+@examples(20)
+@given(feet, angles, lengths, lengths)
+def test_the_middle_of_a_stand_is_the_com_along_the_path_and_the_middle_of_the_feet_across_it(
+    two: tuple[tuple[float, ...], tuple[float, ...]], heading: float, x: float, y: float
+) -> None:
+    frames = frame_of(two[0]), frame_of(two[1])
+    gait = gait_on(frames, (x, y, SCALE.height), heading=heading)
+    forward, left = (
+        np.array([math.cos(heading), math.sin(heading)]),
+        np.array([-math.sin(heading), math.cos(heading)]),
+    )
+    middle, between = np.array(gait._middle()), 0.5 * (frames[0].translation + frames[1].translation)[:2]
+    assert forward @ middle == pytest.approx(forward @ (x, y), abs=1e-12)
+    assert left @ middle == pytest.approx(left @ between, abs=1e-12)
+    for gait.stance, side in ((0, -1.0), (1, 1.0)):
+        assert gait._side == side
+        assert gait._outwards(x, y) == pytest.approx((forward @ (x, y), side * (left @ (x, y))), abs=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.2, 0.6, 0.8])
+def test_the_dcm_of_a_stand_is_that_of_its_height_over_the_ground(height: float) -> None:
+    """ξ = c + ċ √(h/g), of half the usual height at least."""
+    gait = gait_on(LEVEL, (0.1, -0.2, height + 0.05), (0.3, -0.4, 9.0))
+    root = math.sqrt(max(height, 0.5 * SCALE.height) / GRAVITY)
+    assert gait._own_dcm(0.05) == pytest.approx((0.1 + 0.3 * root, -0.2 - 0.4 * root, 1.0 / root))
+
+
+# ---- times, widths and forces ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5, 1.0, 1.4, 2.0, -2.0])
+def test_a_step_has_the_times_that_the_share_of_a_fast_walk_gives_it(speed: float) -> None:
+    """It touches down at 0.88 of its time, of a walk of twice the speed at which hips decide at 0.95."""
+    gait = gait_on(LEVEL)
+    gait.steering.velocity = speed * CONSTANTS.quick, 0.0
+    gait.duration, haste = 0.4, min(max(abs(speed) - 1.0, 0.0), 1.0)
+    share = (1.0 - haste) * CONSTANTS.touch + haste * CONSTANTS.late_touch
+    assert (gait.haste, gait._touch) == pytest.approx((haste, 0.4 * share))
+    longest = SETTINGS.longest * gait.steering.step_time
+    assert gait._longest == pytest.approx(longest)
+    gait.met = 0.3
+    assert gait._waits == pytest.approx(0.3 + longest - share * gait.steering.step_time)
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.2, -0.6, 1.2])
+def test_feet_of_a_walk_to_the_side_come_together_by_no_more_than_they_may(speed: float) -> None:
+    """Of a distance w they lose v T in one of two steps, at most 0.8 of what is over the gap."""
+    gait = gait_on(LEVEL)
+    width, lost = gait._width(StepVelocity((0.0, speed), True)), abs(speed) * gait.steering.step_time
+    assert width >= SETTINGS.width and 0.8 * (width - SETTINGS.gap) >= lost - 1e-12
+    assert width == SETTINGS.width or 0.8 * (width - SETTINGS.gap) == pytest.approx(lost)
+
+
+def test_a_foot_gives_up_its_load_in_a_straight_line_and_one_that_waits_bears_its_share() -> None:
+    gait = gait_on(LEVEL)
+    for gait.stance in (0, 1):
+        gait._enter(GaitPhase.SINGLE, 0.4)
+        gait._since_stand = 1
+        stands, swings = gait.stance, 1 - gait.stance
+        for gait.elapsed, share in (
+            (0.0, 2.0),
+            (0.25 * CONSTANTS.unload, 1.5),
+            (1.1 * CONSTANTS.unload, 0.0),
+        ):
+            most = gait._most_forces()
+            assert most[stands] == CONSTANTS.most_force
+            assert most[swings] == pytest.approx(share * CONSTANTS.share)
+        gait.elapsed, gait._since_stand = 0.0, 0
+        assert gait._most_forces()[swings] == 0.0, "the first step begins without a load"
+        gait.met = 0.1
+        assert gait._most_forces()[swings] == CONSTANTS.share
+
+
+def test_ground_is_level_rough_or_between_by_the_height_between_the_feet() -> None:
+    gait, (full, none) = gait_on(LEVEL), CONSTANTS.even
+    for part, share in ((-1.0, 1.0), (0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (3.0, 0.0)):
+        gait.ground.uneven = full + part * (none - full)
+        assert gait._levelness() == pytest.approx(share)
+
+
+def test_a_foot_comes_straight_down_as_quickly_as_a_quintic_of_its_greatest_acceleration() -> None:
+    gait = gait_on((frame_of((0.0, 0.11, 0.13, 0.0, 0.0, 0.0)), LEVEL[1]))
+    gait.ground.height = 0.03
+    times = np.linspace(0.0, gait._down() - CONSTANTS.piece, 20001)
+    s = times / times[-1]
+    heights = 0.1 * (1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+    pushes = np.gradient(np.gradient(heights, times), times)
+    assert np.abs(pushes[5:-5]).max() == pytest.approx(CONSTANTS.lift, rel=1e-3)
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_have(stance: int) -> None:
+    """Stiffness times its distance plus damping times its speed, over the greatest acceleration of a swing."""
+    swing_side = 1 - stance
+    stiffness, damping = CONSTANTS.swing_gains
+    for share in (0.98, 1.02):
+        for part in (0.0, 1.0):
+            gait = gait_on(LEVEL)
+            gait.stance = stance
+            landing = Footstep(SIDES[swing_side], 0.2, LEVEL[swing_side].translation[1])
+            swing = SwingFoot(LEVEL[swing_side], landing, 0.4, gait._shape)
+            gait.elapsed = 0.2 + DT
+            place, speed = (np.array(each) for each in swing.motion(0.2))
+            way = np.array([0.48, -0.6, 0.64]) * share * CONSTANTS.swing_push
+            here = place - (1.0 - part) / stiffness * way
+            before = here - DT * (speed - part / damping * way)
+            spots, last = [list(f.translation) for f in LEVEL], [list(f.translation) for f in LEVEL]
+            spots[swing_side], last[swing_side] = here.tolist(), before.tolist()
+            gait._before = gait._state._replace(places=(last[0], last[1]))
+            gait._state, gait._passed = gait._state._replace(places=(spots[0], spots[1])), DT
+            thrown = gait._thrown(swing)
+            assert (thrown is not None) == (share > 1.0)
+            if thrown is not None:
+                np.testing.assert_allclose(thrown, (here - before) / DT, atol=1e-9)
+
+
+def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stand() -> None:
+    """A cubic from rest to rest; it ends where ξ is 1.3 times the offset of a step in place from that foot."""
+    for stance, heading in ((1, 0.0), (0, 0.7)):
+        turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.array([0.3, -0.1, 0.0]))
+        frames = turn * LEVEL[0], turn * LEVEL[1]
+        gait = gait_on(frames, tuple(turn.act(np.array([0.01, 0.0, 0.6])).tolist()), heading=heading)
+        gait._contact = POINT
+        gait._follow_pendulum()
+        gait._enter(GaitPhase.DOUBLE, 1.0)
+        gait._contact, gait.stance, gait._from = POINT, stance, gait._state.com
+        ways = []
+        for gait.elapsed in np.linspace(0.0, CONSTANTS.shift_time, 201).tolist():
+            pendulum = gait._on_both_feet(()).pendulum
+            ways.append((turn.actInv(pendulum.com)[:2], (turn.rotation.T @ pendulum.com_velocity)[:2]))
+        places, speeds = np.array(ways).transpose(1, 0, 2)
+        side = 1.0 if stance == 1 else -1.0
+        goal = (
+            CONSTANTS.carrying,
+            side
+            * (
+                CONSTANTS.shift * SETTINGS.width / (1.0 + math.exp(gait.dcm.omega * SETTINGS.step_time))
+                - 0.11
+            ),
+        )
+        np.testing.assert_allclose(
+            places[[0, 100, 200]], [(0.01, 0.0), 0.5 * np.add((0.01, 0.0), goal), goal], atol=1e-9
+        )
+        step = CONSTANTS.shift_time / 200
+        np.testing.assert_allclose(np.gradient(places, step, axis=0)[1:-1], speeds[1:-1], atol=1e-4)
+        np.testing.assert_allclose(speeds[[0, 200]], 0.0, atol=1e-12)
+
+
+def test_the_height_of_the_com_comes_to_that_of_the_steps_as_a_critically_damped_mass() -> None:
+    """Less h − h₀ by (1 + ωt) e^{−ωt}."""
+    gait, low = SteppingWalk(SteppingSettings(), SCALE, 0.0, 1e-4), SCALE.height - 0.05
+    times = np.arange(1, 5001) * 1e-4
+    found = np.array([gait._com_height(low) for _ in times])
+    falls = OMEGA * times
+    np.testing.assert_allclose(SCALE.height - found[:, 0], 0.05 * (1.0 + falls) * np.exp(-falls), atol=1e-4)
+    np.testing.assert_allclose(found[:, 1], 0.05 * OMEGA * falls * np.exp(-falls), atol=1e-3)
+
+
+def test_the_com_is_planned_as_the_pendulum_about_the_commanded_centre_of_pressure() -> None:
+    gait = gait_on(LEVEL, (0.02, -0.03, SCALE.height), (0.3, 0.1, 0.0))
+    gait.dt, gait.decision.cop = 1e-4, (0.01, -0.005)
+    for gait.stance in (0, 1):
+        gait._planned = None
+        for _ in range(2001):
+            x, y, u, v, a, b = gait._course()
+        zmp = LEVEL[gait.stance].translation[:2] + (CONSTANTS.carrying + 0.01, -0.005)
+        com, speed = com_after(np.array([0.02, -0.03]), np.array([0.3, 0.1]), zmp, OMEGA, 0.2)
+        np.testing.assert_allclose((x, y), com, atol=1e-4)
+        np.testing.assert_allclose((u, v), speed, atol=1e-3)
+        np.testing.assert_allclose((a, b), OMEGA**2 * (np.array((x, y)) - zmp), atol=1e-9)
+
+
+def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
+    """The mean time of steps, and the share of the sole that has held, come to those of the last steps."""
+    gait = gait_on(LEVEL)
+    gait._since_stand, gait._pace = 3, 0.9
+    gait.steering.held = 0.0
+    gait.decision.area.aside = [-0.5 * gait.decision.area.widest, 0.5 * gait.decision.area.widest]
+    share = min(0.5 * gait.decision.area.widest / CONSTANTS.slow_width, 1.0)
+    off = [1.0, 1.0]
+    for _ in range(3):
+        gait._enter(GaitPhase.SINGLE, 0.4)
+        aside = gait.decision.area.aside = [-0.5 * gait.decision.area.widest, 0.5 * gait.decision.area.widest]
+        swing = 1 - gait.stance
+        gait.swing = SwingFoot(
+            LEVEL[swing], Footstep(SIDES[swing], *LEVEL[swing].translation[:2]), 0.4, gait._shape
+        )
+        gait.elapsed, before, done = 0.36, gait.stance, gait.steps_done
+        gait.decision.area.aside = aside
+        gait._frames = LEVEL
+        gait.dcm = Divergent(0.0, 0.0, OMEGA)
+        assert gait._change_feet(True) == (Event.LIFT_OFF,)
+        assert (gait.stance, gait.steps_done) == (1 - before, done + 1)
+        off = [off[0] * (1.0 - CONSTANTS.pace_gain), off[1] * (1.0 - CONSTANTS.held_gain[1])]
+        assert gait._pace == pytest.approx(0.36 + off[0] * (0.9 - 0.36))
+        assert gait.steering.held == pytest.approx(share * (1.0 - off[1]))
+
+
+def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
+    gait = gait_on(LEVEL)
+    gait.stance = 1
+    ahead = Footstep("left", 0.2, 0.11, yaw=0.3), Footstep("right", 0.3, -0.11)
+    for planned, speed in ((ahead, 0.2 / gait.steering.step_time), (ahead[:1], 0.0)):
+        gait.footsteps = planned
+        steps = gait._steer()
+        assert steps.velocity == pytest.approx((speed, 0.0)) and steps.go == (len(gait.footsteps) > 1)
+    turned = gait.steering.heading
+    assert 0.0 < turned <= 2.0 * SETTINGS.fastest_turn * DT + 1e-12, (
+        "half way to the landing, as fast as it may"
+    )
+    for _ in range(2000):
+        gait._steer()
+    assert gait.steering.heading == pytest.approx(0.15)
+
+
+# ---- law and area ---------------------------------------------------------------------------------------------------
+
+
+@examples(25)
+@given(st.tuples(st.floats(-0.5, 0.5), st.floats(-0.1, 0.1)), st.floats(0.25, 0.6), st.floats(0.25, 0.6))
+def test_an_orbit_repeats_itself_over_two_steps(
+    velocity: tuple[float, float], time: float, pace: float
+) -> None:
+    """E b = s + b, of the offsets ahead and across, with the time that steps take in the one ahead."""
+    for side in (1.0, -1.0):
+        orbit = Orbit.of(velocity, side, 0.3, time, pace, OMEGA)
+        grown = math.exp(OMEGA * pace)
+        assert grown * orbit.ahead == pytest.approx(velocity[0] * pace + orbit.ahead, abs=1e-12)
+        assert orbit.forward == pytest.approx(grown * orbit.ahead)
+        grown, drift = math.exp(OMEGA * time), side * velocity[1] * time
+        if abs(drift) / (grown - 1.0) < 0.79 * 0.3 / (1.0 + grown):
+            assert grown * orbit.inwards == pytest.approx(0.3 - drift - orbit.closing)
+            assert grown * orbit.closing == pytest.approx(0.3 + drift - orbit.inwards)
+
+
+def test_viability_and_taking_over_are_ratios_of_offsets() -> None:
+    orbit, stretch = Orbit(0.04, 0.08, 0.08, 0.1), 0.06
+    assert viability(0.001, 0.16, orbit, stretch) == pytest.approx(0.5)
+    assert viability(0.001, 0.0, orbit, stretch) == pytest.approx(0.07 / 1e-3)
+    assert viability(-0.14, 0.01, orbit, stretch) == pytest.approx(0.5)
+    grown = math.exp(0.2) - 1.0
+    # Aside alone, 0.1 inwards of the new foot, ξ moves by `grown` of its way from the old one: less is needed then.
+    for inwards, here in ((0.15, 0.1), (0.15, -0.1), (0.1, 0.1)):
+        now, later = 0.08 / inwards, 0.08 / (inwards - grown * here)
+        expected = now >= min(later, 1.0 / 1.5)
+        assert takes_over((0.0, inwards), (0.0, here), orbit, stretch, 0.2, 1.5) == expected
+    for ahead, on in ((0.1, 0.3), (0.1, -0.3), (0.2, 0.1)):
+        now, later = 0.07 / ahead, 0.07 / abs(ahead + grown * on)
+        expected = now >= min(later, 1.0 / 1.2)
+        assert takes_over((ahead, 0.01), (on, 0.0), orbit, stretch, 0.2, 1.2) == expected
+
+
+@pytest.mark.parametrize("effort", [0.3, 0.6])
+def test_a_fast_step_takes_the_time_in_which_hips_swing_a_leg_over_two_steps(effort: float) -> None:
+    """Of a quintic over 2 v T in the share t of T: 10/√3 · 2 v T / (t T)² is what the hips give."""
+    settings = dataclasses.replace(SETTINGS, effort=effort)
+    pace = Pace.of(CONSTANTS, settings, SCALE)
+    for speed in (2.5, -4.0):
+        time = pace.time(speed, 0.3)
+        asked = 10.0 / math.sqrt(3.0) * 2.0 * abs(speed) * time / (CONSTANTS.late_touch * time) ** 2
+        assert asked == pytest.approx(effort * SCALE.swing) or time > abs(speed) / pace.swing
+    assert pace.time(4.0, 1e-3) == pytest.approx(4.0 / pace.swing)
+    assert pace.time(0.0, 0.35) == 0.35
+    assert pace.time(CONSTANTS.brisk * 0.5, 0.35) == pytest.approx(0.35 * (1.0 + 0.5**4) ** 0.125)
+
+
+def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole() -> None:
+    """Moments over force are where it presses; a foot whose heights change at a rate turns over an edge."""
+    least, full = CONSTANTS.trusted
+    for half, trust in ((least, 0.0), (0.5 * (least + full), 0.5), (full, 1.0), (2.0 * full, 1.0)):
+        area = HeldArea((0.1, half), CONSTANTS, DT)
+        assert area.widest == pytest.approx(trust * max(half - CONSTANTS.margin, 0.0))
+    force, roomy = SCALE.weight, (0.2, 0.15)
+    for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
+        area, heights = HeldArea(roomy, CONSTANTS, DT), [0.0, 0.0, 1.0]
+        flat = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        for _ in range(3000):
+            area.update(flat, (0.0, 0.0, force, 0.0, 0.0, 0.0), DT)
+        most = (roomy[0] - CONSTANTS.margin - CONSTANTS.carrying, roomy[1] - CONSTANTS.margin)
+        assert area.ahead[1] == pytest.approx(most[0]) and area.aside[1] == pytest.approx(most[1])
+        assert area.ahead[0] == pytest.approx(CONSTANTS.margin - roomy[0] - CONSTANTS.carrying)
+        edges = [list(area.ahead), list(area.aside)]
+        cop = sign * 0.04 + (CONSTANTS.carrying if axis == 0 else 0.0)  # 40 mm from the carrying point
+        at = [0.0, 0.0]
+        at[axis] = cop
+        for _ in range(60):
+            heights[axis] -= sign * 1.5 * CONSTANTS.turning * DT  # the end where it presses goes down
+            turn = (flat[0], flat[1], tuple(heights))
+            area.update(turn, tuple(pressed(at[0], at[1], force)), DT)
+        found = [area.ahead, area.aside]
+        end = 1 if sign > 0.0 else 0
+        assert found[axis][end] == pytest.approx(sign * (0.04 - CONSTANTS.inside), abs=1e-9)
+        assert found[axis][1 - end] == edges[axis][1 - end] and found[1 - axis] == edges[1 - axis]
+        light = (0.0, 0.0, 0.9 * CONSTANTS.carries, 0.0, 0.0, 0.0)
+        area.update((flat[0], flat[1], tuple(heights)), light, DT)
+        assert found == [area.ahead, area.aside], "a foot that hardly carries says nothing"
+
+
+# ---- rise and table -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("room", [0.02, 0.005, -0.01])
+def test_the_com_slows_down_under_its_ceiling_with_half_of_gravity_and_comes_back_from_above(
+    room: float,
+) -> None:
+    """With v² = 2 (g/2) d the speed ends at the ceiling; beyond it the way back has a time constant of 0.1 s."""
+    robot, limit = make_robot("g1"), RiseLimit(0.03)
+    robot.update(robot.q, np.zeros(robot.nv))
+    limit.bind(robot)
+    limit.height = float(robot.com[2]) + room - 0.03
+    rows, lower, upper = np.zeros((1, robot.nv)), np.zeros(1), np.zeros(1)
+    limit.write(DT, rows, lower, upper)
+    speed = math.sqrt(GRAVITY * room) if room > 0.0 else room / 0.1
+    # At rest the CoM has no acceleration of its own, so that the bound is that of z̈: the speed in 20 ms.
+    assert upper[0] == pytest.approx(max(speed / 0.02, -0.5 * GRAVITY), rel=1e-6)
+    np.testing.assert_allclose(rows[0], robot.com_jacobian[2], atol=1e-12)
+    assert lower[0] == -np.inf
+    limit.height = math.inf
+    limit.write(DT, rows, lower, upper)
+    assert upper[0] == np.inf and not rows.any()
+
+
+def test_gains_and_costs_of_free_steps_go_with_the_size_of_the_robot() -> None:
+    """Stiffness in 1/s² by 1/k, damping in 1/s by √(1/k), costs of rotations by k², of forces by the inverse mass²."""
+    robot, k = make_robot("g1"), 2.0
+    tables = [
+        free_table(robot, SteppingWalk(SteppingSettings(), size, 0.0, DT)) for size in (SCALE, scaled(k))
+    ]
+    one, two = tables
+    for name in ("stiffness", "damping"):
+        power = -1.0 if name == "stiffness" else -0.5
+        pairs = [(one.com, two.com), (one.posture, two.posture)]
+        found = [(getattr(a, name), getattr(b, name)) for a, b in pairs]
+        found += [(one.swing[name], two.swing[name])]
+        found += [(a[name], b[name]) for a, b in zip(one.trunk, two.trunk, strict=True)]
+        if name == "stiffness":
+            found += [(one.twist[name], two.twist[name])]
+        found += [
+            (getattr(one.stance, part)[name == "damping"], getattr(two.stance, part)[name == "damping"])
+            for part in ("shift", "stand")
+        ]
+        for a, b in found:
+            np.testing.assert_allclose(b, k**power * np.asarray(a), rtol=1e-9)
+    turning = np.array([1.0, 1.0, 1.0, k**2, k**2, k**2])
+    np.testing.assert_allclose(two.swing["weight"], turning * one.swing["weight"])
+    for part in ("held", "firm"):
+        np.testing.assert_allclose(getattr(two.stance, part), turning * getattr(one.stance, part))
+    for a, b in zip((*one.trunk, one.twist), (*two.trunk, two.twist), strict=True):
+        np.testing.assert_allclose(b["weight"], k**2 * np.asarray(a["weight"]))
+    np.testing.assert_allclose(two.posture.weight, k**2 * one.posture.weight)
+    np.testing.assert_allclose(two.com.weight, one.com.weight)
+    for a, b in zip(one.contacts, two.contacts, strict=True):
+        np.testing.assert_allclose(b.wrench_weight, a.wrench_weight / k**6 / turning)
+        np.testing.assert_allclose(b.damping, a.damping / math.sqrt(k))
+    assert two.rise.slack == pytest.approx(k * one.rise.slack)
