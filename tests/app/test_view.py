@@ -9,6 +9,7 @@ import socket
 import urllib.error
 import urllib.request
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -24,6 +25,7 @@ from tornado.websocket import websocket_connect
 import wbc
 from wbc.app import MeshcatView, live
 from wbc.app.cli import BAD_INPUT, RAN, main
+from wbc.app.view import base
 from wbc.app.view.base import PortError, ViewError
 from wbc.app.view.marks import (
     DCM_COLOUR,
@@ -388,6 +390,26 @@ def test_a_described_robot_is_where_its_state_says() -> None:
     assert not named(stage.picture(robot, None), "zmp")
     with pytest.raises(InputError, match="shape"):
         stage.picture(q[:-1], None)
+
+
+def test_a_run_is_held_to_its_pace_and_its_rate_of_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that goes on while the view sleeps, and 1 ms a tick: 0.5 s of the run take 0.5 s / speed."""
+    now, time = [10.0], [0.0]
+    names = {"perf_counter": lambda: now[0], "sleep": lambda wait: now.__setitem__(0, now[0] + wait)}
+    monkeypatch.setattr(base, "clock", SimpleNamespace(**names))
+    plant = wbc.Plant(HRP4)
+    monkeypatch.setattr(type(plant), "time", property(lambda self: time[0]))
+    with MeshcatView(plant, port=0, speed=0.5, rate=20.0) as view:
+        for speed, wanted in ((0.5, 1.0), (1.0, 0.5), (4.0, 0.125), (None, 0.1)):
+            view.speed = speed
+            view.update()
+            begin, shown = now[0], view.frames
+            for _ in range(100):
+                now[0] += 1e-3
+                time[0] += 0.005
+                view.update()
+            assert now[0] - begin == pytest.approx(wanted, abs=2e-3)
+            assert 0.75 * 20.0 * wanted - 1.0 < view.frames - shown < 20.0 * wanted + 1.0
 
 
 # ---- pages ----------------------------------------------------------------------------------------------------------

@@ -90,6 +90,17 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert spec_of("--spec", str(tmp_path / "sides.toml"), "--steps", "5")["plan"]["first"] == "right"
 
 
+def test_a_drive_of_a_spec_ends_with_a_stand_after_the_seconds_that_are_given(
+    tmp_path: Path, spec_of: Callable[..., Any]
+) -> None:
+    file, rows = tmp_path / "drive.toml", [[0.0, 0.1, 0.0, 0.0], [2.0, 0.2, 0.0, 0.0], [9.0, 0.0, 0.0, 0.0]]
+    file.write_text(f"plan.drive = {rows}")
+    stand = [0.0, 0.0, 0.0]
+    for seconds, kept in (("5", 2), ("2", 1), ("12", 3)):
+        ended = rows[:kept] + ([] if kept == 3 else [[float(seconds), *stand]])
+        assert spec_of("--spec", str(file), "--seconds", seconds)["plan"]["drive"] == ended
+
+
 @pytest.mark.parametrize(
     "text", ["seed = 7", 'foot = "soft"', "plan.distance = 0.2", 'mode = "torque"', 'eyes = "depth"']
 )
