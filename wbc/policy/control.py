@@ -37,6 +37,9 @@ logger = logging.getLogger(__name__)
 MOST_LACK = 0.5
 """Greatest velocity that is asked for as well, m/s."""
 
+STILL = 0.01
+"""Velocity below which a policy is asked for a stand, m/s and rad/s: its clock rests."""
+
 SETTLES = 2.0
 """Time in which a policy that is asked for a stand comes to one, s."""
 
@@ -323,7 +326,7 @@ class PolicyControl(TorqueControl):
         observed.position[self._masked] = observed.velocity[self._masked] = 0.0
         if self._regain:
             self._ask_for_more(state.robot)
-        self._clock.tick(self._stands)
+        self._clock.tick(not (np.abs(observed.command) >= STILL).any())
         for part, (term, scale, clip) in zip(self._parts, self._terms, strict=True):
             values = term(observed) * scale
             if clip is not None:

@@ -23,6 +23,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
+from wbc.policy.guard import Guard
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.truth import GroundTruth
@@ -92,7 +93,7 @@ class Recorder(TrialHook):
     def __call__(
         self,
         plant: TrialLoop | None,
-        control: Control | Program,
+        control: Control | Program | Guard,
         measurement: Measurement,
         command: Command,
     ) -> None:
@@ -101,12 +102,13 @@ class Recorder(TrialHook):
         Args:
             plant: The plant or loop, for ground truth and for the robot that a replay shows; None without one: `write`
                 takes a description.
-            control: The walk, position or torque control, or a program that drives one of these.
+            control: The walk, position or torque control, or a program that drives one of these; of a guard of a
+                policy, the drives of who controls the robot in this tick.
             measurement: Input of the control.
             command: Output of the control.
         """
         program = control if isinstance(control, Program) else None
-        control = control.control if isinstance(control, Program) else control
+        control = control.control if isinstance(control, (Program, Guard)) else control
         if isinstance(control, Controller):
             raise InputError(
                 "a Controller alone is recorded by write(…); its program by add(…, lambda: program.path)"
