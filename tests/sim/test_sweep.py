@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from processes import alive
+from scipy import stats
 from sweep_trials import MadeUpTrial
 
 from wbc.app.plot.study import draw_study
@@ -368,6 +369,33 @@ def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
     assert rigid.statuses == {"done": 1, "missing": 3}
     assert ("legacy", "rigid") not in cells and cells["legacy", "flat"].statuses == {"missing": 4}
     json.dumps(table.to_json(), allow_nan=False)
+
+
+def test_figures_of_a_table_are_those_of_its_walks() -> None:
+    """Eight pairs that all differ one way: p = 2 / 2⁸, twice that for two arms; eight falls in 80 steps."""
+    study = small_study(cells=(Cell("flat", {}),), seeds=tuple(range(1, 9)))
+    table = study_table(study, journal_of(study, {"flat": [22] * 8, "soft": [10] * 8, "rigid": [22] * 8}))
+    flat, soft, rigid = (table.by_name["flat", arm] for arm in ("flat", "soft", "rigid"))
+    assert (soft.p, rigid.p, flat.p) == (2 / 2**8, 1.0, None)
+    assert (soft.p_corrected, rigid.p_corrected) == (pytest.approx(4 / 2**8), 1.0)
+    assert soft.steps == 80 and flat.steps == 176 and soft.falls == {"sideways": 8} and flat.falls == {}
+    assert soft.completed == (0.0, pytest.approx(1.0 - 0.05 ** (1 / 8)))
+    assert flat.completed == (pytest.approx(0.05 ** (1 / 8)), 1.0)
+    assert soft.beside == {} and flat.beside == {"zmp_error.mean": pytest.approx(0.045)}
+    text = table.markdown()
+    assert "| -12 [-12, -12] (8) * |" in text and "| 0 [0, 0] (8) |" in text
+    low, high = (stats.chi2.ppf(q, n) / 2.0 / 0.08 for q, n in ((0.025, 16), (0.975, 18)))
+    assert f"| 100 [{low:.3g}, {high:.3g}] |" in text and "| 45 |" in text  # per 1,000 steps, mm
+
+
+@pytest.mark.parametrize("count", [7, 8])
+def test_of_eight_families_the_families_are_drawn(count: int) -> None:
+    families = ("boards", "ellipsoids", "flat", "floor_tiles", "random", "slats", "sticks", "stones")[:count]
+    study = small_study(cells=tuple(Cell(name, {"terrain": name}) for name in families), seeds=(1, 2))
+    table = study_table(study, journal_of(study, {"flat": [22, 5], "soft": [22, 22]}))
+    last = table.by_name["all", "soft"]
+    assert last.clusters == ("families" if count == 8 else "layouts")
+    assert last.estimate.layouts == (8 if count == 8 else 2 * count) and last.estimate.n == 2 * count
 
 
 def test_a_table_of_another_part_of_the_results() -> None:
