@@ -372,6 +372,12 @@ def test_a_place_is_moved_where_that_costs_less_than_staying() -> None:
         found = foot.best(flat(0.0), 0.3, 0.1, 0.5 * math.pi, anywhere, cost)
         assert found is not None
         assert (found.x, found.y) == pytest.approx((0.3, 0.1 + (step if moved else 0.0)))
+    across = 0.096 / 8.0  # a node to the left, where a board ends
+    board = lambda places: (np.where(places.imag < -0.048 + 1.5 * across, 0.03, 0.0), np.zeros(places.shape))  # noqa: E731
+    aside = foot.best(board, 0.0, 0.0, 0.0, anywhere)
+    assert aside is not None and aside.y > 0.0 and aside.z < 0.03
+    stays = foot.support(board, 0.0, 0.0, 0.0)
+    assert stays is not None and stays.z == pytest.approx(0.03)
     far = lambda moves: np.where(np.abs(moves - 2.0 * step) < 1e-9, -1.0, 0.0)  # noqa: E731
     found = foot.best(flat(0.0), 0.0, 0.0, 0.0, anywhere, far)
     assert found is not None and found.x == pytest.approx(2.0 * step)
@@ -428,8 +434,9 @@ def test_what_is_known_is_moved_to_the_sole_that_stands_by_a_share_up_to_a_step(
     sole = ROBOT.placement(ROBOT.soles[0].frame)
     ground.add(ElevationMap(np.full((60, 60), sole.translation[2] + height), 0.02, (-0.6, -0.6, 0.0)))
     ground.update(ROBOT, 1.1)
+    version = ground.version
     ground.stand(0, sole)
-    assert ground.difference == pytest.approx(height)
+    assert ground.difference == pytest.approx(height) and ground.version == version + (abs(height) < 0.06)
     found = ground.support(0, *sole.translation[:2], 0.0)
     if abs(height) > 0.06:
         assert found is None and ground.status

@@ -18,7 +18,7 @@ PREFIX = "mine/"
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("given", ["gains", "damping", "torque"])
 def test_computed_servos_act_on_the_state_at_the_end_of_a_step(kind: str, given: str) -> None:
-    """τ + kp (q_ref − q) + kd (q̇_ref − q̇) of the state after the step, exactly where nothing touches."""
+    """τ + kp (q_ref − q) + kd (q̇_ref − q̇) of the state after the step, as far as the last one foretells it."""
     model = foreign_model(DESCRIPTION, kind, integrator="euler", gear=3.0)
     model.opt.gravity[:], model.jnt_actfrclimited[:] = 0.0, 0
     loop = MujocoLoop(DESCRIPTION, model, prefix=PREFIX, control_period=0.001)
@@ -26,8 +26,9 @@ def test_computed_servos_act_on_the_state_at_the_end_of_a_step(kind: str, given:
     up = robot.half_sitting.copy()
     up[2] += 1.0
     loop.reset(up)
-    for _ in range(2):
-        loop.step(loop.hold())
+    for _ in range(3):  # until the joints move
+        loop.step(Command(rng.normal(0.0, 3.0, robot.na)))
+    assert np.abs(loop.joint_velocity).max() > 0.05
     kp, kd = rng.uniform(50.0, 300.0, robot.na), rng.uniform(1.0, 5.0, robot.na)
     position = loop.joint_position + 0.01 * rng.normal(size=robot.na)
     velocity, torque = 0.1 * rng.normal(size=robot.na), rng.normal(size=robot.na)
@@ -43,7 +44,7 @@ def test_computed_servos_act_on_the_state_at_the_end_of_a_step(kind: str, given:
     if kind == "none":
         law = np.clip(law, robot.torque_lower, robot.torque_upper)
     # A torque that is cut off lets the others move otherwise than foretold.
-    np.testing.assert_allclose(loop.joint_torque, law, atol=1e-9 if kind != "none" else 1e-4)
+    np.testing.assert_allclose(loop.joint_torque, law, atol=1e-4 if kind != "none" else 5e-3)
 
 
 @pytest.mark.parametrize("kind", ["motor", "position", "general", "velocity"])
