@@ -18,6 +18,7 @@ from wbc.app.cli import main
 from wbc.base.errors import InputError
 from wbc.core.robot import Robot
 from wbc.motion import SkeletonClip, make_feasible, read_motion, read_skeleton, retarget
+from wbc.motion.files import shows_person
 from wbc.motion.kinematics import BodyMotion
 from wbc.motion.retarget import arms_of
 from wbc.motion.skeleton import NAMES, limb_places
@@ -118,6 +119,14 @@ def test_positions_by_name_are_read_in_any_axes(tmp_path: Path, clip: SkeletonCl
         read_skeleton(path)
     with pytest.raises(InputError, match="stand upright"):
         read_skeleton(path, rate=30.0).limbs()
+
+
+def test_a_file_of_a_person_is_told_from_one_of_a_robot(tmp_path: Path) -> None:
+    for name, arrays in (("person.npz", {"positions": np.zeros(3)}), ("robot.NPZ", {"joints": np.zeros(3)})):
+        with (tmp_path / name).open("wb") as file:
+            np.savez(file, **arrays)
+        assert shows_person(tmp_path / name) == ("positions" in arrays)
+    assert shows_person(tmp_path / "walk.BVH") and not shows_person(tmp_path / "walk.csv")
 
 
 BAD = {
@@ -310,7 +319,7 @@ def test_people_that_cannot_be_are_refused(clip: SkeletonClip, g1: Robot) -> Non
     posed = clip.positions.copy()
     posed[0] += [1.0, 0.0, 0.0]  # a pose before the motion, somewhere else
     for bad, said in (
-        (lambda: replace(clip, positions=posed), "from frame 0 to the next one.* leave it out: part.0.03333"),
+        (lambda: replace(clip, positions=posed), "jumps 1.2 times the length of the legs from frame 0 to the next one.* leave it out: part.0.03333"),
         (lambda: moved("left_ankle", knee), "left_knee and left_ankle of 'made' must lie apart"),
         (lambda: moved("right_hip", clip.limbs()["left_hip"]), "left_hip and right_hip"),
         (lambda: moved("left_wrist", np.nan), "must be finite, got nan in frame 0 .0.000 s., joint 'left_wrist'"),
