@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from pydantic import BeforeValidator
 from scipy.spatial.transform import Rotation
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, positive
 from wbc.base.settings import Positive, settings
@@ -105,6 +106,7 @@ TOE_HEIGHT = 0.02
 """Height of the range sensors at the toe over the sole, m."""
 
 
+@checked
 @dataclass(frozen=True)
 class FootFit:
     """Data of a foot under an ankle, for the models of controller and plant.

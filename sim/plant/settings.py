@@ -11,11 +11,8 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
-from wbc.base.settings import LONGEST_PERIOD, NonNegative, Positive, settings
+from wbc.base.settings import LONGEST_PERIOD, SHORTEST_PERIOD, NonNegative, Positive, settings
 from wbc.core.robot import GRAVITY
-
-SHORTEST_STEP = 1e-6
-"""Shortest physics step, s: a hundredth of the reference; a second of simulation then takes minutes."""
 
 LONGEST_DELAY = 0.1
 """Longest delay of measurements and commands, s."""
@@ -43,7 +40,7 @@ class PhysicsSettings:
     Source: measured on soft feet over 60 grounds and stiffnesses with mujoco 4.0 and again 3.17.
     """
 
-    timestep: Annotated[float, Field(ge=SHORTEST_STEP, le=LONGEST_PERIOD), "s"] = 0.001
+    timestep: Annotated[float, Field(ge=SHORTEST_PERIOD, le=LONGEST_PERIOD), "s"] = 0.001
     iterations: Annotated[int, Field(ge=1, le=10_000)] = 20
     impratio: Annotated[Positive, Field(le=1e4)] = 10.0
     gravity: Annotated[float, Field(ge=0.0, le=1000.0), "m/s²"] = GRAVITY
@@ -108,7 +105,7 @@ class Machine:
             )
 
 
-Step = Annotated[float, Field(ge=SHORTEST_STEP, le=LONGEST_PERIOD), "s"]
+Step = Annotated[float, Field(ge=SHORTEST_PERIOD, le=LONGEST_PERIOD), "s"]
 """A physics step, or a control period of a simulation."""
 
 

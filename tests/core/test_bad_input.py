@@ -61,6 +61,13 @@ def again(*items: wbc.TorqueLimits | wbc.JointLimits) -> None:
 REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: wbc.Controller(g1(), 0.0), InputError, "dt of Controller"),
     (lambda: wbc.Controller(g1(), 5.0), InputError, "dt of Controller"),
+    (lambda: wbc.InverseKinematics(g1(), 1e-300), InputError, "dt of InverseKinematics"),
+    (
+        lambda: setattr(wbc.InverseKinematics(g1(), 0.01), "robot", 3),
+        InputError,
+        "robot of InverseKinematics",
+    ),
+    (lambda: setattr(wbc.Controller(g1(), 0.01), "robot", g1()), InputError, "robot of Controller"),
     (lambda: balance_controller(g1().clone(), 0.002).contact("left_fot"), UnknownNameError, "left_foot"),
     (lambda: wbc.Controller(load("g1"), 0.002), InputError, r"description\.robot\(\)"),  # type: ignore[arg-type]
     (lambda: wbc.Controller("g1", 0.002), InputError, r"load_robot\('g1'\)\.robot\(\)"),  # type: ignore[arg-type]

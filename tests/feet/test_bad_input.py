@@ -11,7 +11,7 @@ from wbc.base.errors import InputError
 from wbc.feet import StiffnessModel, foot
 from wbc.feet.sensing.roughness import roughness
 from wbc.feet.sensing.scan import GroundScan, ScanSettings, resample
-from wbc.feet.soles.sole import AnkleSole
+from wbc.feet.soles.sole import AnkleSole, FootFit
 
 OWN = AnkleSole.under_ankle(0.093, 0.16, 0.076)
 GRID, FLAT = 0.007 * np.arange(20), np.zeros(20)
@@ -30,6 +30,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: roughness(GRID, FLAT[1:]), "shape"),
     (lambda: foot("flat").fit("left_foot"), "sole of FlatFoot.fit"),  # type: ignore[arg-type]
     (lambda: foot("soft").fit(None), "sole of SoftFoot.fit"),  # type: ignore[arg-type]
+    (lambda: FootFit(None, None, 1.0, 0.0), "FootFit"),  # type: ignore[arg-type]
     (lambda: StiffnessModel.load(3), "path of StiffnessModel.load"),  # type: ignore[arg-type]
 ]
 

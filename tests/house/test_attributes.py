@@ -16,6 +16,7 @@ from task_factory import MOTION_TASKS, left_hand, right_hand
 
 import wbc
 from wbc import tasks
+from wbc.base.checked import Fixed
 from wbc.base.errors import InputError, WbcError
 from wbc.core.robot import Robot
 from wbc.tasks.stabilizer.distribution import WrenchDistribution
@@ -118,6 +119,7 @@ def assignable(thing: Any) -> list[str]:
         if isinstance(member, property) and member.fset is not None
     ]
     names = {name for name in (*slots, *properties, *vars_of(thing)) if not name.startswith("_")}
+    names -= {name for name in names if isinstance(inspect.getattr_static(type(thing), name, None), Fixed)}
     return sorted(names - {"revision"} - ({"velocity"} if isinstance(thing, wbc.WalkingControl) else set()))
 
 
@@ -160,7 +162,7 @@ everything = pytest.mark.parametrize("what", [*ITEMS, *OBJECTS])
 def test_an_attribute_that_is_assigned_as_it_is_read_changes_nothing(what: str, added: bool) -> None:
     thing, kept = made(what, added=added)
     names = assignable(thing)
-    assert names and kept
+    assert kept and (names or what == "inverse kinematics")  # whose robot stays
     for name in names:
         value = read(thing, name)
         if value is MISSING:

@@ -67,11 +67,11 @@ Seed = Annotated[int, Field(ge=0)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 """A finite number of any sign and size: a place, or a speed that a check of the whole bounds."""
 
-LONGEST_PERIOD = 1.0
-"""Longest control period, s: numbers above are in milliseconds, or are frequencies."""
+SHORTEST_PERIOD, LONGEST_PERIOD = 1e-6, 1.0
+"""Shortest and longest control period, s: numbers above are in milliseconds, or are frequencies."""
 
-Period = Annotated[float, Field(gt=0.0, le=LONGEST_PERIOD), "s"]
-"""A control period, up to a second: a greater number is in milliseconds, or a frequency."""
+Period = Annotated[float, Field(ge=SHORTEST_PERIOD, le=LONGEST_PERIOD), "s"]
+"""A control period, from a microsecond up to a second: a greater number is in milliseconds, or a frequency."""
 
 Angle = Annotated[float, Field(ge=-math.tau, le=math.tau), "rad"]
 """An angle, up to a full turn to either side: a greater number is in degrees."""

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, TypeVar, overload
 
 import numpy as np
 
+from wbc.base.checked import fixed
 from wbc.base.errors import InputError, choose, shown
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
@@ -30,6 +31,8 @@ class Items:
     Attributes:
         robot: The robot whose state the solver reads.
     """
+
+    robot: Robot = fixed("make another solver; `update` moves the robot")
 
     _noun: ClassVar[str] = "controller"
     _kinematic: ClassVar[bool] = False
