@@ -190,7 +190,9 @@ def test_realistic_sensors_have_the_numbers_of_their_sources() -> None:
     assert gyro.std == pytest.approx(math.radians(0.007) * math.sqrt(255.0), rel=0.05)
     assert gyro.bias_std == pytest.approx(10.0 * math.radians(10.0) / 3600.0, rel=0.05)
     assert REALISTIC.specific_force.bias_std == pytest.approx(5e-3 * GRAVITY, rel=0.05)
-    half = 0.5 * 39.0 * GRAVITY
+    weight = load("hrp4_class").robot().mass * GRAVITY
+    assert weight == pytest.approx(390.0, rel=0.03)  # what one of its feet carries, as docs/feet.md says
+    half = 0.5 * weight
     assert 1e3 * REALISTIC.sole_moment.std / half == pytest.approx(0.3, abs=0.05)  # mm
     assert 1e3 * REALISTIC.sole_moment.bias_std / half == pytest.approx(0.5, abs=0.05)
     latencies = {getattr(REALISTIC, each.name).latency for each in fields(REALISTIC)}
