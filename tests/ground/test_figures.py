@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -406,11 +407,24 @@ def test_a_cloud_is_used_up_to_its_greatest_age_and_a_little_ahead(age: float, u
     ground.add(PointCloud([[0.3, 0.1, 0.0]], 1.0 + FUSED - age, "world"))
     ground.update(ROBOT, 1.0 + FUSED)
     assert (ground.status == "") == used and len(ground.map.known()[0]) == used
+    if not used:
+        (said,) = re.findall(r"(\S+) s (?:old|ahead)", ground.status)
+        assert float(said) == pytest.approx(abs(age), rel=1e-3)
     own = ElevationMap(np.zeros((60, 60)), 0.02, (-0.6, -0.6, 0.0), time=1.0 + FUSED - age, max_age=0.5)
     other = ground_of()
     other.add(own)
     other.update(ROBOT, 1.0 + FUSED)
     assert (other.status == "") == used
+
+
+def test_poses_are_remembered_for_the_greatest_age_of_a_cloud() -> None:
+    """However fast the ticks are, here a little faster than 512 poses last for half a second."""
+    ground = ground_of()
+    for period in (0.9735e-3, 0.2e-3):
+        for k in range(round(0.7 / period)):
+            ground._remember(ROBOT.q, 2.0 + k * period)
+        times = ground._times[np.isfinite(ground._times)]
+        assert times.max() - times.min() >= 0.5 - period
 
 
 def test_changes_of_what_is_known_are_counted_and_come_no_faster_than_they_are_fused() -> None:
