@@ -123,6 +123,23 @@ def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:
     assert len(feet) == 2 + sum("touch-down" in text for _, text in log.events)
 
 
+def test_a_plan_shows_all_footsteps_in_one_scale_and_texts_all_levels(log: Log) -> None:
+    (ax, *_) = draw("plan", [log]).axes
+    corners = np.concatenate(
+        [stance.corners for which in ("reference", "truth") for stance in stances(log, which)]
+    )
+    for (low, high), side in zip((ax.get_xlim(), ax.get_ylim()), corners[:, :2].T, strict=True):
+        room = 0.04 + 0.02 * max(np.ptp(corners[:, 0]), np.ptp(corners[:, 1]))
+        assert (low, high) == pytest.approx((side.min() - room, side.max() + room), abs=0.01)
+    assert ax.get_aspect() in ("equal", 1.0)
+    phases = draw_signals([log], ["walk/phase"]).axes[0]
+    levels = len(set(log.texts("walk/phase")))
+    assert phases.get_ylim() == (-0.5, levels - 0.5)
+    for logs, words in (([], ["time"]), ([log], [])):
+        with pytest.raises(InputError, match="at least one"):
+            draw_signals(logs, words)
+
+
 def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
     plant = wbc.Plant(wbc.load_robot("hrp4_class"))
     control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))

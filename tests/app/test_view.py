@@ -8,6 +8,7 @@ import math
 import socket
 import urllib.error
 import urllib.request
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -333,6 +334,44 @@ def test_balance_is_shown_as_it_is_and_as_planned() -> None:
     total = sum(mark.points[1] - mark.points[0] for mark in arrows)
     assert total == pytest.approx(stage.scale.height * truth.contact_force.sum(axis=0) / stage.scale.weight)
     assert stage.scale.weight == pytest.approx(trial.plant.robot.mass * GRAVITY)
+
+
+def test_contacts_of_a_sole_are_one_arrow_and_those_beside_have_one_each(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """At the centre of the loads of the sole; all arrows together are the whole contact force."""
+    plant = wbc.Plant(HRP4)
+    stage, rng = SimulatedStage(plant, None), np.random.default_rng(2)
+    places, forces = rng.normal(size=(5, 3)), rng.uniform(1.0, 50.0, (5, 3))
+    truth = replace(
+        plant.truth(), contact_position=places, contact_force=forces, contact_sole=np.array([0, 1, 0, -1, -1])
+    )
+    monkeypatch.setattr(type(plant), "truth", lambda self: truth)
+    picture = stage.picture()
+    arrows = [mark.points for mark in named(picture, "ground force").values()]
+    way = stage.scale.height / stage.scale.weight
+    for own, points in zip(([0, 2], [1], [3], [4]), arrows, strict=True):
+        load = forces[own, 2]
+        np.testing.assert_allclose(points[0], load @ places[own] / load.sum())
+        np.testing.assert_allclose(points[1] - points[0], way * forces[own].sum(axis=0))
+    level = forces[:, 2] @ places[:, 2] / forces[:, 2].sum()
+    zmp = named(picture, "zmp")["zmp"].points[0]
+    moment = np.cross(places - zmp, forces).sum(axis=0)
+    assert zmp[2] == pytest.approx(level) and np.allclose(moment[:2], 0.0)
+
+
+def test_progress_is_told_ten_times_a_second_of_the_run() -> None:
+    told: list[str] = []
+    bar: Any = SimpleNamespace(
+        add_task=lambda text: 0, update=lambda task, description: told.append(description)
+    )
+    line = live.ProgressLine(bar)
+    for number in range(201):
+        now = SimpleNamespace(
+            plant=SimpleNamespace(time=0.005 * number), walking=SimpleNamespace(steps_done=number)
+        )
+        line.tick(now)  # type: ignore[arg-type]
+    assert len(told) == pytest.approx(11, abs=1) and told[0].startswith("0.0 s") and "20 steps" in told[1]
 
 
 def test_a_push_is_an_arrow_that_ends_where_it_pushes() -> None:
