@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
-from wbc.walking.body import lowest_com
+from wbc.walking.body import ACCELERATION, SPEED, TURN_ACCELERATION, TURN_SPEED, lowest_com
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.reach import Leg
@@ -293,3 +294,45 @@ def test_a_lowered_pendulum_moves_as_its_height_says() -> None:
     np.testing.assert_allclose(lowered.com_acceleration[:2], planned.com_acceleration[:2])
     arm = (lowered.com - lowered.zmp)[:2]
     np.testing.assert_allclose(lowered.com_acceleration[:2], lowered.omega**2 * arm, atol=1e-9)
+
+
+def test_a_set_point_that_is_taken_back_on_its_way_makes_nothing_jump() -> None:
+    """The rate goes through zero there; it changes by no more than its acceleration, at its bounded speed."""
+    _, walking = standing()
+    body, places = walking.body, []
+    before = body.com_height
+    for tick in range(900):
+        if tick % 300 == 0:
+            body.com_height = before - (0.06 if tick == 0 else 0.0)
+            body.lean, body.turn = ((0.1, -0.1), 0.2) if tick == 0 else ((0.0, 0.0), 0.0)
+        if tick == 60:
+            body.com_height, body.lean, body.turn = before, (0.0, 0.0), 0.0
+        body.update(0.0)
+        rest = Pendulum.at_rest(np.array([0.0, 0.0, 0.8]))
+        lean = pin.log3(body.leaned(LeanMotion(np.eye(3), np.zeros(3), np.zeros(3)), 0.0).rotation)
+        places.append([body.raised(rest).com[2], *lean[:2], body.twist.angle])
+    rates = np.diff(places, axis=0) / DT
+    pushes = np.diff(rates, axis=0) / DT
+    assert np.abs(rates[:, 0]).max() < SPEED + 1e-9 and np.abs(pushes[:, 0]).max() < ACCELERATION + 1e-6
+    assert np.abs(rates[:, 1:]).max() < TURN_SPEED and np.abs(pushes[:, 1:]).max() < 1.01 * TURN_ACCELERATION
+    assert np.abs(rates).min(axis=1).max() > 0.0 and not np.any(rates[-50:])
+
+
+@pytest.mark.parametrize("heading", [0.0, 2.9])
+def test_a_trunk_without_a_neck_turns_to_a_point_as_far_as_it_goes(heading: float) -> None:
+    """By the direction of the point from the CoM less the heading; behind the robot it stays on its side."""
+    plant = load_robot("g1")
+    robot = plant.robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), DT)
+    body, com = walking.body, np.array(robot.com)
+    most = body._most_turn
+    far = most + 0.3
+    turns = ((0.2, 0.2), (far, most), (-0.3, -0.3), (-far, -most), (far, -most), (0.0, 0.0), (-far, -most))
+    for angle, turn in (*turns, (0.0, 0.0)):
+        way = heading + angle
+        body.look_at(com + 2.0 * np.array([math.cos(way), math.sin(way), 0.3]))
+        body.update(heading)
+        assert body.turn == pytest.approx(turn)
+    body.look_at(com + 0.2 * np.array([math.cos(heading + 0.4), math.sin(heading + 0.4), 0.0]))
+    body.update(heading)
+    assert body.turn == pytest.approx(0.0), "a point above the robot has no direction"

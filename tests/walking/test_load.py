@@ -136,3 +136,54 @@ def test_a_load_of_known_weight_is_found_from_the_wrench_it_makes() -> None:
     assert (load.place - load.middle)[:2] == pytest.approx([0.04, 0.03], abs=1e-3)
     load.release()
     assert load.mass == 0.0 and robot.mass == pytest.approx(DESCRIPTION.robot().mass)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+@pytest.mark.parametrize(
+    ("share", "ahead", "found", "place"),
+    [(0.009, 0.1, 0.0, 0.0), (0.02, 0.1, 0.02, 0.1), (0.5, 0.1, 0.1, 0.15), (-0.1, 0.1, 0.0, 0.0)],
+    ids=["an error of sensors", "small", "more than it may be, and further away", "a pull upwards"],
+)
+def test_a_load_is_counted_from_one_percent_up_to_its_largest_mass_and_distance(
+    yaw: float, share: float, ahead: float, found: float, place: float
+) -> None:
+    """The wrench is that of a weight at a place in the heading; what is in the models is off it at once."""
+    robot = DESCRIPTION.robot()
+    q = np.array(robot.q)
+    q[3:7] = (0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw))
+    robot.update(q, np.zeros(robot.nv))
+    own = robot.mass
+    load = HeldLoad(robot, LoadSettings(largest=0.1, offset=0.15))
+    outside = OutsideWrench(robot, OutsideSettings(tare=0.0))
+    mass, forward = share * own, np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    at = load.middle + ahead * forward
+    for _ in range(500):
+        robot.update(q, np.zeros(robot.nv))
+        force = np.array([0.0, 0.0, -(mass - load.applied) * GRAVITY])
+        moment = np.cross(at - robot.com, [0.0, 0.0, -mass * GRAVITY])
+        moment -= np.cross(load.place - robot.com, [0.0, 0.0, -load.applied * GRAVITY])
+        outside.wrench = np.concatenate([force, moment])
+        load.update(outside, 2.0 * DT)
+    assert load.applied == pytest.approx(found * own, abs=6e-4 * own)
+    assert robot.mass == pytest.approx(own + load.applied)
+    assert load.mass == pytest.approx(min(max(mass, 0.0), 0.1 * own), rel=1e-3, abs=1e-6)
+    if found:
+        assert (load.place - load.middle) @ forward == pytest.approx(place, abs=0.03 * place)
+    assert not load.changing or share not in (0.009, 0.02)
+
+
+def test_a_load_that_is_put_into_the_models_comes_off_the_wrench_in_the_same_tick() -> None:
+    """Force and moment about the CoM of what the models have gained: in sum they stay what they were."""
+    robot = DESCRIPTION.robot()
+    load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))
+    outside.wrench = np.array([0.0, 0.0, -60.0, 2.0, 5.0, 0.0])
+    com = np.array(robot.com)
+    load.update(outside, 0.1)
+    robot.update(robot.q, np.zeros(robot.nv))
+    weight = np.array([0.0, 0.0, -load.applied * GRAVITY])
+    assert load.applied > 0.1
+    np.testing.assert_allclose(outside.wrench[:3] + weight, (0.0, 0.0, -60.0), atol=1e-9)
+    arm = load.place - com
+    moved = np.array(robot.com) - com  # of the whole robot, which takes its own weight with it
+    np.testing.assert_allclose(outside.wrench[3:5] + np.cross(arm, weight)[:2], (2.0, 5.0), atol=0.15)
+    np.testing.assert_allclose(robot.mass * moved[:2], load.applied * arm[:2], atol=1e-9)

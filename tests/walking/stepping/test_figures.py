@@ -314,6 +314,41 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
         assert gait.steering.held == pytest.approx(share * (1.0 - off[1]))
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("foot", "dcm", "goes_on"),
+    [
+        ((0.0, 0.25), (0.2, 0.05), True),
+        ((0.4, 0.25), (0.2, 0.05), False),
+        ((0.18, 0.25), (0.2, 0.05), False),
+        ((0.0, 0.6), (0.0, -0.1), True),
+        ((0.0, 0.2), (0.0, 0.05), False),
+    ],
+    ids=["ahead of both", "towards the foot", "by the foot", "beyond the outer edge", "between"],
+)
+def test_a_foot_that_rubs_goes_on_where_the_dcm_runs_away_from_it(
+    sign: float, foot: tuple[float, float], dcm: tuple[float, float], *, goes_on: bool
+) -> None:
+    """Its landing is where ξ will be then, less the offset of a step in place; it lands in 0.1 s."""
+    gait = gait_on(LEVEL)
+    gait.stance, side = (1, 1.0) if sign > 0.0 else (0, -1.0)
+    gait._enter(GaitPhase.SINGLE, 0.4)
+    gait._contact, gait.dcm = POINT, Divergent(dcm[0], side * dcm[1], OMEGA)
+    gait.elapsed = gait._touch - 0.1
+    spots = [POINT, POINT]
+    spots[1 - gait.stance] = (foot[0], side * foot[1], 0.0)
+    gait._state = gait._state._replace(places=(spots[0], spots[1]))
+    grown, still = math.exp(0.1 * OMEGA), gait._orbit(StepVelocity((0.0, 0.0), True))
+    there = Footstep(SIDES[1 - gait.stance], grown * dcm[0], side * (grown * dcm[1] + still.inwards))
+    steps = StepVelocity((0.0, 0.0), True)
+    assert gait._rubs(steps, there) == goes_on
+    gait.elapsed = gait._touch + 1e-6
+    assert not gait._rubs(steps, there), "it is to have landed"
+    gait.elapsed = gait._touch - 0.1
+    far = dataclasses.replace(there, x=there.x + 9.0)
+    assert not gait._rubs(steps, far), "its landing does not catch the robot"
+
+
 def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
     gait = gait_on(LEVEL)
     gait.stance = 1

@@ -10,10 +10,8 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from point_mass import MIRROR, SCALE, Frames, PointMass, Tick, angle, mirrored, mirrored_input, moved, scaled
-from properties import by_default, examples
+from properties import by_default
 
 from wbc.core.robot import SIDES
 from wbc.walking.contact import Event, GaitPhase
@@ -88,10 +86,11 @@ def test_a_mirrored_world_gives_mirrored_references() -> None:
     assert steps > 500
 
 
-@examples(1)
-@given(st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
-def test_a_moved_and_turned_world_gives_moved_and_turned_references(yaw: float, x: float, y: float) -> None:
-    ticks = pushed_aside()
+@pytest.mark.parametrize("world", by_default([(2.5, 3.0, -4.0), (-0.9, -5.0, 2.0)], (2.5, 3.0, -4.0)))
+def test_a_moved_and_turned_world_gives_moved_and_turned_references(
+    world: tuple[float, float, float],
+) -> None:
+    ticks, (yaw, x, y) = pushed_aside(), world
     place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
     references = replay([moved(tick, place) for tick in ticks], yaw, VELOCITY)
     for tick, reference in list(zip(ticks, references, strict=True))[::7]:
