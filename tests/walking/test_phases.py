@@ -12,10 +12,11 @@ from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.walking.contact import Event, GaitPhase
-from wbc.walking.lipm.walk import LipmWalk, PhaseSettings, WalkSettings
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.lipm.walk import LipmWalk, PhaseSettings, WalkSettings, _most_inward
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, moved
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.planners import walk_distance
+from wbc.walking.plans.planners import walk_distance, walk_path
+from wbc.walking.plans.sources import PlanSource
 
 ROBOT = load("hrp4_class").robot()
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
@@ -192,3 +193,83 @@ def test_landings_and_times_can_change_on_the_way() -> None:
     assert w.plan.steps[0] == landing and w.plan.steps[1].x == pytest.approx(before.steps[1].x + 0.03)
     with pytest.raises(InputError, match="left foot"):
         w.set_landing(Footstep("right", 0.0, 0.0))
+
+
+def test_a_foot_without_ground_is_taken_to_stand_at_the_tick_that_the_settings_name() -> None:
+    """0.8 s of the swing and 0.5 s of search: 260 ticks; the weight stays on the foot that stands meanwhile."""
+    w = walking()
+    until(w, ideal, Event.LIFT_OFF)
+    width, ticks = 0.5 * ROBOT.soles[0].width, 0
+    while True:
+        reference, ticks = w.advance([0.0, WEIGHT]), ticks + 1
+        if Event.NO_TOUCH_DOWN in reference.events:
+            break
+        if w.overdue:
+            assert abs(reference.pendulum.zmp[1] - START.right.y) < width
+            assert w.remaining == pytest.approx(0.05) and ticks >= 160
+    assert ticks == round(1.3 / DT)
+    assert w.duration == pytest.approx(w.plan.gait.full.double_support)
+
+
+def test_a_walk_is_steered_unless_it_follows_the_plan_that_it_began_with() -> None:
+    s, plan = WalkSettings(adjustment=None), walk_distance(START, 0.3)
+    assert LipmWalk(ROBOT, START, HEIGHT, DT, s).steered
+    w = LipmWalk(ROBOT, plan, HEIGHT, DT, s)
+    assert not w.steered and not w.finished
+    w.take(PlanSource(plan))
+    assert w.steered
+
+
+@pytest.mark.parametrize("ready", [0.24, 0.26])
+def test_lift_off_is_free_up_to_a_quarter_of_the_weight_on_the_foot_that_leaves(ready: float) -> None:
+    w = walking()
+    happened = [event for _, event in run(w, lambda w: (ready, 0.9 - ready), 0.82)]
+    assert (Event.LIFT_OFF in happened) == (ready < 0.25)
+
+
+def test_the_velocity_of_a_walk_is_that_of_its_next_two_steps() -> None:
+    """In the heading of the foot that stands: two steps of 0.1 m, 0.02 m aside and 0.1 rad, in their time."""
+    w = LipmWalk(ROBOT, walk_path(START, [(0.1, 0.02, 0.1)] * 4), HEIGHT, DT, WalkSettings(adjustment=None))
+    place = (0.0, 0.0, 0.0)
+    for _ in range(2):
+        place = moved(place, 0.1, 0.02, 0.1)
+    right = moved(place, 0.0, -0.0875, 0.0)
+    two = 2.0 * w.plan.gait.full.cycle
+    assert w.granted == pytest.approx((right[0] / two, (right[1] + 0.0875) / two, 0.2 / two))
+
+
+def test_soles_that_turn_on_the_ground_turn_the_landings_back_about_the_foot_that_stands() -> None:
+    """From 0.02 rad on, by 0.04 rad a step at most."""
+    for turned, back in ((0.015, 0.0), (0.03, 0.03), (-0.1, -0.04)):
+        w = walking()
+        w.advance([0.5 * WEIGHT] * 2, turned=turned)
+        before = w.plan.steps[1]
+        until(w, ideal, Event.LIFT_OFF)
+        step, c, s = w.plan.steps[1], np.cos(back), np.sin(back)
+        x, y = before.x, before.y + 0.0875  # from the right foot
+        assert step.yaw == pytest.approx(-back)
+        assert (step.x, step.y) == pytest.approx((c * x + s * y, -s * x + c * y - 0.0875))
+
+
+def test_the_reference_of_the_com_goes_over_to_a_new_pattern_as_quickly_as_the_dcm_falls() -> None:
+    """An offset x decays as (1 + ωt) e^{−ωt} x, its velocity and acceleration with it; the ZMP is the pattern's."""
+    w = walking()
+    run(w, ideal, 0.1)
+    w._off.value, w._off.velocity = 0.01 - 0.02j, 0j
+    offs = []
+    for _ in range(80):
+        w._since += w.dt
+        w._off.follow(-w._off.value, w.dt)
+        pendulum, own = w._pendulum(), w._pattern.at(w._since)
+        offs.append(complex(*(pendulum.com - own.com)[:2]))
+        assert complex(*(pendulum.com_velocity - own.com_velocity)[:2]) == pytest.approx(w._off.velocity)
+        np.testing.assert_array_equal(pendulum.zmp, own.zmp)
+    falls = w.omega * DT * np.arange(1, 81)
+    np.testing.assert_allclose(offs, (0.01 - 0.02j) * (1.0 + falls) * np.exp(-falls), atol=3e-4)
+
+
+@pytest.mark.parametrize(("half_width", "margin"), [(0.05, 0.01), (0.025, 0.01), (0.008, 0.01)])
+def test_the_zmp_leaves_a_margin_to_both_sides_of_narrow_soles(half_width: float, margin: float) -> None:
+    most = _most_inward(half_width, margin)
+    left = half_width - margin
+    assert most == pytest.approx(max(left - margin, left / 2.0, 0.0)) and most >= 0.0

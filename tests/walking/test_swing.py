@@ -58,7 +58,7 @@ def test_a_foot_rises_onto_a_stair_heel_first_without_digging_its_toes_in(yaw: f
     """Level behind the body it would meet the end of the ankle's range."""
     ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0])
     start = replace(HERE, yaw=yaw)
-    for rise, most in ((-0.1, 0.0), (0.05, 0.0), (0.1, 0.3), (0.2, 0.3)):
+    for rise, most in ((-0.1, 0.0), (0.05, 0.0), (0.075, 0.15), (0.1, 0.3), (0.2, 0.3)):
         x, y, _ = 0.29 * ahead
         foot = swing(replace(start, x=x, y=HERE.y + y, z=rise), start)
         places = [foot.at(t).placement for t in np.linspace(0.0, 0.8, 161)]
@@ -280,3 +280,27 @@ def test_the_acceleration_of_a_foot_that_was_thrown_is_one_that_legs_have() -> N
     most = 0.5 * float(np.hypot(*motion.acceleration[:2]))
     foot.restart(0.2, motion.placement, (0.0, 0.0, 0.0), most)
     assert np.hypot(*foot.at(0.2).acceleration[:2]) == pytest.approx(most)
+
+
+def test_a_foot_has_at_its_apex_the_height_that_its_acceleration_gives() -> None:
+    """From rest, a quintic over the time up to the apex with the greatest acceleration `lift`: √3/10 a t²."""
+    for lift in (2.0, 4.0):
+        shape = GAIT.swing._replace(lift=lift, takeoff_time=0.0, landing_time=0.0, swing_height=0.3)
+        foot = SwingFoot(HERE.placement, HERE, 0.8, shape)
+        expected = max(lift * foot.apex_time**2 * np.sqrt(3.0) / 10.0, 0.3 * 0.3)
+        times = np.linspace(0.0, 0.8, 801)
+        assert max(foot.motion(t)[0][2] for t in times) == pytest.approx(expected, abs=2e-4)
+        place, speed = foot.motion(0.1)
+        left = foot.apex_time - 0.1
+        reach = place[2] + 0.5 * left * speed[2] + lift * left**2 * np.sqrt(3.0) / 10.0
+        assert foot._reach(0.1) == pytest.approx(reach)
+
+
+def test_a_foot_that_is_cut_short_has_the_time_of_a_part_of_a_fall_from_its_height() -> None:
+    """Over the landing: 0.5 √(h/g), less the height of the last piece at its landing speed."""
+    shape = STEPPING._replace(quickest=0.5)
+    foot = SwingFoot(HERE.placement, THERE, 0.8, shape)
+    height = foot.motion(0.35)[0][2]
+    foot.retarget(0.35, THERE, 0.36)
+    least = 0.5 * np.sqrt((height - shape.piece * shape.landing_speed) / 9.80665)
+    assert foot.duration == pytest.approx(0.35 + max(least, shape.piece), abs=1e-6)

@@ -281,3 +281,49 @@ def test_knees_that_would_touch_on_narrow_steps_keep_their_distance_with_a_limit
         assert robot.com[2] > 0.9 * description.robot().com[2]  # it has not fallen
         least[kept] = min(near)
     assert least[False] < 0.0 and 0.015 < least[True] < 0.03
+
+
+class Asked:
+    """Scheduler of stiffness that keeps what it is asked with."""
+
+    command = (0.5, 0.5)
+
+    def __init__(self) -> None:
+        """Begin without questions."""
+        self.calls: list[tuple[object, ...]] = []
+
+    def update(self, *arguments: object) -> tuple[float, float]:
+        """Keep the arguments."""
+        self.calls.append(arguments)
+        return (0.2, 0.8)
+
+
+def test_a_stiffness_is_scheduled_by_the_share_and_by_the_rest_of_the_phase() -> None:
+    robot = DESCRIPTION.robot()
+    plan, asked = walk_distance(FootstepPlan.standing(robot), 0.2), Asked()
+    walking = WalkingControl(DESCRIPTION.robot(), plan, DT)
+    walking.stiffness = asked  # type: ignore[assignment]
+    for tick in range(30):
+        command = walking.command(sensors(robot, tick, robot.half_sitting))
+        progress = walking.progress
+        assert command.sole_stiffness == (0.2, 0.8) and progress.duration > 0.5
+        share, left = asked.calls[-1][1:3]
+        assert share == pytest.approx(progress.elapsed / progress.duration)
+        assert left == pytest.approx(progress.duration - progress.elapsed)
+    assert share > 0.1
+
+
+def test_the_bias_of_a_robot_in_the_air_is_not_estimated() -> None:
+    robot, walking = standing(WalkingControlSettings())
+    assert walking.balance is not None and walking.balance.bias is not None
+    bias = walking.balance.bias
+    for tick in range(40):
+        walking.command(sensors(robot, tick, robot.half_sitting, (0.03, 0.0)))
+    before = bias.bias.copy()
+    assert np.abs(before).max() > 1e-4
+    output = walking.balance.output
+    assert output is not None
+    for state in (output._replace(in_air=True), output._replace(measured_zmp=np.full(3, np.nan))):
+        walking.balance.output = state
+        found = walking.balance._estimate_bias(bias, walking.control.observer.robot)
+        np.testing.assert_array_equal(found, before)
