@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,13 @@ from properties import by_default
 
 from wbc.base.numbers import Array
 from wbc.core.signals import Command
+from wbc.feet.soles.common_mjcf import VISUAL_GROUP
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
 from wbc.sim import Machine, PhysicsSettings, Plant
-from wbc.sim.plant.model import _max_pairs
+from wbc.sim.plant.model import _max_pairs, drawing_model
+from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.terrain.spec import terrain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -306,3 +309,42 @@ def test_joints_have_the_damping_and_friction_of_their_file() -> None:
             assert model.dof_damping[dof] == description.damping[name] == 0.2
             assert model.dof_frictionloss[dof] == pytest.approx(0.1 + friction)
     assert not Plant(load("g1")).model.dof_damping.any()
+
+
+def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
+    """A ball at each joint, a rod from it to each joint below, and each sole as a plate that stands on the ground."""
+    description = load("hrp4_class")
+    bare = replace(description, urdf=description.urdf_without_geometry())
+    robot = bare.robot()
+    model, kinds = drawing_model(bare, robot, terrain("flat")), mujoco.mjtGeom
+    data = mujoco.MjData(model)
+    places = RobotPlaces(model, robot)
+    places.set_configuration(robot.half_sitting, data.qpos)
+    mujoco.mj_forward(model, data)
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    joints = [robot.data.oMi[j].translation for j in range(1, robot.model.njoints)]
+    thickness, seen = (
+        0.03 * float(robot.com[2]),
+        {kinds.mjGEOM_CYLINDER: 0, kinds.mjGEOM_SPHERE: 0, kinds.mjGEOM_BOX: 0},
+    )
+    for i in np.flatnonzero(model.geom_group == VISUAL_GROUP):
+        kind, size, place = kinds(model.geom_type[i]), model.geom_size[i], data.geom_xpos[i]
+        seen[kind] += 1
+        origin = data.xpos[model.geom_bodyid[i]]
+        if kind == kinds.mjGEOM_SPHERE:
+            assert size[0] == pytest.approx(1.3 * thickness) and np.allclose(place, origin)
+        elif kind == kinds.mjGEOM_CYLINDER:
+            assert size[0] == pytest.approx(thickness)
+            axis = data.geom_xmat[i].reshape(3, 3)[:, 2]
+            np.testing.assert_allclose(place - size[1] * axis, origin, atol=1e-6)
+            end = place + size[1] * axis
+            soles = [robot.placement(sole.frame).translation for sole in robot.soles]
+            assert min(np.linalg.norm(end - each) for each in (*joints, *soles)) < 1e-5
+        else:
+            sole = min(
+                robot.soles, key=lambda sole: np.linalg.norm(robot.placement(sole.frame).translation - place)
+            )
+            np.testing.assert_allclose(2.0 * size, [sole.length, sole.width, 0.8 * thickness], atol=1e-9)
+            assert place[2] - size[2] == pytest.approx(robot.placement(sole.frame).translation[2], abs=1e-6)
+    assert seen[kinds.mjGEOM_BOX] == 2 and seen[kinds.mjGEOM_SPHERE] == robot.model.njoints - 1
+    assert seen[kinds.mjGEOM_CYLINDER] >= 15
