@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import mujoco
@@ -22,6 +22,7 @@ from wbc.sim import MujocoLoop, PhysicsSettings, Plant
 from wbc.sim.loop.floor import friction_under, lowest_sole_point
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
+MASS = DESCRIPTION.robot().mass
 PREFIX = "mine/"
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -423,6 +424,45 @@ def test_a_floor_more_slippery_than_contacts_count_on_is_noted(friction: float, 
     model.geom_condim[:] = 1
     assert friction_under(loop.places, loop.robot, mujoco.MjData(model), 0.0) == 0.0
     assert friction_under(loop.places, loop.robot, mujoco.MjData(model), 0.05) is None
+
+
+def notes_on(change: Callable[[mujoco.MjModel, int], None], word: str) -> bool:
+    """Return true if the loop of a changed model notes something; the change gets the model and a joint."""
+    model = foreign_model(DESCRIPTION, "motor")
+    change(model, int(model.joint(f"{PREFIX}left_knee_pitch").id))
+    return any(word in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
+
+
+@pytest.mark.parametrize(
+    ("field", "word", "own"),
+    [("dof_armature", "rotor inertia", True), ("dof_damping", "damping", False)]
+    + [("dof_frictionloss", "dry friction", False), ("jnt_stiffness", "springs", False)],
+)
+def test_what_joints_have_otherwise_than_described_is_noted_from_a_hundredth_on(
+    field: str, word: str, own: bool
+) -> None:
+    def scaled(share: float) -> Callable[[mujoco.MjModel, int], None]:
+        def change(model: mujoco.MjModel, joint: int) -> None:
+            values = getattr(model, field)
+            values[joint if field == "jnt_stiffness" else model.jnt_dofadr[joint]] *= share
+
+        return change
+
+    def added(model: mujoco.MjModel, joint: int) -> None:
+        getattr(model, field)[joint if field == "jnt_stiffness" else model.jnt_dofadr[joint]] += 1e-3
+
+    assert not notes_on(scaled(1.009), word) and not notes_on(scaled(0.991), word)
+    if own:
+        assert notes_on(scaled(1.011), word) and notes_on(scaled(0.989), word)
+    assert notes_on(added, word)
+
+
+@pytest.mark.parametrize(("share", "noted"), [(0.0099, False), (0.0101, True)])
+def test_a_model_whose_mass_is_another_is_noted(share: float, noted: bool) -> None:
+    def heavier(model: mujoco.MjModel, joint: int) -> None:
+        model.body_subtreemass[model.body_rootid[model.jnt_bodyid[joint]]] += share * MASS
+
+    assert notes_on(heavier, "kg in the model") == noted
 
 
 def test_an_actuator_without_a_name_is_told_by_its_joint() -> None:
