@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import math
 import re
+from array import array
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -28,7 +30,7 @@ from wbc.feet.soles.rigid import RigidFoot
 from wbc.motion import write_motion
 from wbc.robots import RobotDescription, load, names
 from wbc.sim.balance.push_recovery import recovers
-from wbc.sim.balance.standing import MODES, StandSpec, stand
+from wbc.sim.balance.standing import MODES, StandSpec, StandTrial, centre_of_pressure, stand
 from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
@@ -65,6 +67,29 @@ def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, 
     assert result.seconds == pytest.approx(0.4 if foot == "flat" else 1.2)
     assert result.com_error_mm < (3.0 if foot == "flat" else 5.0)
     assert result.zmp_noise_mm < 0.5 or foot == "soft"
+
+
+def test_the_figures_of_a_stand_are_those_of_its_second_half() -> None:
+    """Greatest way of the CoM from its start, and deviation of the centre of pressure, of both axes together, mm."""
+    trial = StandTrial(StandSpec(seconds=0.1), visuals=False)
+    trial.tick_times = array("d", [1e-3])
+    origin, rng = trial.sway.origin, np.random.default_rng(0)
+    com, zmp = 0.01 * rng.normal(size=(40, 3)), 0.02 * rng.normal(size=(40, 2))
+    zmp[25] = np.nan  # in flight
+    trial.sway.com, trial.sway.zmp = list(origin + com), list(zmp)
+    result = trial.result()
+    late, seen = com[20:, :2], zmp[[*range(20, 25), *range(26, 40)]]
+    assert result.com_error_mm == pytest.approx(1e3 * np.sqrt((late**2).sum(axis=1)).max())
+    assert result.zmp_noise_mm == pytest.approx(
+        1e3 * np.sqrt(seen.std(axis=0)[0] ** 2 + seen.std(axis=0)[1] ** 2)
+    )
+    truth = SimpleNamespace(
+        contact_force=np.array([[5.0, 0.0, 30.0], [0.0, 1.0, 10.0]]),
+        contact_position=np.array([[0.1, 0.2, 0.0], [0.5, -0.2, 0.3]]),
+    )
+    np.testing.assert_allclose(centre_of_pressure(truth), [0.2, 0.1])  # type: ignore[arg-type]
+    truth.contact_force *= 0.9 / 40.0
+    assert np.isnan(centre_of_pressure(truth)).all()  # type: ignore[arg-type]
 
 
 def test_the_mode_of_a_stand_follows_from_robot_and_steps() -> None:

@@ -171,6 +171,11 @@ def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
     assert own.version == provenance() and marks_of(marks) == {1: 1}
 
 
+def test_a_sweep_says_how_many_trials_it_runs_in_an_hour() -> None:
+    assert SweepSummary(9, run=3, seconds=1800.0).per_hour == 6.0
+    assert SweepSummary(9, run=0, seconds=1800.0).per_hour is None and SweepSummary(9, run=3).per_hour is None
+
+
 class Broken(Executor):
     """An executor whose workers lack this package, as those of a cluster may, from some trial on."""
 
