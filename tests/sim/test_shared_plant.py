@@ -9,6 +9,7 @@ from properties import by_default
 
 import wbc
 from wbc.sim import MujocoLoop, Plant, SharedPlant
+from wbc.sim.plant.shapes import SHAPE_GROUP
 
 HRP4, G1 = wbc.load_robot("hrp4_class"), wbc.load_robot("g1")
 WALL = """<mujoco><worldbody>
@@ -35,6 +36,41 @@ def test_no_seed_gives_a_robot_the_sensor_errors_of_another() -> None:
         plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART, noise="realistic", seed=seed)
         found |= {m.joint_position.tobytes() for m in plant.measure().values()}
     assert len(found) == 6
+
+
+def test_shapes_of_robots_touch_things_and_each_other_and_not_their_own() -> None:
+    plant = SharedPlant(
+        {"one": HRP4, "two": HRP4, "three": HRP4}, places={"two": (1, 0, 0), "three": (2, 0, 0)}, scene=WALL
+    )
+    model = plant.model
+    shapes = {
+        name: np.flatnonzero((model.geom_group == SHAPE_GROUP) & loop.places.of_robot[model.geom_bodyid])
+        for name, loop in plant.loops.items()
+    }
+    floor = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)[0])
+
+    def touch(a: int, b: int) -> bool:
+        types, affinities = model.geom_contype, model.geom_conaffinity
+        return bool(types[a] & affinities[b] or types[b] & affinities[a])
+
+    for one, mine in shapes.items():
+        assert mine.size and all(touch(geom, floor) for geom in mine)
+        for other, theirs in shapes.items():
+            assert {touch(a, b) for a in mine for b in theirs} == {one != other}
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5 * np.pi, -2.0])
+def test_points_of_a_robots_world_are_turned_and_moved_to_its_place(heading: float) -> None:
+    plant = SharedPlant({"one": G1}, places={"one": (1.0, -2.0, heading)})
+    c, s = np.cos(heading), np.sin(heading)
+    np.testing.assert_allclose(
+        plant.in_world("one", [0.3, 0.1, 0.7]), [1 + 0.3 * c - 0.1 * s, -2 + 0.3 * s + 0.1 * c, 0.7]
+    )
+    middle = 0.5 * (plant.loops["one"].sole_pose(0)[0] + plant.loops["one"].sole_pose(1)[0])
+    own = G1.robot()
+    own.update(own.half_sitting, np.zeros(own.nv))
+    there = 0.5 * sum(own.placement(sole.frame).translation for sole in own.soles)
+    np.testing.assert_allclose(middle, plant.in_world("one", there), atol=1e-6)
 
 
 @pytest.mark.slow
