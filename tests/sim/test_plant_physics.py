@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pinocchio as pin
 import pytest
 from properties import by_default
 
+from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.core.signals import Command
 from wbc.feet.soles.common_mjcf import VISUAL_GROUP
@@ -348,3 +350,46 @@ def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
             assert place[2] - size[2] == pytest.approx(robot.placement(sole.frame).translation[2], abs=1e-6)
     assert seen[kinds.mjGEOM_BOX] == 2 and seen[kinds.mjGEOM_SPHERE] == robot.model.njoints - 1
     assert seen[kinds.mjGEOM_CYLINDER] >= 15
+
+
+@pytest.mark.parametrize(("off", "noted"), [(4.9e-3, False), (5.1e-3, True)])
+def test_a_centre_of_mass_that_is_elsewhere_is_found_with_its_link_and_distance(
+    off: float, noted: bool
+) -> None:
+    """From 5 mm on, of links with a hundredth of the robot's mass; the farthest is named."""
+    plant = Plant(load("hrp4_class"), visuals=False)
+    model, places = plant.model, RobotPlaces(plant.model, load("hrp4_class").robot())
+    assert places.displaced_mass() is None
+    shank = int(model.joint("left_knee_pitch").bodyid[0])
+    model.body_ipos[shank] += off * np.array([2.0, -1.0, 2.0]) / 3.0
+    found = places.displaced_mass()
+    assert (found is not None) == noted
+    if found is not None:
+        assert found == ("left_knee_pitch", pytest.approx(off))
+        model.body_ipos[places.root] += [0.0, 0.02, 0.0]
+        assert places.displaced_mass() == ("base", pytest.approx(0.02))
+
+
+@pytest.mark.parametrize("angle", [0.5, 0.65, 178.0])
+def test_an_axis_or_a_place_of_a_joint_that_differs_is_refused_from_a_bound_on(angle: float) -> None:
+    """Axes by 0.57°, places by 2 mm; one that turns the other way as well."""
+    robot = load("hrp4_class").robot()
+    for what in ("axis", "place", "reversed"):
+        model = Plant(load("hrp4_class"), visuals=False).model
+        joint = int(model.joint("left_elbow_pitch").id)
+        axis = model.jnt_axis[joint].copy()
+        if what == "axis":
+            across = np.cross(axis, [0.6, 0.0, 0.8])
+            turn = pin.exp3(math.radians(angle) * across / np.linalg.norm(across))
+            model.jnt_axis[joint] = turn @ axis
+            refused = angle > 0.573
+        elif what == "place":
+            model.jnt_pos[joint] += 2e-3 * (1.01 if angle > 0.6 else 0.99) * np.cross(axis, [0.6, 0.0, 0.8])
+            refused = angle > 0.6
+        else:
+            model.jnt_axis[joint], refused = -axis, True
+        if refused:
+            with pytest.raises(ModelError):
+                RobotPlaces(model, robot)
+        else:
+            RobotPlaces(model, robot)
