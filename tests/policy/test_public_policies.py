@@ -11,9 +11,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from hanging import HangingMachine
 
 import wbc
-from wbc.policy import PolicyControl
+from wbc.machine import RunSettings
+from wbc.machine.report import Phase
+from wbc.machine.run import Runner
+from wbc.policy import Guard, PolicyControl
 from wbc.tasks import RelativeFrameTask
 
 pytest.importorskip("onnxruntime")
@@ -67,3 +71,32 @@ def test_a_public_policy_walks_and_holds_its_hands_by_the_qp(walk: Path) -> None
     assert policy.fallen is None and policy.status() == "ok"
     assert 1.2 < plant.truth().com[0] - start < 2.2 and policy.steps_done >= 8
     assert worst < 0.008
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("guarded", [False, True])
+def test_a_public_policy_walks_on_a_machine_without_force_sensors(walk: Path, guarded: bool) -> None:
+    """The machine hangs at a band and is let down; `wbc.run` hands it to the policy once it stands."""
+    machine = HangingMachine()
+    control: PolicyControl | Guard = PolicyControl(machine.description.robot(), walk, 0.004)
+    if guarded:
+        control = Guard(control)
+    settings = RunSettings(robot_timeout=0.05, control_timeout=0.05, stop=0.7)
+    runner = Runner(machine, control, 250.0, settings=settings, guard=False, clock=machine.clock)
+    free: float | None = None
+    height = 0.0  # at the end of the run, after which the machine is damped
+
+    def until() -> bool:
+        nonlocal free, height
+        height = machine.height
+        if free is None:
+            machine.speed = 0.5 if machine.time > 1.0 and (machine.length or 0.0) < 3.0 else 0.0
+            if runner.phase is Phase.RUN and machine.pull < 1.0:
+                machine.length, free = None, machine.time
+        elif machine.time > free + 1.0:
+            control.velocity = (0.3, 0.0, 0.0)
+        return height < 0.4 or machine.time > (20.0 if free is None else free + 5.0)
+
+    runner.run(until)
+    assert free is not None and height > 0.5 and control.status() == "ok"
+    assert control.progress.steps_done >= 5
