@@ -184,4 +184,4 @@ class LookAtTask(FrameTask):
             rate = rate - pin.getFrameClassicalAcceleration(model, data, other, world).linear
         along = float(d @ v)
         jacobian += pin.skew(d) @ linear / r
-        drift += (np.cross((d * along - v) / r, v) + np.cross(d, rate) + np.cross(d, v) * along / r) / r
+        drift += (np.cross(d, rate) + np.cross(d, v) * (2.0 * along / r)) / r  # ḋ × v = d × v (d · v) / r
