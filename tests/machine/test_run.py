@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import contextlib
-import mmap
+import itertools
 import os
 import re
 import time
@@ -27,7 +27,6 @@ from wbc.base.errors import InputError
 from wbc.ground import PointCloud
 from wbc.machine import Driver, Runner, RunSettings
 from wbc.machine.clock import ask_priority
-from wbc.machine.guard import BEAT, watch
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import MachineError, Parking
 from wbc.machine.report import Phase
@@ -382,18 +381,29 @@ def test_gains_of_a_driver_that_are_none_are_refused_and_the_joints_damped(gains
     assert machine.damped == 50 and machine.commands == 0
 
 
-def test_the_guard_goes_on_when_a_damping_command_fails() -> None:
-    memory, tries = mmap.mmap(-1, mmap.PAGESIZE), []
+def test_a_measurement_that_is_refused_leaves_the_last_command_as_it_is() -> None:
+    """For a few ticks on the way to half-sitting; then the motion goes on where it would be."""
+    machine = SimulatedMachine(SimulatedTime(), bent())
+    read, ticks = machine.read, [0]
 
-    def damp() -> None:
-        tries.append(BEAT.unpack_from(memory, 0)[1])
-        if len(tries) == 5:
-            BEAT.pack_into(memory, 0, 0.0, -1.0)  # the loop ends
-        raise OSError("the network is unreachable")
+    def broken(timeout: float) -> Measurement | None:
+        measurement = read(timeout)
+        if measurement is None:
+            return None
+        ticks[0] += 1
+        bad = np.full(NA - 1, 0.0)
+        return replace(measurement, joint_position=bad) if 30 <= ticks[0] < 35 else measurement
 
-    BEAT.pack_into(memory, 0, -np.inf, 0.015)
-    watch(types.SimpleNamespace(damp=damp), memory, os.getppid())
-    assert tries == [0.015] * 5
+    machine.read = broken  # type: ignore[method-assign]
+    runner = make(machine, stop=0.0)
+    sent = commands_by_phase(machine, runner)
+    runner.run(0.3)
+    start = sent[Phase.START]
+    same = [one is other for one, other in itertools.pairwise(start)]
+    assert sum(same) == 5 and same[same.index(True) : same.index(True) + 5] == [True] * 5
+    stiff = np.array([command.kp.max() for command in start if command.kp is not None]) / DESCRIPTION.kp.max()
+    first = same.index(True)
+    assert stiff[first + 6] - stiff[first] == pytest.approx(6 * PERIOD / 0.2, rel=0.2)
 
 
 def test_a_tick_that_takes_too_long_is_counted_and_not_caught_up_with() -> None:
@@ -412,6 +422,7 @@ def test_a_tick_that_takes_too_long_is_counted_and_not_caught_up_with() -> None:
 
     report = runner.run(slow)
     assert (report.missed, report.skipped, report.ticks) == (2, 3, 20)
+    assert f"{report.ticks} ticks of 4 ms" in str(report)
     steps, expected, busy = np.diff(begins) / PERIOD, np.ones(19), np.zeros(20)
     expected[[9, 14]] = 2.0, 3.0
     busy[[4, 9, 14]] = PERIOD * np.array(list(extra.values()))

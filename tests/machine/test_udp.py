@@ -103,6 +103,16 @@ class Program:
         return data
 
 
+@pytest.mark.parametrize("drawn", [0, 2**63 - 1])
+def test_no_key_is_zero_which_means_nobody_and_each_fits_into_a_header(
+    drawn: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(udp.secrets, "randbits", lambda bits: drawn)
+    end = End(NA, "127.0.0.1", None)
+    head = end.header(end.pack(HELLO, 0))
+    assert head is not None and 0 < head.key == end.key < 2**64
+
+
 @pytest.mark.parametrize("secret", [None, SECRET])
 def test_packets_carry_everything(secret: str | None) -> None:
     rng = np.random.default_rng(0)

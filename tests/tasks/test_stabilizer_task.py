@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from at_rest import at_rest
 from properties import by_default
 
 import wbc
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
+from wbc.core.trajectories import minimum_jerk
 from wbc.robots import load
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -79,6 +81,35 @@ def test_a_reset_takes_the_heading_anew() -> None:
         assert task.output is not None
         outputs.append(spin.rotation.T @ task.output.com_acceleration)
     np.testing.assert_allclose(outputs[1], outputs[0], atol=1e-9)
+
+
+class Seen(StabilizerTask):
+    """Keeps the pendulum that it hands to the stabilizer."""
+
+    def update(self, target: Pendulum, *arguments: Any, **options: Any) -> Any:
+        self.seen = target
+        return super().update(target, *arguments, **options)
+
+
+def test_a_target_that_moves_is_a_pendulum_over_the_zmp_that_accelerates_it() -> None:
+    """c̈ = ω² (c − z), with ω² = g / h, along a move of minimum jerk."""
+    robot = load("hrp4_class").robot()
+    controller = wbc.Controller(robot, 0.005)
+    soles = controller.add(wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
+    task = controller.add(Seen(soles))
+    controller.add(wbc.PostureTask(weight=0.1))
+    start, way, duration = np.array(task.target), np.array([0.02, -0.015, 0.0]), 0.3
+    task.move_to(start + way, duration=duration)
+    pushes = []
+    for tick in range(50):
+        controller.solve(at_rest(robot, tick * 0.005))
+        p, height = task.seen, start[2]  # the soles are at height zero
+        np.testing.assert_allclose(p.com_acceleration[:2], GRAVITY / height * (p.com - p.zmp)[:2], atol=1e-9)
+        share, slope = minimum_jerk(min(tick * 0.005 / duration, 1.0))
+        np.testing.assert_allclose(p.com, start + share * way, atol=1e-9)
+        np.testing.assert_allclose(p.com_velocity, slope / duration * way, atol=1e-9)
+        pushes.append(np.abs(p.com_acceleration).max())
+    assert max(pushes) == pytest.approx(10.0 / np.sqrt(3.0) * 0.02 / duration**2, rel=1e-2)
 
 
 @pytest.mark.parametrize("mode", CONTROLS)

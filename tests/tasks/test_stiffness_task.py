@@ -248,6 +248,17 @@ def test_held_readings_of_a_slow_sensor_are_not_put_at_new_places() -> None:
     assert errors[0.0] > 2e-3
 
 
+def test_new_readings_that_come_faster_than_the_sensor_says_are_all_used() -> None:
+    """Each differs from the last one: none is an old reading that the sensor holds."""
+    profiles = []
+    for rate in (0.0, 50.0):
+        rig = Rig(make_task(sensor_rate=rate), terrain("cobble_stones", amplitude=0.03, seed=1))
+        profiles.append(rig.step().profile)
+    one, other = profiles
+    assert one is not None and other is not None
+    np.testing.assert_array_equal(one.points, other.points)
+
+
 # --- policies ---------------------------------------------------------------------------------------------------------
 
 

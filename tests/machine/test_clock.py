@@ -1,0 +1,80 @@
+"""Deadlines, what a loop costs the system, and the guard's heart, on clocks that are made up."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import types
+
+import numpy as np
+import pytest
+
+from wbc.machine import clock, guard
+from wbc.machine.guard import BEAT, DAMP_PERIOD, watch
+
+
+def test_the_guard_goes_on_when_a_damping_command_fails() -> None:
+    memory, tries = mmap.mmap(-1, mmap.PAGESIZE), []
+
+    def damp() -> None:
+        tries.append(BEAT.unpack_from(memory, 0)[1])
+        if len(tries) == 5:
+            BEAT.pack_into(memory, 0, 0.0, -1.0)  # the loop ends
+        raise OSError("the network is unreachable")
+
+    BEAT.pack_into(memory, 0, -np.inf, 0.015)
+    watch(types.SimpleNamespace(damp=damp), memory, os.getppid())
+    assert tries == [0.015] * 5
+
+
+def test_the_guard_damps_at_the_moment_at_which_a_beat_is_too_old(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beats move that moment on; between two looks the guard sleeps until it."""
+    memory, now, damped = mmap.mmap(-1, mmap.PAGESIZE), [5.0], list[float]()
+
+    def sleep(seconds: float) -> None:
+        now[0] += seconds + 1e-6  # never too early
+        if now[0] < 5.05:  # the loop lives
+            BEAT.pack_into(memory, 0, now[0] - 0.001, 0.015)
+
+    def damp() -> None:
+        damped.append(now[0])
+        if len(damped) == 3:
+            BEAT.pack_into(memory, 0, 0.0, -1.0)
+
+    monkeypatch.setattr(guard.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(guard.time, "sleep", sleep)
+    BEAT.pack_into(memory, 0, 5.0, 0.015)
+    watch(types.SimpleNamespace(damp=damp), memory, os.getppid())
+    # Beats at 5.000, 5.014, 5.028 and 5.042 s.
+    assert damped == pytest.approx(5.042 + 0.015 + DAMP_PERIOD * np.arange(3), abs=1e-4)
+
+
+def test_a_clock_sleeps_until_shortly_before_an_instant_and_never_too_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now, slept = [7.0], list[float]()
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        now[0] += seconds
+
+    def monotonic() -> float:
+        now[0] += 1e-5  # each look takes time
+        return now[0]
+
+    monkeypatch.setattr(clock.time, "monotonic", monotonic)
+    monkeypatch.setattr(clock.time, "sleep", sleep)
+    for deadline in (7.1, 7.2, 7.05):
+        clock.Clock().sleep_until(deadline)
+        assert max(deadline, 7.1) <= now[0] < max(deadline, 7.2) + 1e-4
+    assert slept == pytest.approx([0.1 - clock.SPIN, 0.1 - clock.SPIN], abs=1e-4)
+
+
+def test_page_faults_and_collections_are_those_of_the_loop_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    usage = iter([types.SimpleNamespace(ru_majflt=n, ru_minflt=10 * n) for n in (3, 8)])
+    monkeypatch.setattr(clock.resource, "getrusage", lambda who: next(usage))
+    counts = iter([4, 6])
+    monkeypatch.setattr(clock.gc, "get_stats", lambda: [{"collections": next(counts)}])
+    with clock.quiet(None) as got:
+        assert got.page_faults == (0, 0) and got.collections == 0
+    assert got.page_faults == (5, 50) and got.collections == 2
