@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -203,3 +204,107 @@ def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_a
     for side, low, high in ((1.0, -0.03, 0.04), (-1.0, -0.04, 0.03)):
         area = made._bounds(stance._replace(side=side), 0.0, 0.05, 0.6).area
         assert area == ((-0.01, low), (0.02, high))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_up_to_a_bound(
+    yaw: float, side: float
+) -> None:
+    """Both are parts along the heading and to the side of the foot that swings; ξ is bounded from there."""
+    made, most, found = decision(), CONSTANTS.cop_error, []
+    cos, sin = math.cos(yaw), math.sin(yaw)
+
+    def world(ahead: float, outwards: float) -> tuple[float, float, float]:
+        left = side * outwards
+        return 0.4 + cos * ahead - sin * left, -0.3 + sin * ahead + cos * left, 0.0
+
+    made._bounds = lambda _, ahead, outwards, longest: found.append((ahead, outwards)) or bounds  # type: ignore[method-assign, func-returns-value]
+    made._program.solve = lambda dcm, contact, *_: found.append((*dcm, *contact))  # type: ignore[method-assign, assignment]
+    bounds = Bounds(((-1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
+    for off, counted in (
+        ((0.01, -0.02), (0.01, -0.02)),
+        ((1.0, 1.0), (most, most)),
+        ((-1.0, -1.0), (-most, -most)),
+    ):
+        x, y, _ = world(0.05, 0.1)
+        stance = stance_at((0.0, 0.22, 0.0, 0.0), (x, y))._replace(
+            side=side,
+            direction=(cos, sin),
+            pivot=world(0.0, 0.0),
+            cop_command=world(0.02, 0.01),
+            contact=world(0.02 + off[0], 0.01 + off[1]),
+        )
+        found.clear()
+        made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), 0.5, None)
+        assert found[0] == pytest.approx((0.05 - counted[0], 0.1 - counted[1]))
+        assert found[1] == pytest.approx((0.05, 0.1, *counted))
+        assert made.place == pytest.approx(world(-CONSTANTS.carrying, SETTINGS.width)[:2]), (
+            "the program fails"
+        )
+        made.begin()
+
+
+def test_a_place_out_of_reach_is_missed_by_what_lies_beyond_it_at_any_time() -> None:
+    """A foot that comes to the edge of its reach is put off no further."""
+    made = decision()
+    stance = stance_at((-CONSTANTS.carrying, 0.1, 0.0, 0.0))
+    step = Step((0.0, 0.6), (0.0, 0.0), 0.02)
+    bounds = Bounds(((-1.0, 0.0), (1.0, 0.35)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
+    wish = steps_of_velocity((0.0, 0.0), SETTINGS.width, stance)
+    fixed = wish._replace(offsets=(0.0, -0.6, *wish.offsets[2:]))
+    a = CONSTANTS.swing_push * math.sqrt(3.0) / 10.0
+    times = 0.02 + 0.4 * np.arange(1, 9) / 8
+    missed = np.maximum(0.25 - a * times**2, 0.0)
+    assert made._later(stance, step, (0.0, 0.0), (0.0, 0.0), fixed, bounds, 0.42) == pytest.approx(
+        times[int(np.argmax(missed <= 0.0))]
+    )
+
+
+class Seen(GroundEstimate):
+    """Ground that keeps what a place on it is asked with, and puts the foot 20 mm ahead."""
+
+    def choose(self, landing: Footstep, allowed: object, cost: object = None) -> Footstep:
+        """Keep the questions."""
+        self.asked = landing, allowed, cost
+        return dataclasses.replace(landing, x=landing.x + 0.02)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of_steps(side: float) -> None:
+    """δᵀ K δ / 2 of the program, over its own cost in h²; the sole's centre is behind its carrying point."""
+    ground = Seen(0.5, 0.0, 0.2)
+    made = StepDecision(SETTINGS, CONSTANTS, SCALE, ground, DT)
+    stance = stance_at((0.0, side * 0.22, 0.0, 0.0), (0.02, side * 0.1), 0.2)._replace(side=side)
+    wish = steps_of_velocity((0.1, 0.0), SETTINGS.width, stance)
+    made.decide(stance, wish, 0.5, None)
+    free = made.place
+    stiffness = made._program.stiffness()
+    chosen = made._choose(stance, free, 0.3)
+    assert chosen == pytest.approx((free[0] + 0.02, free[1]))
+    landing, allowed, cost = ground.asked
+    assert (landing.x, landing.y, landing.side) == (*free, "left" if side > 0.0 else "right")
+    for u, v in ((0.01, 0.0), (0.0, 0.02), (0.03, -0.01)):
+        delta = np.array([u, side * v])
+        expected = 0.5 * delta @ stiffness @ delta * CONSTANTS.balance_cost / SCALE.height**2
+        assert cost(np.array([u + 1j * v]))[0] == pytest.approx(expected)
+    x, s = -CONSTANTS.carrying, SETTINGS
+    for ahead, outwards, within in (
+        (0.99 * s.reach, 0.3, True),
+        (1.01 * s.reach, 0.3, False),
+        (-1.01 * s.reach, 0.3, False),
+        (0.0, 1.01 * s.gap, True),
+        (0.0, 0.99 * s.gap, False),
+        (0.0, 0.99 * s.widest, True),
+        (0.0, 1.01 * s.widest, False),
+    ):
+        assert allowed(x + ahead, side * outwards) == within
+    assert made._choose(stance, (free[0] + 0.5 * CONSTANTS.again, free[1]), 0.3) == chosen, (
+        "it has hardly moved"
+    )
+    again = made._choose(stance, (free[0] + 1.5 * CONSTANTS.again, free[1]), 0.3)
+    assert again == pytest.approx((free[0] + 1.5 * CONSTANTS.again + 0.02, free[1]))
+    early = stance._replace(elapsed=0.9 * CONSTANTS.choice * 0.4 / CONSTANTS.touch)
+    moved = (free[0] + 9.0, free[1])
+    assert made._choose(early, moved, 0.4 - early.elapsed) == again, "it is too early"
+    assert made._choose(stance, moved, 0.11) == again, "it is too late"

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pendulum import com_after
-from point_mass import SCALE, scaled
+from point_mass import SCALE, PointMass, scaled
 from properties import examples
 from task_factory import make_robot
 
@@ -314,13 +314,52 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
         assert gait.steering.held == pytest.approx(share * (1.0 - off[1]))
 
 
+@pytest.mark.parametrize("speed", [0.2, 1.5])
+def test_a_fast_walk_asks_for_steps_of_the_time_that_its_last_steps_have_taken(speed: float) -> None:
+    """Forward v T, of a fast walk v T̄ with their mean time; what offsets of ξ make up is asked of no step."""
+    gait, asked = gait_on(LEVEL), []
+    gait._contact = POINT
+    gait._enter(GaitPhase.SINGLE, 0.4)
+    gait._contact, gait.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
+    gait.steering.velocity, gait._pace = (speed * CONSTANTS.quick, 0.0), 0.5
+    gait.decision.decide = lambda stance, wish, *_: asked.append(wish)  # type: ignore[method-assign, assignment]
+    gait._solve(StepVelocity((0.25, 0.05), True, 0.05))
+    time, share = gait.steering.step_time, max(speed - 1.0, 0.0)
+    assert asked[0].places[0] == pytest.approx(0.2 * (time + share * (0.5 - time)))
+    width, drift = gait._width(StepVelocity((0.25, 0.05), True)), gait._side * 0.05 * time
+    assert asked[0].places[1::2] == pytest.approx((width + drift, width - drift, width + drift))
+
+
+def test_steps_are_decided_once_a_period_and_land_harder_on_rough_ground() -> None:
+    body = PointMass()
+    body.run(0.6)
+    gait, times = body.gait, []
+    for uneven in (0.0, 0.01, 9.0):
+        gait.steering.command((0.2, 0.0, 0.0))
+        while gait.swing is None:
+            body.run(body.dt)
+        gait.ground.uneven, swing = uneven, gait.swing
+        decide = gait.decision.decide
+        gait.decision.decide = lambda *a, decide=decide: (times.append(gait._ticks), decide(*a))  # type: ignore[method-assign, assignment, misc]
+        while gait.swing is swing or gait.swing is None:
+            gait.ground.uneven = uneven
+            body.run(body.dt)
+        gait.decision.decide = decide  # type: ignore[method-assign]
+        assert gait.swing is not None
+        left = 0.9 * uneven  # a landing on level ground leaves nine tenths of it
+        harder = min(CONSTANTS.landing_speed + CONSTANTS.haste * left, CONSTANTS.hardest)
+        assert gait.swing._shape.landing_speed == pytest.approx(harder)
+    steps = np.diff(times)
+    assert np.median(steps) == gait._period and (steps <= gait._period).all()
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
     ("foot", "dcm", "goes_on"),
     [
         ((0.0, 0.25), (0.2, 0.05), True),
         ((0.4, 0.25), (0.2, 0.05), False),
-        ((0.18, 0.25), (0.2, 0.05), False),
+        ((0.176, 0.25), (0.2, 0.05), False),
         ((0.0, 0.6), (0.0, -0.1), True),
         ((0.0, 0.2), (0.0, 0.05), False),
     ],

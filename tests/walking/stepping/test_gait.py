@@ -91,7 +91,7 @@ def test_a_moved_and_turned_world_gives_moved_and_turned_references(
     world: tuple[float, float, float],
 ) -> None:
     ticks, (yaw, x, y) = pushed_aside(), world
-    place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
+    place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.3]))
     references = replay([moved(tick, place) for tick in ticks], yaw, VELOCITY)
     for tick, reference in list(zip(ticks, references, strict=True))[::7]:
         real = tick.reference

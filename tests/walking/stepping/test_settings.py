@@ -8,8 +8,16 @@ from task_factory import ROBOTS, make_robot
 
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
+from wbc.walking.plans.reach import SPANS, Leg
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.settings import QUICKEST_SWING, RobotSize, SteppingSettings
+from wbc.walking.stepping.settings import (
+    LONGEST,
+    QUICKEST_SWING,
+    RobotSize,
+    SteppingConstants,
+    SteppingSettings,
+    in_si,
+)
 
 SCALE = RobotSize(0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, stride=0.5, swing=65.0)
 
@@ -62,3 +70,38 @@ def test_a_robot_without_two_soles_needs_two_feet(count: int) -> None:
     robot.soles = (robot.soles * 2)[:count]
     with pytest.raises(InputError, match="two feet"):
         RobotSize.of(robot, 0.162)
+
+
+@pytest.mark.parametrize("name", ["g1", "hrp4_class"])
+def test_a_robot_is_measured_with_all_joints_of_its_legs_at_zero(name: str) -> None:
+    robot = make_robot(name)
+    q, left, model = robot.half_sitting.copy(), robot.soles[0].frame, robot.model
+    for sole in robot.soles:
+        q[[7 + joint for joint in robot.joints_between(sole.frame, robot.base_frame)]] = 0.0
+    other = robot.clone()
+    other.update(q, np.zeros(robot.nv))
+    com = float(other.com[2] - other.placement(left).translation[2])
+    chain = [robot.joint_numbers[j] for j in robot.joints_between(left, robot.base_frame)]
+    points = [other.data.oMi[joint].translation for joint in chain]
+    size = RobotSize.of(robot, 0.05)
+    leg = np.ptp([point[2] for point in points])
+    assert model.nq == q.size and size.leg == pytest.approx(leg)
+    assert size.height == pytest.approx(max(com - 0.05 * leg, Leg(robot).carried_height()))
+    assert size.ankle == pytest.approx(other.placement(left).actInv(points[-1])[0])
+    assert size.swing == pytest.approx(leg * Leg(robot).hip_acceleration())
+    assert size.stride == pytest.approx(LONGEST * SPANS * Leg(robot).span(size.height))
+
+
+def test_settings_in_units_of_the_robot_are_lengths_times_and_forces_of_it() -> None:
+    """h, ω, g, m g and the half sole, from a robot of 0.6 m and 33 kg."""
+    si, c, omega = SteppingSettings().in_si(SCALE), in_si(SteppingConstants(), SCALE), np.sqrt(GRAVITY / 0.6)
+    own, raw = SteppingSettings(), SteppingConstants()
+    assert si.step_time == pytest.approx(own.step_time / omega)
+    assert si.cruise == pytest.approx(own.cruise * 0.6 * omega)
+    assert si.acceleration == pytest.approx(own.acceleration * GRAVITY)
+    assert si.gap == pytest.approx(0.06 + own.gap * 0.6)
+    assert si.width == pytest.approx(max(own.width * 0.6, 1.25 * si.gap))
+    assert c.standing_box == pytest.approx((raw.standing_box[0] * 0.21, raw.standing_box[1] * 0.06))
+    assert c.carrying == pytest.approx(raw.carrying * 0.03)
+    assert c.share == pytest.approx(raw.share * 33.0 * GRAVITY)
+    assert c.swing_gains == pytest.approx((raw.swing_gains[0] * omega**2, raw.swing_gains[1] * omega))
