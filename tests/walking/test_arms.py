@@ -297,3 +297,88 @@ def test_a_hand_goes_at_the_speed_that_it_is_given_and_says_when_it_is_there() -
     np.testing.assert_allclose(robot.placement(hand.frame).translation, goal, atol=0.01)
     with pytest.raises(InputError, match=r"use walking\.arms\['right_hand'\]\.reach"):
         walking.controller.task("right_hand").target = hand.target
+
+
+def test_an_arm_presses_with_what_its_torques_leave_over_its_own_weight() -> None:
+    """The greatest force whose torques, with those that carry the arm, are a share of the limits."""
+    walking = control()
+    robot, hand = walking.controller.robot, walking.arms["left_hand"]
+    jacobian = pin.computeFrameJacobian(
+        robot.model, robot.model.createData(), robot.q, robot.frame_id(hand.frame), pin.LOCAL_WORLD_ALIGNED
+    )
+    held = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.q)[BASE_DOF:]
+    rows = np.array(hand._arm)
+    for direction in ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 0.6, 0.8)):
+        force, joint = hand.strength(np.array(direction), 0.7)
+
+        def used(force: float, direction: tuple[float, ...] = direction) -> np.ndarray[Any, Any]:
+            torque = held + force * np.array(direction) @ jacobian[:3, BASE_DOF:]
+            limit = np.where(torque > 0.0, robot.torque_upper, -robot.torque_lower)
+            return (np.abs(torque) / limit)[rows]
+
+        assert used(force).max() == pytest.approx(0.7, rel=1e-6)
+        assert robot.joint_names[rows[int(np.argmax(used(force)))]] == joint
+
+
+def test_the_compliance_of_a_hand_is_its_greatest_displacement_by_a_force_on_its_servos() -> None:
+    walking = control()
+    robot, hand = walking.controller.robot, walking.arms["left_hand"]
+    rows = np.array(hand._arm)
+    jacobian = pin.computeFrameJacobian(
+        robot.model, robot.model.createData(), robot.q, robot.frame_id(hand.frame), pin.LOCAL_WORLD_ALIGNED
+    )[:3, BASE_DOF:][:, rows]
+    assert robot.servos is not None
+    rng = np.random.default_rng(0)
+    forces = rng.normal(size=(2000, 3))
+    forces /= np.linalg.norm(forces, axis=1, keepdims=True)
+    moved = (forces @ jacobian / robot.servos.kp[rows]) @ jacobian.T
+    assert hand.compliance() == pytest.approx(np.linalg.norm(moved, axis=1).max(), rel=1e-2)
+
+
+def test_a_hand_points_to_the_centre_of_what_moves_with_it() -> None:
+    walking = control()
+    robot, hand = walking.controller.robot, walking.arms["left_hand"]
+    model, data = robot.model, robot.model.createData()
+    pin.forwardKinematics(model, data, robot.half_sitting)
+    pin.updateFramePlacements(model, data)
+    pin.centerOfMass(model, data, robot.half_sitting, True)
+    joint = model.frames[robot.frame_id(hand.frame)].parentJoint
+    centre = data.oMi[joint].act(data.com[joint])
+    way = data.oMf[robot.frame_id(hand.frame)].actInv(centre)
+    np.testing.assert_allclose(hand.axis(), way / np.linalg.norm(way), atol=1e-9)
+
+
+def test_the_speed_of_a_hand_is_that_in_the_frame_of_its_target() -> None:
+    """A hand that hangs on a robot which turns is at rest in a box that turns with it, and fast in the world."""
+    walking = control()
+    robot, hand = walking.controller.robot, walking.arms["left_hand"]
+    v = np.zeros(robot.nv)
+    v[:3], v[5] = (0.3, 0.1, 0.0), 1.2
+    robot.update(robot.q, v)
+    base = robot.placement(robot.base_frame)
+    world = np.concatenate((base.rotation @ v[:3], base.rotation @ v[3:6]))
+    start = pin.SE3(np.eye(3), base.translation)
+    walking.arms.place("box", start, world)
+    assert hand.speed == 0.0
+    hand.reach(start.actInv(hand.place), "box")
+    assert hand.speed == pytest.approx(0.0, abs=1e-9)
+    hand.reach(hand.place)
+    arm = hand.place.translation - base.translation
+    assert hand.speed == pytest.approx(np.linalg.norm(world[:3] + np.cross(world[3:], arm)))
+
+
+def test_a_reference_waits_in_a_straight_line_for_a_hand_that_stays_behind() -> None:
+    """In full up to 50 mm, at half the pace at 75 mm, not at all from 100 mm on."""
+    for off, pace in ((0.04, 1.0), (0.075, 0.5), (0.12, 0.0)):
+        walking = control()
+        hand = walking.arms["left_hand"]
+        start = pin.SE3(hand.place)
+        hand.reach(start.translation + (0.2, 0.0, 0.0), duration=2.0)
+        update(walking, 100)
+        here = hand._reference.translation[0] - start.translation[0]
+        hand._there = pin.SE3(start.rotation, start.translation + (off, 0.0, 0.0))
+        update(walking)
+        gone = hand._reference.translation[0] - start.translation[0] - here
+        time = 100 * DT
+        assert here == pytest.approx(0.2 * minimum_jerk(time / 2.0)[0])
+        assert here + gone == pytest.approx(0.2 * minimum_jerk((time + pace * DT) / 2.0)[0], abs=1e-9)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from standing_hands import AHEAD, DOWN, held_hand, standing, turned, wrench_at
 
 from wbc.base.errors import InputError
 from wbc.core.limits.torque import TorqueLimits
@@ -31,11 +32,11 @@ from wbc.sim import (
 )
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
-from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings, walk_distance
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.arm import LEAD
 from wbc.walking.hands.frames import FEET, FOLLOW, Frames, carried
-from wbc.walking.hands.hand import Hand, HandState
+from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.turn import GyroTurn
 from wbc.walking.plans.footsteps import heading
@@ -43,19 +44,6 @@ from wbc.walking.source import Reference
 from wbc.walking.swing import FootMotion
 
 TABLE = {"distance": 0.18, "height": 0.7}
-DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
-
-
-def standing(robot: str = "hrp4_class", **settings: Any) -> tuple[WalkingControl, Hands]:
-    """Return the controller of a robot that stands, and its hands."""
-    model = load(robot).robot()
-    given = WalkingControlSettings(hands=HandSettings(**settings))
-    walking = WalkingControl(model, FootstepPlan.standing(model), 0.005, given)
-    return walking, walking.hands
-
-
-def wrench_at(place: np.ndarray[Any, Any], force: Any, moment: Any = (0.0, 0.0, 0.0)) -> np.ndarray[Any, Any]:
-    return np.concatenate([force, np.cross(place, force) + moment])
 
 
 # ---- the offset of the ZMP -----------------------------------------------------------------------------------------
@@ -328,27 +316,6 @@ def test_the_bound_is_what_a_sudden_loss_leaves() -> None:
         hands.press("right_hand", 20.0, AHEAD, at=(0.3, -0.2, 1.05))
 
 
-def held_hand(force: float, **settings: Any) -> tuple[Hands, Hand, Callable[[float], None]]:
-    """Return hands of which the left one holds with a force, and a tick of it with what the QP gives at most."""
-    hands = standing(**settings)[1]
-    return hands, *hold(hands, "left_hand", AHEAD, force)
-
-
-def hold(hands: Hands, name: str, along: Any, force: float) -> tuple[Hand, Callable[[float], None]]:
-    hand = hands.all[name]
-
-    def tick(most: float) -> None:
-        felt = max(hand.target, 2.0 * hands.settings.touch)
-        chosen = np.array((0.0, 0.0, min(most, hand.force.value + hand.extra)))
-        wrench = np.concatenate((-felt * hand.direction, np.zeros(3)))
-        hand.update(wrench, np.eye(3), chosen, 0.005)
-
-    hands.press(name, force, along, firm=True)
-    while hand.state is not HandState.HOLD or hand.target < force:
-        tick(np.inf)
-    return hand, tick
-
-
 def test_an_arm_that_has_its_force_again_gives_it_again() -> None:
     _, hand, tick = held_hand(30.0, ramp=0.1)
     for most, given, bounded in (
@@ -394,13 +361,6 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
     np.testing.assert_allclose(after[0].translation, start.translation + part * step, atol=1e-3)
     turn = pin.log3(after[0].rotation @ start.rotation.T)[2]
     assert turn == pytest.approx(part * (2.0 * np.pi - 6.0), abs=1e-3), "the short way round"
-
-
-def turned(walking: WalkingControl, yaw: float) -> np.ndarray[Any, Any]:
-    """Return the configuration of a robot whose whole body is turned, rad."""
-    q = np.array(walking.controller.robot.q)
-    q[3:7] = (0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw))
-    return q
 
 
 def test_a_turn_is_integrated_without_the_bias_that_was_averaged_at_rest() -> None:
@@ -450,179 +410,3 @@ def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:
     for _ in range(25):
         tick(np.inf)
     assert hand.state is HandState.HOLD and hand.target == pytest.approx(12.0)
-
-
-def test_a_frame_that_moves_and_turns_carries_what_moves_in_it() -> None:
-    """Velocity and acceleration are the differences of the pose, of motions with constant second derivatives."""
-    rng = np.random.default_rng(3)
-    start, inner = pin.SE3.Random(), pin.SE3.Random()
-    moving, pushed, own, rate = (rng.normal(size=6) for _ in range(4))
-
-    def pose(time: float) -> pin.SE3:
-        def at(place: pin.SE3, velocity: Any, acceleration: Any) -> pin.SE3:
-            turn = _turned(place.rotation, velocity[3:], acceleration[3:], time)
-            return pin.SE3(turn, place.translation + time * velocity[:3] + 0.5 * time**2 * acceleration[:3])
-
-        return at(start, moving, pushed) * at(inner, own, rate)
-
-    there, speed, push = carried((start, moving, pushed), inner, own, rate)
-    h = 1e-3
-    before, now, after = pose(-h), pose(0.0), pose(h)
-    np.testing.assert_allclose(there.homogeneous, now.homogeneous, atol=1e-12)
-    way = after.translation - before.translation
-    np.testing.assert_allclose(speed[:3], way / (2.0 * h), atol=1e-4)
-    bend = after.translation - 2.0 * now.translation + before.translation
-    np.testing.assert_allclose(push[:3], bend / h**2, atol=1e-3)
-    spins = [pin.log3(b.rotation @ a.rotation.T) / h for a, b in ((before, now), (now, after))]
-    np.testing.assert_allclose(speed[3:], 0.5 * (spins[0] + spins[1]), atol=1e-4)
-    np.testing.assert_allclose(push[3:], (spins[1] - spins[0]) / h, atol=1e-3)
-
-
-def _turned(rotation: Any, velocity: Any, acceleration: Any, time: float) -> Any:
-    """Rotation after a time, s, with an angular velocity that changes at a constant rate, by fine steps."""
-    steps = 200
-    for k in range(steps):
-        middle = velocity + acceleration * time * (k + 0.5) / steps
-        rotation = pin.exp3(middle * time / steps) @ rotation
-    return rotation
-
-
-@pytest.mark.parametrize("yaw", [0.0, 1.9])
-def test_a_point_for_a_hand_is_in_lengths_of_its_arm_in_the_heading(yaw: float) -> None:
-    walking, hands = standing()
-    robot = walking.controller.robot
-    robot.update(turned(walking, yaw), np.zeros(robot.nv))
-    for name, side in (("left_hand", 1.0), ("right_hand", -1.0)):
-        arm = hands.all[name].arm
-        way = pin.utils.rotate("z", yaw).T @ (hands.point(name, 0.5, 0.4, 0.1) - arm.shoulder)
-        np.testing.assert_allclose(way / (arm.length + 0.14), (0.5, side * 0.1, -0.4), atol=1e-9)
-
-
-def test_hands_help_with_the_moment_that_feet_lack_by_their_levers() -> None:
-    """The least forces that make it (Moore–Penrose), less 1 Nm that always lacks; low-passed and leaking."""
-    hands, hand, _ = held_hand(30.0, help=0.5, ramp=0.1)
-    other, _ = hold(hands, "right_hand", AHEAD, 30.0)
-    zmp, missing, dt = np.array([0.02, 0.0, 0.0]), np.array([1.5, 6.0]), 1e-3
-    levers = np.array([
-        np.cross(hands._places[each.name].translation - zmp, -each.direction)[:2] for each in (hand, other)
-    ]).T  # fmt: skip
-    least = 1.0 * hands._robot.force_scale
-    lacks = missing * (1.0 - least / np.linalg.norm(missing))
-    wanted = 0.5 * np.linalg.pinv(levers) @ lacks
-    for _ in range(20):
-        hands.help(missing, zmp, dt)
-    time = np.arange(20) * dt
-    grown = 1.0 - np.exp(-(time + dt) / 0.02)
-    np.testing.assert_allclose([hand.extra, other.extra], wanted * grown.sum() * dt / 0.02, rtol=0.05)
-    for _ in range(4000):
-        hands.help(missing, zmp, dt)
-    np.testing.assert_allclose([hand.extra, other.extra], wanted / 0.05, rtol=0.02)
-    hand.extra = other.extra = 10.0
-    for _ in range(2000):
-        hands.help(0.9 * least * missing / np.linalg.norm(missing), zmp, dt)
-    assert abs(hand.extra) < 0.2, "the help ends once the feet give all moment"
-    hands.settings = HandSettings(help=0.0)
-    hands.help(missing, zmp, dt)
-    assert not hands._missing.any()
-
-
-def test_hands_that_grip_yield_to_squeezes_and_to_a_sum_beyond_their_limits() -> None:
-    """What is over the sum of the limits, the difference along their line, and all that is vertical."""
-    _, hands = standing()
-    pair = [hands.all[name] for name in ("left_hand", "right_hand")]
-    for hand in pair:
-        hand.state, hand.force.goal = HandState.GRIP, 10.0
-    first, second = (hands._places[hand.name].translation for hand in pair)
-    line = (second - first) / np.linalg.norm(second - first)
-    mean, squeeze = np.array([12.0, 5.0, 0.0]), 7.0
-    mean -= (mean @ line) * line
-    pair[0].felt, pair[1].felt = mean + squeeze * line + (0, 0, 3.0), mean - squeeze * line - (0, 0, 3.0)
-    hands._yield(False)
-    over = mean * (1.0 - 10.0 / np.linalg.norm(mean))
-    for hand, sign in zip(pair, (1.0, -1.0), strict=True):
-        np.testing.assert_allclose(hand.excess[:2], (over + sign * squeeze * line)[:2], atol=1e-6)
-        assert hand.excess[2] == pytest.approx(hand.felt[2])
-    hands._yield(True)
-    for hand, sign in zip(pair, (1.0, -1.0), strict=True):
-        rest = hand.felt - over - sign * squeeze * line
-        np.testing.assert_allclose(
-            hand.excess[:2], (over + sign * squeeze * line + 0.1 * rest)[:2], atol=1e-6
-        )
-    pair[0].felt = pair[1].felt = 0.9 * 10.0 * mean / np.linalg.norm(mean)
-    hands._yield(False)
-    np.testing.assert_allclose([hand.excess for hand in pair], 0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("yaw", [0.0, 2.2])
-def test_the_zmp_takes_its_share_of_the_way_to_the_edge_before_the_com_moves(yaw: float) -> None:
-    walking, hands = standing(edge=0.5)
-    sole = walking.controller.robot.soles[0]
-    toes, side = 0.5 * sole.length, 0.5 * sole.width
-    c, s = np.cos(yaw), np.sin(yaw)
-    for parts, share in (
-        ((2.0 * toes, 0.0), 1.0 - 0.5 / 2.0),
-        ((0.0, -4.0 * side), 1.0 - 0.5 / 4.0),
-        ((toes, 2.0 * side), 1.0 - 0.5 / 2.0),
-        ((0.4 * toes, 0.0), 0.0),
-    ):
-        goal = np.array([c * parts[0] - s * parts[1], s * parts[0] + c * parts[1]])
-        np.testing.assert_allclose(hands._beyond_zmp(goal, yaw), share * goal, atol=1e-12)
-
-
-def test_a_line_between_the_hands_has_the_heading_of_a_cart_that_they_hold() -> None:
-    walking, hands = standing()
-    robot = walking.control.observer.robot
-    assert hands.heading == pytest.approx(0.0, abs=1e-6)
-    for yaw in (1.2, -2.0):
-        robot.update(turned(walking, yaw), np.zeros(robot.nv))
-        hands.slip = 0.1
-        assert hands.heading == pytest.approx(yaw + 0.1)
-
-
-def test_a_tare_is_the_mean_of_what_a_free_hand_feels_and_a_force_is_low_passed_once_it_grips() -> None:
-    _, hands = standing()
-    hand = hands.all["left_hand"]
-    hands.grip("left_hand", hand.arm.place.translation + (0.1, 0.0, 0.05), AHEAD, 10.0)
-    readings, dt = np.random.default_rng(1).normal(size=(40, 6)), 0.005
-    for reading in readings:
-        hand.update(0.5 * reading - hand.tare, np.eye(3), None, dt)
-    np.testing.assert_allclose(hand.tare, 0.5 * readings.mean(axis=0), atol=1e-12)
-    assert hand.state is HandState.REACH
-    hand.update(np.array([9.0, 0, 0, 0, 0, 0]), np.eye(3), None, dt)
-    np.testing.assert_allclose(hand.tare, 0.5 * readings.mean(axis=0), atol=1e-12)  # a touch is none
-    hand.state = HandState.GRIP
-    turn = pin.utils.rotate("z", 0.7)
-    for _ in range(20):
-        hand.update(np.array([4.0, 0.0, 1.0, 0.0, 0.3, 0.0]), turn, None, dt)
-    share = 1.0 - np.exp(-20 * dt / 0.05)
-    np.testing.assert_allclose(hand.felt, share * turn @ (4.0, 0.0, 1.0), atol=1e-9)
-    slow = 1.0 - np.exp(-20 * dt / 1.0)
-    np.testing.assert_allclose(hand._borne[3:], slow * turn @ (0.0, 0.3, 0.0), atol=1e-9)
-
-
-def test_a_silent_sensor_is_bridged_for_fifty_milliseconds() -> None:
-    hands, hand, _ = held_hand(20.0, ramp=0.1)
-    hand.sense(np.arange(6.0), 0.005)
-    for _ in range(10):
-        hand.sense(None, 0.005)
-        assert hand.state is HandState.HOLD and hand.reading[5] == 5.0
-    hand.sense(np.full(6, np.nan), 0.005)
-    hand.sense(None, 0.005)
-    assert hand.state is HandState.LOST and not hand.reading.any() and hands.lost == ("left_hand",)
-
-
-def test_the_com_comes_back_without_a_jump_once_no_hand_presses_any_more() -> None:
-    """From 20 mm by (1 + t/T) e^{−t/T}; then the hands are done."""
-    walking, hands = standing()
-    robot, dt = walking.controller.robot, 0.005
-    left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
-    reference = Reference(Pendulum.at_rest(robot.com), (left, right))
-    measurement: Any = SimpleNamespace(angular_velocity=np.zeros(3), hand_wrenches=np.zeros((2, 6)))
-    hands.active, hands._shift = True, Follower(0.15, np.array([0.02, 0.0]))
-    found = []
-    while hands.active and len(found) < 1000:
-        hands.update(measurement, reference, dt)
-        found.append(float(hands.shift[0]))
-    times = dt * np.arange(1, len(found) + 1) / 0.15
-    np.testing.assert_allclose(found, 0.02 * (1.0 + times) * np.exp(-times), atol=5e-4)
-    assert 0.9 < dt * len(found) < 2.5 and found[-2] < 1e-4

@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from properties import examples
 from scipy.optimize import linprog
 
+from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.walking.plans.effort import SwingLeg, swing_effort
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
-from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.plans.gait import Gait, StepGait, pace
 from wbc.walking.plans.planners import walk_distance
-from wbc.walking.plans.reach import Leg, Reach
+from wbc.walking.plans.reach import Leg, Reach, check_plan
 from wbc.walking.plans.sources import PlanSource, Standing
 from wbc.walking.swing import SwingFoot
 
@@ -204,3 +205,82 @@ def test_a_foot_that_ends_too_far_beside_its_place_takes_a_further_step(share: f
         assert [step.side for step in steps] == (["left"] if more and done < len(plan) + 6 else [])
         for step in steps:
             assert (step.x, step.y) == pytest.approx((left.x, left.y))
+
+
+def test_what_is_at_the_limit_is_within_reach_and_a_millimetre_beyond_is_not() -> None:
+    reach = Reach.of(ROBOT)
+    gait = StepGait(single_support=max(2.0, reach.min_single_support), swing_height=0.03)
+
+    def plan(
+        ahead: float = 0.0, aside: float = 0.2, up: float = 0.0, turn: float = 0.0, **tilt: float
+    ) -> FootstepPlan:
+        step = Footstep("left", ahead, aside - 0.0875, up, turn, **tilt)
+        return replace(START, steps=(step,), gait=gait)
+
+    def fits(each: FootstepPlan) -> bool:
+        try:
+            check_plan(each, reach, effort=False)
+        except InputError:
+            return False
+        return True
+
+    for name, low, high in (
+        ("ahead", -reach.max_length, reach.max_length),
+        ("up", -reach.max_height, reach.max_height),
+        ("pitch", -0.5, 0.5),
+        ("roll", -0.5, 0.5),
+        ("turn", -0.5 * reach.max_yaw, reach.max_yaw),
+    ):
+        assert fits(plan(**{name: low})) and fits(plan(**{name: high}))
+        assert not fits(plan(**{name: low - 1e-3})) and not fits(plan(**{name: high + 1e-3}))
+    assert fits(plan(aside=reach.max_spacing)) and not fits(plan(aside=reach.max_spacing + 1e-3))
+    assert fits(plan(aside=reach.min_spacing)) and not fits(plan(aside=reach.min_spacing - 1e-3))
+    for name, value, beyond in (
+        ("swing_height", reach.max_swing_height, 1e-3),
+        ("single_support", reach.min_single_support, -1e-3),
+    ):
+        for off, fit in ((0.0, True), (beyond, False)):
+            changed = {"takeoff_time": 0.02, "landing_time": 0.02, name: value + off}
+            assert fits(replace(plan(), gait=replace(gait, **changed))) == fit
+
+
+@pytest.mark.parametrize(("axis", "end"), [(0, 0), (0, 1), (1, 2), (1, 3)])
+def test_a_plan_leaves_the_ground_where_a_corner_of_a_sole_does(axis: int, end: int) -> None:
+    reach, plan = Reach.of(ROBOT), walk_distance(START, 0.5)
+    corners = np.concatenate([reach.corners(foot) for foot in (plan.left, plan.right, *plan.steps)])
+    edges = [corners[:, 0].min(), corners[:, 0].max(), corners[:, 1].min(), corners[:, 1].max()]
+    check_plan(plan, reach, tuple(edges))
+    edges[end] += -1e-3 if end % 2 else 1e-3
+    with pytest.raises(InputError, match="leaves the ground"):
+        check_plan(plan, reach, tuple(edges))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5])
+def test_a_plan_climbs_by_the_height_from_foot_to_foot_and_not_by_that_of_its_ground(height: float) -> None:
+    level = walk_distance(START, 0.4).on(lambda x, y: height)
+    assert not level.climbs
+    assert not replace(level, steps=tuple(replace(s, z=height + 0.019) for s in level.steps)).climbs
+    assert replace(level, steps=tuple(replace(s, z=height + 0.021) for s in level.steps)).climbs
+    assert replace(level, steps=tuple(replace(s, z=height - 0.021) for s in level.steps)).climbs
+
+
+def test_a_gait_lies_between_the_rows_of_its_table_on_its_grid() -> None:
+    """By the forward, twice the sideways or 0.6 m of the turning speed; times in 10 ms."""
+    assert pace((0.1, -0.04, 0.1)) == pytest.approx(0.1)
+    assert pace((-0.05, -0.04, 0.1)) == pytest.approx(0.08)
+    assert pace((0.05, 0.02, -0.2)) == pytest.approx(0.12)
+    for speed, share in ((0.19, 4.0 / 15.0), (0.24, 0.6)):
+        gait = Gait.at_speed(speed)
+        for name, row in (
+            ("single_support", (0.8, 0.57)),
+            ("double_support", (0.3, 0.15)),
+            ("landing_time", (0.1, 0.08)),
+        ):
+            assert getattr(gait, name) == pytest.approx(row[0] + share * (row[1] - row[0]), abs=0.0051)
+            assert getattr(gait, name) / 0.01 == pytest.approx(round(getattr(gait, name) / 0.01))
+        for name, row in (
+            ("swing_height", (0.06, 0.05)),
+            ("landing_speed", (0.1, 0.12)),
+            ("apex", (0.4, 0.42)),
+        ):
+            assert getattr(gait, name) == pytest.approx(row[0] + share * (row[1] - row[0]), abs=0.00051)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,7 @@ from wbc.ground.cloud import ElevationMap
 from wbc.ground.footprint import FootprintSettings
 from wbc.ground.known import GroundSettings
 from wbc.robots import load
+from wbc.walking.ground import GroundEstimate
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import walk_distance
@@ -172,3 +174,82 @@ def test_the_tilt_that_is_seen_is_kept_in_every_tick_of_a_swing() -> None:
             tilts.append(landing.pitch)
     assert len(tilts) > 100
     np.testing.assert_allclose(tilts, -math.atan(0.1), atol=1e-6)
+
+
+class Told:
+    """Sight of one place, 10 mm ahead of where it is asked for."""
+
+    version = 3
+
+    def __init__(self, z: float, slope: tuple[float, float] = (0.0, 0.0), over: float = -math.inf) -> None:
+        """Take the height and the slopes of the place, and the highest ground on the way there, m."""
+        self.z, self.slope, self.over = z, slope, over
+
+    def support(self, side: int, x: float, y: float, yaw: float) -> SimpleNamespace:
+        """Return the place under a foot."""
+        return SimpleNamespace(x=x, y=y, z=self.z, slope=self.slope)
+
+    def best(self, side: int, x: float, y: float, yaw: float, *_: object) -> SimpleNamespace:
+        """Return the place near a foot."""
+        return SimpleNamespace(x=x + 0.01, y=y, z=self.z, slope=self.slope)
+
+    def highest(self, *_: object) -> float:
+        """Return the highest ground."""
+        return self.over
+
+    def stand(self, *_: object) -> None:
+        """Take nothing."""
+
+
+PLANNED = Footstep("left", 0.3, 0.1, 0.02)
+
+
+def test_landings_move_the_ground_that_is_expected_and_its_rise_by_their_shares() -> None:
+    ground = GroundEstimate(0.5, 0.1)
+    assert ground.expect(PLANNED) == PLANNED and ground.way(pin.SE3.Identity(), PLANNED) == -math.inf
+    ground.land(0.02, 0.015)
+    assert (ground.height, ground.rise, ground.uneven) == pytest.approx((0.01, 0.002, 0.015))
+    assert ground.expect(PLANNED).z == pytest.approx(0.02 + 0.012)
+    ground.land(-0.01, -0.001)
+    assert (ground.height, ground.rise) == pytest.approx((0.012 - 0.005, 0.002 - 0.001))
+    assert ground.uneven == pytest.approx(0.9 * 0.015)
+    down = ground.settled([PLANNED], swings=False)
+    assert down[0].z == pytest.approx(0.02 + 0.5 * 0.01)
+    assert ground.settled([PLANNED], swings=True) == [PLANNED]
+    ground.forget()
+    assert (ground.height, ground.rise, ground.uneven, ground.raised) == (0.0, 0.0, 0.0, 0.0)
+    assert ground.settled([PLANNED], swings=False) == [PLANNED]
+
+
+def test_what_is_seen_is_landed_on_at_its_height_and_tilt_unless_legs_do_not_reach_it() -> None:
+    ground = GroundEstimate(0.5, 0.1, 0.2)
+    ground.sight = Told(0.07, (0.1, -0.2))  # type: ignore[assignment]
+    assert ground.news
+    seen = ground.under(PLANNED)
+    assert (seen.x, seen.z, seen.pitch, seen.roll) == pytest.approx(
+        (0.3, 0.07, -math.atan(0.1), math.atan(-0.2))
+    )
+    assert not ground.news
+    ground.height, ground.rise = 0.01, 0.005
+    near = ground.expect(PLANNED, lambda x, y: True)
+    assert (near.x, near.z) == pytest.approx((0.31, 0.07))
+    assert (ground.height, ground.rise, ground.raised) == pytest.approx((0.05, 0.0, 0.07 - 0.035))
+    for stands, z, found in (
+        (0.1, -0.09, True),
+        (0.1, -0.11, False),
+        (-0.1, 0.11, False),
+        (-0.1, 0.09, True),
+    ):
+        ground.lift(1, pin.SE3(np.eye(3), np.array([0.0, 0.0, stands])))
+        ground.sight = Told(z)  # type: ignore[assignment]
+        assert (ground.under(PLANNED).z == z) == found
+
+
+@pytest.mark.parametrize(("start", "over", "way"), [(0.0, 0.05, 0.05), (0.0, 0.3, 0.08), (0.1, 0.3, 0.16)])
+def test_the_way_of_a_swing_is_over_what_is_seen_and_no_more_than_60_mm_over_its_higher_end(
+    start: float, over: float, way: float
+) -> None:
+    ground = GroundEstimate(0.5, 0.1)
+    ground.sight = Told(0.0, over=over)  # type: ignore[assignment]
+    place = pin.SE3(np.eye(3), np.array([0.0, 0.1, start]))
+    assert ground.way(place, PLANNED) == pytest.approx(way)

@@ -1,0 +1,286 @@
+"""Figures of hands in closed form: ways, touches, forces, tares, low-passes, help and yielding."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from standing_hands import AHEAD, DOWN, held_hand, hold, standing, turned, wrench_at
+
+from wbc.core.trajectories import Follower
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking import HandSettings
+from wbc.walking.hands.frames import carried
+from wbc.walking.hands.hand import HandState
+from wbc.walking.source import Reference
+from wbc.walking.swing import FootMotion
+
+
+def test_a_frame_that_moves_and_turns_carries_what_moves_in_it() -> None:
+    """Velocity and acceleration are the differences of the pose, of motions with constant second derivatives."""
+    rng = np.random.default_rng(3)
+    start, inner = pin.SE3.Random(), pin.SE3.Random()
+    moving, pushed, own, rate = (rng.normal(size=6) for _ in range(4))
+
+    def pose(time: float) -> pin.SE3:
+        def at(place: pin.SE3, velocity: Any, acceleration: Any) -> pin.SE3:
+            turn = _turned(place.rotation, velocity[3:], acceleration[3:], time)
+            return pin.SE3(turn, place.translation + time * velocity[:3] + 0.5 * time**2 * acceleration[:3])
+
+        return at(start, moving, pushed) * at(inner, own, rate)
+
+    there, speed, push = carried((start, moving, pushed), inner, own, rate)
+    h = 1e-3
+    before, now, after = pose(-h), pose(0.0), pose(h)
+    np.testing.assert_allclose(there.homogeneous, now.homogeneous, atol=1e-12)
+    way = after.translation - before.translation
+    np.testing.assert_allclose(speed[:3], way / (2.0 * h), atol=1e-4)
+    bend = after.translation - 2.0 * now.translation + before.translation
+    np.testing.assert_allclose(push[:3], bend / h**2, atol=1e-3)
+    spins = [pin.log3(b.rotation @ a.rotation.T) / h for a, b in ((before, now), (now, after))]
+    np.testing.assert_allclose(speed[3:], 0.5 * (spins[0] + spins[1]), atol=1e-4)
+    np.testing.assert_allclose(push[3:], (spins[1] - spins[0]) / h, atol=1e-3)
+
+
+def _turned(rotation: Any, velocity: Any, acceleration: Any, time: float) -> Any:
+    """Rotation after a time, s, with an angular velocity that changes at a constant rate, by fine steps."""
+    steps = 200
+    for k in range(steps):
+        middle = velocity + acceleration * time * (k + 0.5) / steps
+        rotation = pin.exp3(middle * time / steps) @ rotation
+    return rotation
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.9])
+def test_a_point_for_a_hand_is_in_lengths_of_its_arm_in_the_heading(yaw: float) -> None:
+    walking, hands = standing()
+    robot = walking.controller.robot
+    robot.update(turned(walking, yaw), np.zeros(robot.nv))
+    for name, side in (("left_hand", 1.0), ("right_hand", -1.0)):
+        arm = hands.all[name].arm
+        way = pin.utils.rotate("z", yaw).T @ (hands.point(name, 0.5, 0.4, 0.1) - arm.shoulder)
+        np.testing.assert_allclose(way / (arm.length + 0.14), (0.5, side * 0.1, -0.4), atol=1e-9)
+
+
+def test_hands_help_with_the_moment_that_feet_lack_by_their_levers() -> None:
+    """The least forces that make it (Moore–Penrose), less 1 Nm that always lacks; low-passed and leaking."""
+    hands, hand, _ = held_hand(30.0, help=0.5, ramp=0.1)
+    other, _ = hold(hands, "right_hand", AHEAD, 30.0)
+    zmp, missing, dt = np.array([0.02, 0.0, 0.0]), np.array([1.5, 6.0]), 1e-3
+    levers = np.array([
+        np.cross(hands._places[each.name].translation - zmp, -each.direction)[:2] for each in (hand, other)
+    ]).T  # fmt: skip
+    least = 1.0 * hands._robot.force_scale
+    lacks = missing * (1.0 - least / np.linalg.norm(missing))
+    wanted = 0.5 * np.linalg.pinv(levers) @ lacks
+    for _ in range(20):
+        hands.help(missing, zmp, dt)
+    time = np.arange(20) * dt
+    grown = 1.0 - np.exp(-(time + dt) / 0.02)
+    np.testing.assert_allclose([hand.extra, other.extra], wanted * grown.sum() * dt / 0.02, rtol=0.05)
+    for _ in range(4000):
+        hands.help(missing, zmp, dt)
+    np.testing.assert_allclose([hand.extra, other.extra], wanted / 0.05, rtol=0.02)
+    hand.extra = other.extra = 10.0
+    for _ in range(2000):
+        hands.help(0.9 * least * missing / np.linalg.norm(missing), zmp, dt)
+    assert abs(hand.extra) < 0.2, "the help ends once the feet give all moment"
+    hands.settings = HandSettings(help=0.0)
+    hands.help(missing, zmp, dt)
+    assert not hands._missing.any()
+
+
+def test_hands_that_grip_yield_to_squeezes_and_to_a_sum_beyond_their_limits() -> None:
+    """What is over the sum of the limits, the difference along their line, and all that is vertical."""
+    _, hands = standing()
+    pair = [hands.all[name] for name in ("left_hand", "right_hand")]
+    for hand in pair:
+        hand.state, hand.force.goal = HandState.GRIP, 10.0
+    first, second = (hands._places[hand.name].translation for hand in pair)
+    line = (second - first) / np.linalg.norm(second - first)
+    mean, squeeze = np.array([12.0, 5.0, 0.0]), 7.0
+    mean -= (mean @ line) * line
+    pair[0].felt, pair[1].felt = mean + squeeze * line + (0, 0, 3.0), mean - squeeze * line - (0, 0, 3.0)
+    hands._yield(False)
+    over = mean * (1.0 - 10.0 / np.linalg.norm(mean))
+    for hand, sign in zip(pair, (1.0, -1.0), strict=True):
+        np.testing.assert_allclose(hand.excess[:2], (over + sign * squeeze * line)[:2], atol=1e-6)
+        assert hand.excess[2] == pytest.approx(hand.felt[2])
+    hands._yield(True)
+    for hand, sign in zip(pair, (1.0, -1.0), strict=True):
+        rest = hand.felt - over - sign * squeeze * line
+        np.testing.assert_allclose(
+            hand.excess[:2], (over + sign * squeeze * line + 0.1 * rest)[:2], atol=1e-6
+        )
+    pair[0].felt = pair[1].felt = 0.9 * 10.0 * mean / np.linalg.norm(mean)
+    hands._yield(False)
+    np.testing.assert_allclose([hand.excess for hand in pair], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.2])
+def test_the_zmp_takes_its_share_of_the_way_to_the_edge_before_the_com_moves(yaw: float) -> None:
+    walking, hands = standing(edge=0.5)
+    sole = walking.controller.robot.soles[0]
+    toes, side = 0.5 * sole.length, 0.5 * sole.width
+    c, s = np.cos(yaw), np.sin(yaw)
+    for parts, share in (
+        ((2.0 * toes, 0.0), 1.0 - 0.5 / 2.0),
+        ((0.0, -4.0 * side), 1.0 - 0.5 / 4.0),
+        ((toes, 2.0 * side), 1.0 - 0.5 / 2.0),
+        ((0.4 * toes, 0.0), 0.0),
+    ):
+        goal = np.array([c * parts[0] - s * parts[1], s * parts[0] + c * parts[1]])
+        np.testing.assert_allclose(hands._beyond_zmp(goal, yaw), share * goal, atol=1e-12)
+
+
+def test_a_line_between_the_hands_has_the_heading_of_a_cart_that_they_hold() -> None:
+    walking, hands = standing()
+    robot = walking.control.observer.robot
+    assert hands.heading == pytest.approx(0.0, abs=1e-6)
+    for yaw in (1.2, -2.0):
+        robot.update(turned(walking, yaw), np.zeros(robot.nv))
+        hands.slip = 0.1
+        assert hands.heading == pytest.approx(yaw + 0.1)
+
+
+def test_a_tare_is_the_mean_of_what_a_free_hand_feels_and_a_force_is_low_passed_once_it_grips() -> None:
+    _, hands = standing()
+    hand = hands.all["left_hand"]
+    hands.grip("left_hand", hand.arm.place.translation + (0.1, 0.0, 0.05), AHEAD, 10.0)
+    readings, dt = np.random.default_rng(1).normal(size=(40, 6)), 0.005
+    for reading in readings:
+        hand.update(0.5 * reading - hand.tare, np.eye(3), None, dt)
+    np.testing.assert_allclose(hand.tare, 0.5 * readings.mean(axis=0), atol=1e-12)
+    assert hand.state is HandState.REACH
+    hand.update(np.array([9.0, 0, 0, 0, 0, 0]), np.eye(3), None, dt)
+    np.testing.assert_allclose(hand.tare, 0.5 * readings.mean(axis=0), atol=1e-12)  # a touch is none
+    hand.state = HandState.GRIP
+    turn = pin.utils.rotate("z", 0.7)
+    for _ in range(20):
+        hand.update(np.array([4.0, 0.0, 1.0, 0.0, 0.3, 0.0]), turn, None, dt)
+    share = 1.0 - np.exp(-20 * dt / 0.05)
+    np.testing.assert_allclose(hand.felt, share * turn @ (4.0, 0.0, 1.0), atol=1e-9)
+    slow = 1.0 - np.exp(-20 * dt / 1.0)
+    np.testing.assert_allclose(hand._borne[3:], slow * turn @ (0.0, 0.3, 0.0), atol=1e-9)
+
+
+def test_a_silent_sensor_is_bridged_for_fifty_milliseconds() -> None:
+    hands, hand, _ = held_hand(20.0, ramp=0.1)
+    hand.sense(np.arange(6.0), 0.005)
+    for _ in range(10):
+        hand.sense(None, 0.005)
+        assert hand.state is HandState.HOLD and hand.reading[5] == 5.0
+    hand.sense(np.full(6, np.nan), 0.005)
+    hand.sense(None, 0.005)
+    assert hand.state is HandState.LOST and not hand.reading.any() and hands.lost == ("left_hand",)
+
+
+def test_the_com_comes_back_without_a_jump_once_no_hand_presses_any_more() -> None:
+    """From 20 mm by (1 + t/T) e^{−t/T}; then the hands are done."""
+    walking, hands = standing()
+    robot, dt = walking.controller.robot, 0.005
+    left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
+    reference = Reference(Pendulum.at_rest(robot.com), (left, right))
+    measurement: Any = SimpleNamespace(angular_velocity=np.zeros(3), hand_wrenches=np.zeros((2, 6)))
+    hands.active, hands._shift = True, Follower(0.15, np.array([0.02, 0.0]))
+    found = []
+    while hands.active and len(found) < 1000:
+        hands.update(measurement, reference, dt)
+        found.append(float(hands.shift[0]))
+    times = dt * np.arange(1, len(found) + 1) / 0.15
+    np.testing.assert_allclose(found, 0.02 * (1.0 + times) * np.exp(-times), atol=5e-4)
+    assert 0.9 < dt * len(found) < 2.5 and found[-2] < 1e-4
+
+
+def test_a_hand_goes_along_a_surface_and_then_towards_it_in_times_by_their_lengths() -> None:
+    """From above a table in 3 s, of which each part has the share of its length; back from a wall first."""
+    for along in ((0.06, 0.08, -0.05), (0.06, 0.08, 0.05)):
+        _, hands = standing(reach_time=3.0)
+        hand = hands.all["left_hand"]
+        start = np.array(hand.arm.place.translation)
+        goal = start + along  # before the last 50 mm
+        hand.press(np.array(DOWN), 5.0, goal - (0.0, 0.0, 0.05 + 0.14))
+        back = along[2] > 0.0
+        first = np.array((0.0, 0.0, along[2])) if back else np.array((*along[:2], 0.0))
+        times = [3.0 * np.linalg.norm(part) / (0.1 + abs(along[2])) for part in (first, along - first)]
+        assert sum(times) == pytest.approx(3.0) and len(hand.arm._moves) == 2
+        for move, end, time in zip(hand.arm._moves, (start + first, goal), times, strict=True):
+            move.advance(time - 1e-6)
+            assert not move.arrived
+            move.advance(2e-6)
+            assert move.arrived
+            np.testing.assert_allclose(move.now()[0].translation, end, atol=1e-9)
+
+
+@pytest.mark.parametrize(("force", "ticks"), [(0.29, 5), (0.31, None)])
+def test_a_contact_is_lost_after_20_ms_with_less_than_three_tenths_of_its_force(
+    force: float, ticks: int | None
+) -> None:
+    _, hand, _ = held_hand(20.0, ramp=0.1)
+    found = None
+    for tick in range(1, 20):
+        wrench = np.concatenate((-force * 20.0 * hand.direction, np.zeros(3)))
+        hand.update(wrench, np.eye(3), None, 0.005)
+        if hand.state is HandState.LOST:
+            found = tick
+            break
+    assert found == ticks
+    if ticks is not None:
+        assert hand.planned == pytest.approx(20.0) and hand.extra == 0.0 and hand.at_work
+        fading = [hand.planned]
+        for _ in range(30):
+            hand.update(np.zeros(6), np.eye(3), None, 0.005)
+            fading.append(hand.planned)
+        assert fading[15] == pytest.approx(10.0, abs=0.01) and fading[30] == pytest.approx(0.0, abs=1e-9)
+        assert not hand.at_work and hand.active
+
+
+def test_a_touch_lasts_two_ticks_and_the_force_begins_with_it() -> None:
+    _, hands = standing(touch=4.0, ramp=0.1)
+    hand, touch = hands.all["left_hand"], 4.0 * hands._robot.force_scale
+    hands.press("left_hand", 20.0, AHEAD, firm=True)
+    for force, state in ((1.1, "approach"), (0.9, "approach"), (1.1, "approach"), (1.1, "hold")):
+        hand.update(np.concatenate((-force * touch * hand.direction, np.zeros(3))), np.eye(3), None, 0.005)
+        assert hand.state.value == state
+        assert hand.pressed == pytest.approx(force * touch)
+    assert hand.target == pytest.approx(touch) and hand.helps
+    np.testing.assert_allclose(hand.contact.normal, (-1.0, 0.0, 0.0), atol=1e-12)
+
+
+def test_the_force_for_the_balance_fades_with_the_one_that_is_asked_for_and_stays_within_bounds() -> None:
+    _, hand, tick = held_hand(20.0, ramp=0.2)
+    felt = np.concatenate((-20.0 * hand.direction, np.zeros(3)))
+    for extra, held in ((-50.0, hand._touch - 20.0), (50.0, 50.0), (-5.0, -5.0)):
+        hand.extra = extra
+        hand.update(felt, np.eye(3), None, 0.005)
+        assert hand.extra == pytest.approx(held), "a hand that helps stays in contact"
+        assert hand.target == pytest.approx(20.0 + held)
+    hand.extra = 6.0
+    hand.release()
+    while hand.state is HandState.HOLD and hand.force.value > 0.5:
+        tick(np.inf)
+        assert hand.extra / 6.0 == pytest.approx(hand.force.value / 20.0)
+    assert not hand.helps
+
+
+def test_the_wrench_on_hands_is_low_passed_at_the_origin_of_the_world() -> None:
+    """(1 − e^{−t/τ}) of force and moment, of 50 ms."""
+    walking, hands = standing(ramp=0.1)
+    hand, _ = hold(hands, "left_hand", AHEAD, 20.0)
+    robot = walking.controller.robot
+    left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
+    reference = Reference(Pendulum.at_rest(robot.com), (left, right))
+    place = hands._places["left_hand"]
+    force = np.array([-20.0, 1.0, 2.0])
+    readings = np.zeros((2, 6))
+    readings[hand.index, :3] = place.rotation.T @ force
+    measurement: Any = SimpleNamespace(angular_velocity=np.zeros(3), hand_wrenches=readings)
+    for _ in range(12):
+        outside = hands.update(measurement, reference, 0.005)
+    assert outside is not None and hands.active
+    share = 1.0 - np.exp(-12 * 0.005 / 0.05)
+    expected = wrench_at(np.array(place.translation), force)
+    np.testing.assert_allclose(outside, share * expected, atol=1e-9)
