@@ -147,10 +147,11 @@ class Terrain:
             cell = family.cell(self.sole_radius)
             rows = 1.0 if family.unidirectional else self.width / cell
             counts["nodes"] = self.length / cell * rows, MAX_NODES
+        elif (density := getattr(family, "density", None)) is not None:
+            counts["solids"] = density * self.length * self.width, MOST_PLACED
         else:
             rows = 1.0 if family.unidirectional else max(1.0, self.width / feature)
             counts["features"] = max(1.0, self.length / feature) * rows, MAX_SOLIDS
-            counts["solids"] = getattr(family, "density", 0.0) * self.length * self.width, MOST_PLACED
         for what, (count, most) in counts.items():
             if count > most:
                 raise InputError(
