@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from wbc.feet import Foot, foot
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.press import press
-from wbc.sim.rig.rig import MIN_CONTACT_SHARE, FootTest, Rig
+from wbc.sim.rig.rig import GROUND_GRID, MIN_CONTACT_SHARE, FootTest, Rig
 from wbc.sim.terrain.spec import Terrain, terrain
 
 FLAT = terrain("flat")
@@ -105,6 +105,29 @@ def test_a_foot_starts_over_an_edge_that_a_sphere_under_its_rim_would_touch(acro
         x = -(half + share * radius)
         rig = Rig(FootTest(foot("rigid"), step, x=x, yaw=0.5 * math.pi if across else 0.0, drop=0.02))
         assert rig.data.site(rig.foot.wrench_site).xpos[2] == pytest.approx(height + 0.02, abs=1e-9)
+
+
+def test_the_ground_under_a_foot_is_looked_at_on_a_grid_as_fine_as_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With as few points as keep neighbours within the grid, from edge to edge of the sole and its spheres."""
+    asked: list[np.ndarray] = []
+    height = Terrain.height
+
+    def looked(ground: Terrain, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        asked.append(np.stack([x, y], axis=-1))
+        return height(ground, x, y)
+
+    monkeypatch.setattr(Terrain, "height", looked)
+    test = FootTest(foot("rigid"), RANDOM, y=0.1, yaw=0.6)
+    rig = Rig(test)
+    sole, radius = rig.foot.fit.sole, test.foot.contact.radius
+    local = rig.in_plan(np.pad(asked[0], ((0, 0), (0, 1))))
+    for values, extent in zip(local.T, (sole.length, sole.width), strict=True):
+        places = np.unique(values.round(9))
+        count = math.ceil((extent + 2.0 * radius) / GROUND_GRID) + 1
+        np.testing.assert_allclose(places, np.linspace(-0.5, 0.5, count) * (extent + 2.0 * radius), atol=1e-8)
+        assert np.diff(places).max() <= GROUND_GRID
 
 
 def test_figures_of_a_rig_are_those_of_mujocos_state() -> None:
