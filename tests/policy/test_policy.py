@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import math
 from collections.abc import Sequence
@@ -703,3 +704,46 @@ def test_walks_that_cannot_take_over_are_refused(period: float, own: bool, optio
         Guard(policy, walking)
     with pytest.raises(InputError):
         Guard(policy, longest=0.0)
+
+
+@pytest.fixture
+def example(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Import an example of a machine by its name."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "examples" / "machine"))
+    return importlib.import_module
+
+
+def test_a_controller_of_lerobot_targets_motors_by_name_and_hides_the_arms(example: Any) -> None:
+    lerobot = example("lerobot_g1")
+    n = len(G1.joint_names)
+    network = Known(2 * n, n, 0.1)
+    names = ("joint_position", "joint_velocity")
+    description = described(
+        G1.joint_names, default=list(REST.values()), observation=[Term(name) for name in names]
+    )
+    controller = lerobot.PolicyController(network, control_dt=DT, description=description)
+    machine = wbc.sim.Machine(force_sensors=False, torque_sensors=True)
+    plant = wbc.Plant(G1, control_period=DT, noise="none", machine=machine)
+    assert controller.run_step({}, None) == {} and controller.control_dt == DT
+    for _ in range(20):
+        targets = controller.run_step({"remote.ly": 1.0, "remote.lx": 0.05}, lerobot.message(plant.measure()))
+        plant.step(wbc.Command(np.zeros(n)))  # all joints move
+    assert len(targets) == 15 and list(targets)[:2] == ["kLeftHipPitch.q", "kLeftHipRoll.q"]
+    assert targets["kRightKnee.q"] == pytest.approx(REST["right_knee_joint"] + 0.025)
+    np.testing.assert_allclose(controller.kp, description.kp)
+    assert controller.control.velocity == (0.5, 0.0, 0.0)
+    seen = network.seen[-1].reshape(2, n)
+    assert not seen[:, 15:].any() and seen[:, :15].any()
+
+
+@pytest.mark.parametrize("what", ["stand", "walk", "policy"])
+def test_controls_for_the_simulator_of_unitree_run_without_force_sensors(
+    example: Any, what: str, standing: Path
+) -> None:
+    simulator = example("unitree_simulator")
+    control, period = simulator.control_of(what, str(standing)), 1.0 / simulator.RATE
+    machine = wbc.sim.Machine(force_sensors=False, torque_sensors=True)
+    plant = wbc.Plant(G1, control_period=period, machine=machine)
+    while plant.time < 0.4:
+        plant.step(control.command(plant.measure()))
+    assert control.fallen is None and plant.truth().com[2] > 0.6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -100,3 +101,12 @@ def test_a_public_policy_walks_on_a_machine_without_force_sensors(walk: Path, gu
     runner.run(until)
     assert free is not None and height > 0.5 and control.status() == "ok"
     assert control.progress.steps_done >= 5
+
+
+@pytest.mark.slow
+def test_a_public_policy_walks_by_the_protocol_of_lerobot(
+    walk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "examples" / "machine"))
+    result = importlib.import_module("lerobot_g1").main([str(walk), "--seconds", "5"])
+    assert result["forward"] > 1.0 and result["height"] > 0.6

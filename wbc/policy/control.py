@@ -150,6 +150,7 @@ class PolicyControl(TorqueControl):
         )
         self._kp[columns], self._kd[columns] = description.kp, description.kd
         self._target = np.array(robot.half_sitting[7:])
+        self._sees_arms = bool(sees_arms)
         seen = filter is not None if sees_arms is None else sees_arms
         self._share_arms(names_in("arms", arms), filter, seen)
         self._still = np.zeros(robot.na)
@@ -209,10 +210,23 @@ class PolicyControl(TorqueControl):
             self._masked = np.flatnonzero(np.isin(self._columns, self._arms.index))
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
-        """See `DriveControl.release`; an `InputError` where the QP moves arms: it shares the joints with the policy."""
+        """See `DriveControl.release`: the policy sees released joints at rest in its default posture, too.
+
+        With `sees_arms=True` it sees them where they are. It is an `InputError` where the QP moves arms or filters
+        them: it shares the joints with the policy.
+        """
         if self._arms is not None:
             raise InputError("joints of a policy whose arms the QP moves are shared by these two already")
-        return super().release(joints)
+        released = super().release(joints)
+        self._masked = np.zeros(0, dtype=np.intp)
+        if released is not None and not self._sees_arms:
+            self._masked = np.flatnonzero(np.isin(self._columns, released.index))
+        return released
+
+    @property
+    def gains(self) -> tuple[Array, Array]:
+        """Stiffness, Nm/rad, and damping, Nms/rad, of the servos in the commands, shape (na,) each."""
+        return self._kp.copy(), self._kd.copy()
 
     def _begin_policy(self) -> None:
         self._ticks = 0
