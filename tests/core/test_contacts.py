@@ -8,14 +8,16 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from closed_chains import four_bar_knee
 from hypothesis import given
 from hypothesis import strategies as st
 from properties import by_default
 from scipy.optimize import nnls
-from task_factory import ROBOTS, integrate, left_hand, make_robot, standing
+from task_factory import ROBOTS, integrate, left_hand, make_robot, right_hand, standing
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
+from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import (
     Contact,
     FixedContact,
@@ -25,6 +27,7 @@ from wbc.core.qp.contact import (
     rectangle_wrench_cone,
 )
 from wbc.core.robot import GRAVITY, Robot
+from wbc.robots import RobotDescription
 from wbc.tasks import CoMTask, OrientationTask, WrenchTask, check_rows
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
@@ -296,6 +299,31 @@ def test_a_configuration_stands_on_its_lower_sole() -> None:
         expected = np.array(robot.half_sitting)
         expected[[2, 7 + knee]] += q[2] - expected[2], bend
         np.testing.assert_allclose(q, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("root", ["", "<freejoint/>"], ids=["bolted", "floating"])
+@pytest.mark.parametrize(("rotation", "size"), [(False, 2), (True, 3)])
+def test_a_closure_has_rows_where_its_chain_could_open(root: str, rotation: bool, size: int) -> None:
+    """Four bars open in their plane, where they may turn as well; two hands of a humanoid in every direction."""
+    options = {"feet": False} if root else {"base": "fixed"}
+    robot = RobotDescription.from_mjcf(four_bar_knee(root), **options).robot()  # type: ignore[arg-type]
+    tied = robot.closures[0]
+    closure = LoopClosure(tied.frame, tied.other, rotation=rotation)
+    closure.bind(robot)
+    turn = robot.placement(tied.frame).rotation
+    rows = [np.split(row, [3])[: 1 + rotation] for row in closure.directions]
+    in_world = [np.concatenate([turn @ part for part in row]) for row in rows]
+    plane = np.eye(6)[[0, 2, 4]][:size, : 6 if rotation else 3]
+    np.testing.assert_allclose(
+        np.transpose(in_world) @ in_world, plane.T @ plane, atol=1e-6
+    )  # the same span, whatever its basis
+    humanoid = make_robot("hrp4_class")
+    hands = LoopClosure(left_hand(humanoid), right_hand(humanoid), rotation=rotation)
+    if not rotation:  # of an orientation the rows are the change of the error at its target alone
+        check_rows(hands, humanoid)
+    else:
+        hands.bind(humanoid)
+    np.testing.assert_array_equal(hands.directions, np.eye(6 if rotation else 3))
 
 
 class Edge(Contact):

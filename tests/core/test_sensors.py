@@ -108,6 +108,31 @@ def test_a_refusal_has_the_reading_and_what_is_accepted(
     assert plausibility.reasons == ()
 
 
+def test_encoders_are_believed_to_a_margin_beyond_the_ends_of_their_ranges_and_no_further() -> None:
+    """In the check and for damping, at both ends, which lie anywhere about zero; speeds to a multiple of the limit."""
+    low, high, margin = (
+        ROBOT.position_lower,
+        ROBOT.position_upper,
+        Plausibility(ROBOT, DT).settings.position_margin,
+    )
+    assert np.ptp(low + high) > 1.0
+    for end, side in ((high, 1.0), (low, -1.0)):
+        for share, good in ((0.99, True), (1.01, False)):
+            plausibility = Plausibility(ROBOT, DT)
+            position, speed = end + side * share * margin * ROBOT.per_rad, side * share * plausibility._speed
+            measured = at_rest(ROBOT, 0.0, joint_position=position, joint_velocity=speed)
+            q, v = plausibility.joints(measured)
+            assert np.isfinite(q).all() == np.isfinite(v).all() == good
+            assert np.isnan(q).all() == np.isnan(v).all() == (not good)
+            if good:
+                plausibility.check(measured)
+                assert plausibility.faults == ()
+                continue
+            plausibility.check(at_rest(ROBOT, 0.0))
+            plausibility.check(replace(measured, time=DT))
+            assert len(plausibility.faults) == 2 * ROBOT.na
+
+
 def test_a_sensor_that_fails_now_and_then_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
     """Two sensors in turns for 4 s: each is named at its first failure, and again after it was good for a while."""
     plausibility = Plausibility(ROBOT, DT)
@@ -390,8 +415,8 @@ def told(shares: Any, feet: Any, shown: Any = None, rotations: Any = None) -> li
 def test_feet_tell_which_force_sensor_is_wrong() -> None:
     """One foot stands and the other one swings forward with 4 m/s², or stands as well."""
 
-    def swings(time: float) -> list[tuple[float, ...]]:
-        return [(0.0, 0.0, 0.0), (min(4.0 * time, 0.8), 0.0, 0.0)]
+    def swings(time: float, axis: int = 0) -> list[tuple[float, ...]]:
+        return [(0.0, 0.0, 0.0), tuple(min(4.0 * time, 0.8) * np.eye(3)[axis])]
 
     def rests(time: float) -> list[tuple[float, ...]]:
         return [(0.0, 0.0, 0.0)] * 2
@@ -402,6 +427,8 @@ def test_feet_tell_which_force_sensor_is_wrong() -> None:
     assert told(lambda _: (0.0, 0.6), rests) == ["force sensor of left_foot too low for the weight"]
     assert told(lambda _: (1.0, 0.0), rests) == []
     assert told(lambda _: (0.7, 0.0), swings) == []
+    for axis in (1, 2):
+        assert told(lambda _: (0.6, 0.0), lambda time, axis=axis: swings(time, axis)) == []
 
 
 @pytest.mark.parametrize("push", [0.0, 6.0])
