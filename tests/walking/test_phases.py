@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from pendulum import BY_TIME
 
@@ -12,6 +14,7 @@ from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.lipm.adjustment import AdjustmentSettings, PlannedSwing
 from wbc.walking.lipm.walk import LipmWalk, PhaseSettings, WalkSettings, _most_inward
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, moved
 from wbc.walking.plans.gait import Gait
@@ -273,3 +276,101 @@ def test_the_zmp_leaves_a_margin_to_both_sides_of_narrow_soles(half_width: float
     most = _most_inward(half_width, margin)
     left = half_width - margin
     assert most == pytest.approx(max(left - margin, left / 2.0, 0.0)) and most >= 0.0
+
+
+def in_swing() -> LipmWalk:
+    """Return a walk half a second after its first lift-off."""
+    w = walking(1.0)
+    until(w, ideal, Event.LIFT_OFF)
+    run(w, ideal, 0.3)
+    assert w.swing is not None
+    return w
+
+
+class Adjuster:
+    """Step adjustment that answers as it is told: a shift of the landing, m, and of the time, ticks."""
+
+    settings = AdjustmentSettings(threshold=0.005)
+
+    def __init__(self, shift: float, ticks: float) -> None:
+        """Take the answer."""
+        self.shift, self.ticks = shift, ticks
+
+    def adjust(self, swing: PlannedSwing, elapsed: float, dcm: complex) -> tuple[Footstep, float]:
+        """Answer."""
+        return (
+            replace(
+                swing.landing, x=swing.landing.x + 0.6 * self.shift, y=swing.landing.y + 0.8 * self.shift
+            ),
+            swing.duration - elapsed + self.ticks * DT,
+        )
+
+
+@pytest.mark.parametrize(
+    ("shift", "ticks", "moves"),
+    [(0.002, 2.0, False), (0.003, 0.0, True), (0.0, 3.0, True), (0.0, -3.4, True), (-0.003, 1.0, True)],
+)
+def test_a_step_is_adjusted_from_half_a_threshold_or_three_ticks_on(
+    shift: float, ticks: float, moves: bool
+) -> None:
+    w = in_swing()
+    before, last = w.plan, w.duration
+    w._adjust(np.zeros(3), Adjuster(shift, ticks), w.swing)  # type: ignore[arg-type]
+    way = w.plan.steps[0].position - before.steps[0].position
+    np.testing.assert_allclose(way, np.array([0.6, 0.8, 0.0]) * shift * moves, atol=1e-12)
+    assert w.duration - last == pytest.approx(round(ticks) * DT * moves)
+    assert w.swing is not None and w.swing.landing == w.plan.steps[0]
+    np.testing.assert_allclose(w.plan.steps[1].position - before.steps[1].position, way, atol=1e-12)
+    assert w.plan.steps[0].y - before.steps[0].y == pytest.approx(0.8 * shift * moves)
+
+
+@pytest.mark.parametrize("moment", ["early", "late"])
+@pytest.mark.parametrize("change", [0.002, 0.01, -0.01])
+def test_a_landing_goes_to_the_height_that_is_seen_while_the_foot_can_follow(
+    change: float, moment: str
+) -> None:
+    """From 3 mm on, and until 0.12 s before it."""
+    w = in_swing()
+    run(w, lambda w: (0.0, 1.0), 0.0 if moment == "early" else w.remaining - 0.1)
+    before, height = w.plan.steps[0], w.ground.height
+    w.ground.under = lambda landing: replace(landing, z=before.z + change)  # type: ignore[method-assign]
+    assert w.swing is not None
+    w._look(w.swing)
+    follows = moment == "early" and abs(change) > 0.003
+    assert w.plan.steps[0].z - before.z == pytest.approx(change if follows else 0.0)
+    assert w.ground.height - height == pytest.approx(change if follows else 0.0)
+    assert w.plan.steps[1].z == pytest.approx(0.0), "the others stay in the world"
+
+
+def test_a_landing_is_kept_as_it_was_found_and_the_ground_learns_from_it() -> None:
+    """20 mm higher than expected and 35 mm above the other foot; half of it is expected next, a tenth as its rise."""
+    w = in_swing()
+    planned = w.plan.steps[0]
+    here = Footstep("left", planned.x + 0.01, planned.y - 0.02, planned.z + 0.02, 0.1, 0.2, 0.3).placement
+    w._land([here, START.right.moved(pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.015]))).placement], planned)
+    step = w.plan.steps[0]
+    assert (step.x - planned.x, step.y - planned.y, step.z - planned.z) == pytest.approx((0.01, -0.02, 0.02))
+    assert (step.yaw, step.pitch, step.roll) == pytest.approx((0.1, 0.0, 0.0))
+    assert (w.ground.height, w.ground.rise, w.ground.uneven) == pytest.approx((0.01, 0.002, 0.035))
+    assert w.plan.steps[1].x == pytest.approx(walk_distance(START, 1.0).steps[1].x)
+
+
+def test_all_but_the_last_two_free_steps_may_be_put_on_better_ground_within_reach() -> None:
+    w = walking(1.0)
+    count = len(w.plan)
+    for w.step, free in ((0, True), (count - 3, True), (count - 2, False), (count - 1, False)):
+        assert (w._near(w.plan.steps[w.step]) is not None) == free
+        assert w._near(replace(w.plan.steps[w.step], place="fixed")) is None
+    w.step = 0
+    near, step = w._near(w.plan.steps[0]), w.plan.steps[0]
+    assert near is not None
+    assert near(step.x, step.y) and not near(w.reach.max_length + 0.01, step.y)
+    assert not near(step.x, w.reach.max_spacing - 0.0875 + 0.01)
+
+
+def test_a_walk_comes_to_rest_in_the_last_tenth_of_a_second_of_its_last_step() -> None:
+    w = walking(0.1)
+    assert len(w.plan) == 2
+    for w.step, w.elapsed, rests in ((1, 0.71, True), (1, 0.69, False), (0, 0.71, False)):
+        w.duration = 0.8
+        assert w._comes_to_rest == rests
