@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from at_rest import at_rest
 
 import wbc
 from wbc.base.errors import InputError
@@ -481,3 +482,43 @@ def test_a_gait_that_begins_on_feet_that_have_stood_stands_and_one_in_position_c
     planned = WalkingControl(robot, None, 0.005, WalkingControlSettings(mode="position"))
     with pytest.raises(InputError, match="free"):
         planned.begin(state)
+
+
+def test_a_robot_that_stands_still_for_as_long_as_it_is_to_takes_free_steps_again() -> None:
+    """In planned steps that are over, without a hand that waits or a planner of one's own, after `calm`."""
+    walking = control("g1", None)
+    walking._change("planned")
+    robot = walking.controller.robot
+    walking.calm = 0.021
+    state = walking.control.estimate(at_rest(robot, 0.0))
+    for tick in range(1, 12):
+        walking._choose(state)
+        assert walking.step_kind == ("planned" if tick <= 10 else "free"), tick
+    assert walking._stood == 0.0
+
+
+def test_a_first_plan_is_no_order_and_a_later_one_is() -> None:
+    robot = wbc.load_robot("hrp4_class").robot()
+    plan = walk_distance(FootstepPlan.standing(robot), 0.3)
+    walking = WalkingControl(wbc.load_robot("hrp4_class").robot(), plan, 0.005)
+    assert not walking.steered and not walking.finished and not walking.done
+    walking.follow(plan)
+    assert walking.steered
+    free = WalkingControlSettings(mode="torque", step_kind="free")
+    walking = WalkingControl(wbc.load_robot("hrp4_class").robot(), plan, DT, free)
+    assert walking.source.planner is not None and walking.step_kind == "free"
+
+
+@pytest.mark.parametrize("height", [0.0, 0.4])
+def test_the_height_of_the_com_is_that_over_the_ground_on_which_the_robot_stands(height: float) -> None:
+    robot = wbc.load_robot("hrp4_class").robot()
+    q = np.array(robot.q)
+    q[2] += height
+    robot.update(q, np.zeros(robot.nv))
+    plan = walk_distance(FootstepPlan.standing(robot), 0.3)
+    walking = WalkingControl(robot, plan, 0.005)
+    over = float(robot.com[2]) - 0.5 * sum(
+        float(robot.placement(sole.frame).translation[2]) for sole in robot.soles
+    )
+    assert walking.source.com_height == pytest.approx(over)
+    assert walking.body.com_height == pytest.approx(over)

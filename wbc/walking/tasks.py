@@ -282,16 +282,21 @@ class StanceContacts:
     def switch(self, tasks: WalkTasks, reference: Reference) -> None:
         """Switch contacts, and the weights that go with them, where they change."""
         tasks.hurry(reference.urgency, self.urgent, self.hurled)
-        most, stance, phase, law = reference.most_force, reference.stance, reference.phase, self.law
+        phase, law = reference.phase, self.law
         balanced, standing = phase is not GaitPhase.SINGLE, phase is GaitPhase.STANDING
-        state = [balanced, standing, reference.contact, most, stance, reference.swing]
+        stance = reference.stance
+        state = [balanced, standing, reference.contact, reference.most_force, stance, reference.swing]
+        if state != self._state:
+            self._write(tasks, reference, balanced, standing)
+            self._state[:] = state
         if not balanced:
             ahead, aside = reference.cop
             tasks.contacts[stance].centre_box((law.carrying + ahead, aside))
-        if state == self._state:
-            return
-        before, self._state[:] = self._state[:2], state
-        if before != state[:2]:
+
+    def _write(self, tasks: WalkTasks, reference: Reference, balanced: bool, standing: bool) -> None:
+        """Write all of a state of the feet, with the boxes about their carrying points."""
+        most, stance, law = reference.most_force, reference.stance, self.law
+        if self._state[:2] != [balanced, standing]:
             tasks.hold_com(BOTH_FEET if balanced else ONE_FOOT, *(self.stand if standing else self.shift))
             length, width = law.standing_box if balanced else law.box
             for contact in tasks.contacts:

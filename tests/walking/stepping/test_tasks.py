@@ -230,3 +230,60 @@ def test_a_trunk_that_is_turned_far_comes_upright_about_its_own_tilt(
     tilt = np.array([up[1], -up[0]]) / np.hypot(up[0], up[1]) * np.arccos(up[2])
     np.testing.assert_allclose(error[:2], tilt, atol=0.4 * np.linalg.norm(tilt))
     assert 0.1 < error[2] * np.sign(off) < 0.5
+
+
+def test_feet_carry_as_their_state_in_the_step_says() -> None:
+    """A foot that yields costs a tenth; alone one carries half of the weight; boxes are about the CoP in all ticks."""
+    controller, tasks, reference = standing()
+    law, stance = tasks._stance.law, tasks._stance  # type: ignore[union-attr]
+    tasks.follow(reference)
+    for contact in tasks.contacts:
+        np.testing.assert_allclose(contact.motion_weight, stance.firm)
+        np.testing.assert_allclose(contact.centre, 0.0)
+        assert contact.min_force == pytest.approx(0.2 * law.least_force)
+    for name, state in STATES.items():
+        if state is None:
+            continue
+        touching, most, stands, swing = state
+        single = reference._replace(
+            contact=touching,
+            phase=GaitPhase.SINGLE,
+            stance=stands,
+            swing=swing,
+            most_force=most,
+            cop=(0.01, -0.004),
+        )
+        tasks.follow(single)
+        carrying, other = tasks.contacts[stands], tasks.contacts[1 - stands]
+        np.testing.assert_allclose(carrying.motion_weight, stance.held, err_msg=name)
+        np.testing.assert_allclose(carrying.centre, (law.carrying + 0.01, -0.004, 0.0))
+        alone = not all(touching)
+        assert carrying.min_force == pytest.approx(law.carried if alone else 0.2 * law.least_force)
+        if not alone:
+            np.testing.assert_allclose(other.motion_weight, 0.1 * stance.held)
+            np.testing.assert_allclose(other.centre, (law.carrying, 0.0, 0.0))
+            assert other.min_force == 0.0
+        else:
+            assert not other.active
+    tasks.follow(reference._replace(phase=GaitPhase.DOUBLE))
+    np.testing.assert_allclose(tasks.contacts[0].centre, (law.carrying, 0.0, 0.0))
+    gains = tasks.com.stiffness, tasks.com.damping
+    for found, own in zip(gains, stance.shift, strict=True):
+        np.testing.assert_allclose(found, own)
+    tasks.follow(reference)
+    for found, own in zip((tasks.com.stiffness, tasks.com.damping), stance.stand, strict=True):
+        np.testing.assert_allclose(found, own)
+    assert controller.solve().ok
+
+
+@pytest.mark.parametrize(("off", "target"), [(0.2, 0.2), (0.8, 0.3), (-2.0, -0.3), (3.5, -0.3)])
+def test_a_trunk_is_turned_back_by_no_more_than_three_tenths_at_once(off: float, target: float) -> None:
+    """In the shorter direction; what leans it and twists it moves on."""
+    controller, tasks, reference = standing()
+    tasks.follow(reference._replace(heading=off), UPRIGHT, Twist(0.0, 0.4, 0.5, by_waist=False))
+    for name in ("pelvis", "torso"):
+        task = controller.task(name)
+        turned = pin.log3(task.target @ task.rotation.T)
+        np.testing.assert_allclose(turned, (0.0, 0.0, target), atol=1e-6)
+        np.testing.assert_allclose(task.feedforward_velocity, (0.0, 0.0, 0.4))
+        np.testing.assert_allclose(task.feedforward_acceleration, (0.0, 0.0, 0.5))
