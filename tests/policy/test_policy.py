@@ -15,6 +15,7 @@ import pytest
 
 import wbc
 from wbc.app import Log, Recorder
+from wbc.app.view.controls import LiveControls
 from wbc.base.errors import InputError, UnknownNameError, WbcError
 from wbc.core.estimation.falls import FallReason
 from wbc.policy import FootContacts, Guard, OnnxNetwork, PolicyControl, PolicyDescription, PolicyFilter, Term
@@ -356,6 +357,17 @@ def test_a_policy_walks_in_trials_logs_and_environments(standing: Path, tmp_path
     log, knee = Log.open(tmp_path / "log.arrow"), "left_knee_joint"
     held = G1.robot().half_sitting[7 + G1.joint_names.index(knee)]
     np.testing.assert_allclose(log[f"joint/position_reference/{knee}"], held, atol=1e-6)
+
+
+def test_a_page_steers_and_pushes_a_policy(standing: Path) -> None:
+    plant = wbc.Plant(G1, control_period=DT)
+    policy = PolicyControl(G1.robot(), standing, DT)
+    controls = LiveControls(plant, policy)
+    assert {"drive", "stop", "push"} <= set(controls.offered)
+    controls.apply({"do": "drive", "forward": 0.2, "left": 0.0, "turn": 0.1})
+    assert policy.velocity == (0.2, 0.0, 0.1)
+    controls.apply({"do": "stop"})
+    assert policy.velocity is None
 
 
 def test_an_environment_steers_a_policy(standing: Path) -> None:

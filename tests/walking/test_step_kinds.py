@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from typing import Any
@@ -482,6 +483,10 @@ def test_a_gait_that_begins_on_feet_that_have_stood_stands_and_one_in_position_c
     planned = WalkingControl(robot, None, 0.005, WalkingControlSettings(mode="position"))
     with pytest.raises(InputError, match="free"):
         planned.begin(state)
+    for times in ((0.1,), (0.1, math.nan), (-0.1, 0.0), "ab"):
+        with pytest.raises(InputError, match="times of the feet"):
+            walking.begin(state, times)
+    assert walking.progress.phase is GaitPhase.STANDING
 
 
 def test_a_robot_that_stands_still_for_as_long_as_it_is_to_takes_free_steps_again() -> None:

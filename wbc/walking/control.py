@@ -28,6 +28,7 @@ from typing import Annotated, NamedTuple
 
 from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in, shown
+from wbc.base.numbers import finite_array
 from wbc.base.settings import Angle, NonNegative, Number, Period
 from wbc.core.drive.control import State
 from wbc.core.drive.torque import TorqueControl
@@ -234,14 +235,21 @@ class WalkingControl:
             landed: Time since each of them has landed, s; 0 for one in the air.
 
         Raises:
-            InputError: A robot in position control, or one that takes planned steps alone.
+            InputError: A robot in position control, or one that takes planned steps alone; times that are not two
+                numbers, or negative.
         """
         source, control = self.check_begin()
-        if self.reference is not None:
+        times = finite_array("times of the feet in the air and on the ground (s)", (air, landed), (2, 2))
+        if times.min() < 0.0:
+            raise InputError(
+                f"times of the feet in the air and on the ground must not be negative, got {air}, {landed}"
+            )
+        if self.reference is not None or self._kind != "free":
             self._take("free", self._kinds[self._kind])
+            self.body.follow(source.com_height, self.tasks.reaching)
         control.resume()
         source.begin(heading(state.robot.placement(state.robot.base_frame).rotation))
-        source.join(air, landed)
+        source.join(*times.tolist())
         self.reference, self._waiting, self.stopped, self._before = None, None, False, 0
 
     def _follow(self, state: State) -> None:
