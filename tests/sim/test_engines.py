@@ -152,6 +152,13 @@ def test_a_command_for_another_period_is_refused_by_every_loop(kind: str, period
 def test_sensors_of_another_engine_are_what_a_falling_robot_feels() -> None:
     loop = InAir("hrp4_class")
     assert loop.measure().specific_force == pytest.approx([0.0, 0.0, GRAVITY])  # it is said to stand
+    half = [0.0, 0.0, 0.5 * loop.robot.mass * GRAVITY, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(loop.measure().sole_wrench, [half, half])
+    aloft = loop.truth().q
+    aloft[2] += 0.1
+    loop.reset(aloft)
+    assert not loop.measure().sole_wrench.any()
+    loop.reset()
     height = loop.com_height
     for _ in range(10):
         loop.step(loop.hold())

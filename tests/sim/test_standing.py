@@ -34,7 +34,7 @@ from wbc.sim.balance.standing import MODES, StandSpec, StandTrial, centre_of_pre
 from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
-from wbc.sim.studies.push_limit import _searched, largest_recovered
+from wbc.sim.studies.push_limit import WalkPushLimitSpec, _searched, largest_recovered
 from wbc.sim.studies.trials import run_trial, trial_from_json, with_seed
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.loop import Trial
@@ -261,6 +261,19 @@ def test_the_largest_impulse_with_a_recovery_is_found_to_the_resolution(
     beyond = min(impulse for impulse, held in tried.items() if not held)
     assert found <= limit < beyond and beyond - found <= resolution
     assert len(tried) <= 1 + math.ceil(math.log2(highest / resolution)) + 1
+
+
+def test_a_search_on_a_walk_has_one_push_whose_impulse_does_not_count() -> None:
+    one, other = (WalkPush(impulse=impulse, step=2) for impulse in (0.1, 0.7))
+    plan = WalkPlan(distance=0.5)
+    spec = WalkPushLimitSpec(walk=WalkSpec(plan=plan, pushes=(one,)))
+    assert spec == WalkPushLimitSpec(walk=WalkSpec(plan=plan, pushes=(other,)))
+    assert spec.with_impulse(0.3).pushes == (replace(one, impulse=0.3),)
+    assert WalkPushLimitSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec
+    assert with_seed(spec, 5).walk.seed == 5
+    for pushes in ((), (one, other)):
+        with pytest.raises(InputError):
+            WalkPushLimitSpec(walk=WalkSpec(plan=plan, pushes=pushes))
 
 
 def test_a_search_begins_without_a_push_and_adds_up_its_walks() -> None:
