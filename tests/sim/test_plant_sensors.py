@@ -9,7 +9,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from properties import by_default
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import by_default, examples
 
 from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY
@@ -178,6 +180,36 @@ def test_errors_arise_in_the_order_of_a_real_sensor() -> None:
     np.testing.assert_allclose(read / 0.01, np.round(read / 0.01), atol=1e-6)
     assert read.std(axis=0) == pytest.approx(np.full(3, math.hypot(0.03, 0.01 / math.sqrt(12.0))), rel=0.15)
     assert np.ptp(read.mean(axis=0)) > 0.05  # each channel has a bias of its own
+
+
+@given(st.lists(st.integers(0, 9), min_size=6, max_size=6), st.integers(1, 8), st.integers(0, 3))
+@examples(60)
+def test_every_signal_is_read_at_its_own_age(ages: list[int], steps: int, delay: int) -> None:
+    """Signals are pushed where the chain asks for them, as a loop does; ages are whole physics steps."""
+    names = (
+        "joint_position",
+        "joint_velocity",
+        "angular_velocity",
+        "specific_force",
+        "sole_force",
+        "sole_moment",
+    )
+    noise = SensorNoise(**{n: SignalNoise(latency=0.001 * age) for n, age in zip(names, ages, strict=True)})
+    chain = SensorChain(noise, joints=2, soles=2, timestep=0.001, steps=steps, delay=0.001 * delay)
+    sizes = [2, 2, 3, 3] + [3, 3] * 2
+    each = np.repeat([*ages[:4], *ages[4:], *ages[4:]], sizes) + delay
+
+    def truth(step: int) -> Array:
+        return 1000.0 * max(step, 0) + np.arange(chain.size)
+
+    chain.reset(truth(0), seed=0)
+    for period in range(8):
+        now = (period + 1) * steps
+        for left in reversed(range(steps)):
+            if chain.newest <= left <= chain.oldest:
+                chain.push(truth(now - left))
+        expected = 1000.0 * np.maximum(now - each, 0) + np.arange(chain.size)
+        np.testing.assert_array_equal(chain.read(truth(now)), expected)
 
 
 def test_realistic_sensors_have_the_numbers_of_their_sources() -> None:

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -30,6 +31,7 @@ from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, f
 from wbc.sim.walks.prepare import moved
 from wbc.sim.walks.result import Spread, objective
 from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.stiffness_meter import StiffnessMeter, magnitude
 from wbc.sim.walks.trial import WalkTrial, _eyes, _range_sensor
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.gait import Gait
@@ -498,3 +500,26 @@ def test_the_way_of_a_walk_is_that_of_its_true_feet_from_where_they_began(yaw: f
         assert (trial._travel(None)["cost_of_transport"] is not None) == counted
     lowest = min(plant.sole_pose(side)[0][2] for side in (0, 1))
     assert trial.ground == pytest.approx(lowest)
+
+
+@pytest.mark.parametrize("drift", [(0.0, 0.0, 0.0), (0.0, 0.0, 0.02), (0.04, -0.03, 0.01)])
+def test_a_scan_is_compared_with_the_ground_under_the_true_foot_and_as_believed(
+    drift: tuple[float, float, float],
+) -> None:
+    """A scan that is exact but for the drift of the estimate has no error of its shape, and the drift as believed."""
+    ground, move = terrain("slope", 0.3, direction="up"), np.array(drift)
+    true = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([1.0, 0.1, 0.2]))
+    seen = pin.SE3(true.rotation, true.translation + move)
+    meter: Any = object.__new__(StiffnessMeter)
+    robot = SimpleNamespace(placement=lambda frame: seen)
+    meter._walking = SimpleNamespace(control=SimpleNamespace(observer=SimpleNamespace(robot=robot)))
+    data = SimpleNamespace(site_xpos=[true.translation], site_xmat=[true.rotation.ravel()])
+    meter._plant, meter._soles = SimpleNamespace(data=data, sole_sites=[0], terrain=ground), ["left"]
+    x = np.linspace(0.9, 1.3, 20)
+    hits = np.stack([x, 0.0 * x + 0.1, ground.height(x, 0.1)], axis=1) + move  # where the estimate puts them
+    wave = 0.003 * np.sin(30.0 * x)
+    hits[:, 2] += wave
+    shape, believed = meter._compare(0, SimpleNamespace(points=hits))
+    np.testing.assert_allclose(shape, wave - wave.mean(), atol=1e-9)
+    np.testing.assert_allclose(believed, wave + move[2] - 0.1 * move[0], atol=1e-9)
+    assert magnitude(np.arange(-10.0, 11.0)) == pytest.approx({"mean": 110.0 / 21.0, "p95": 10.0})
