@@ -336,3 +336,33 @@ def test_a_trunk_without_a_neck_turns_to_a_point_as_far_as_it_goes(heading: floa
     body.look_at(com + 0.2 * np.array([math.cos(heading + 0.4), math.sin(heading + 0.4), 0.0]))
     body.update(heading)
     assert body.turn == pytest.approx(0.0), "a point above the robot has no direction"
+
+
+def test_a_trunk_without_a_neck_looks_at_a_point_once_it_is_turned_there() -> None:
+    robot = load_robot("g1").robot()
+    body, com = WalkingControl(robot, FootstepPlan.standing(robot), DT).body, np.array(robot.com)
+    body.look_at(com + (2.0 * math.cos(0.4), 2.0 * math.sin(0.4), 0.0))
+    looking, before = [], 0.0
+    for _ in range(400):
+        body.update(0.0)
+        twist = body.twist
+        assert body.looking == (abs(0.4 - before) < 0.05 and abs(twist.rate) < 0.2)
+        looking.append(body.looking)
+        before = twist.angle
+    assert looking[-1] and not looking[5]
+    assert body.turn == pytest.approx(0.4) and body.reached
+
+
+def test_a_height_goes_on_from_where_the_com_is_when_another_law_takes_over() -> None:
+    """A height that is set stays, over the other height of the steps; one that is not goes with the law."""
+    _, walking = standing()
+    body, own = walking.body, walking.body.com_height
+    body.follow(own - 0.02, 1.0)
+    assert body.com_height == pytest.approx(own - 0.02)
+    body.com_height = own - 0.05
+    for _ in range(20):
+        body.update(0.0)
+    body.follow(own - 0.01, 1.0)
+    assert body.com_height == pytest.approx(own - 0.05)
+    rest = Pendulum.at_rest(np.array([0.0, 0.0, 0.8]))
+    assert body.raised(rest).com[2] == pytest.approx(0.8)

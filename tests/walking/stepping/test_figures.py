@@ -330,6 +330,35 @@ def test_a_fast_walk_asks_for_steps_of_the_time_that_its_last_steps_have_taken(s
     assert asked[0].places[1::2] == pytest.approx((width + drift, width - drift, width + drift))
 
 
+def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None:
+    """On seen ground, from the second step on; three footsteps and more lie ahead, and the next is not fixed."""
+    gait, asked = gait_on(LEVEL), []
+    gait._contact = POINT
+    gait._enter(GaitPhase.SINGLE, 0.4)
+    gait._contact, gait.dcm, gait.elapsed = POINT, Divergent(0.0, 0.0, OMEGA), 0.1
+    gait.decision.decide = lambda *arguments: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
+    swing = 1 - gait.stance
+    landing = Footstep(SIDES[swing], *LEVEL[swing].translation[:2])
+    gait.swing = SwingFoot(LEVEL[swing], landing, 0.4, gait._shape)
+    ahead = [
+        Footstep(SIDES[(swing + k) % 2], 0.1 * k, 0.11 if (swing + k) % 2 == 0 else -0.11) for k in range(3)
+    ]
+    fixed = [dataclasses.replace(ahead[0], place="fixed"), *ahead[1:]]
+    for sight, steps, footsteps, looks in (
+        (None, 1, (), False),
+        (object(), 0, (), False),
+        (object(), 1, (), True),
+        (object(), 1, ahead, True),
+        (object(), 1, ahead[:2], False),
+        (object(), 1, fixed, False),
+    ):
+        gait.ground.sight, gait._since_stand, gait.footsteps = sight, steps, footsteps  # type: ignore[assignment]
+        gait._solve(StepVelocity((0.1, 0.0), True))
+        longest, look = asked[-1]
+        assert longest == pytest.approx(gait._longest)
+        assert look == (pytest.approx(gait._touch - 0.1) if looks else None)
+
+
 def test_steps_are_decided_once_a_period_and_land_harder_on_rough_ground() -> None:
     body = PointMass()
     body.run(0.6)
