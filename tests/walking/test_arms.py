@@ -299,14 +299,22 @@ def test_a_hand_goes_at_the_speed_that_it_is_given_and_says_when_it_is_there() -
         walking.controller.task("right_hand").target = hand.target
 
 
-def test_an_arm_presses_with_what_its_torques_leave_over_its_own_weight() -> None:
-    """The greatest force whose torques, with those that carry the arm, are a share of the limits."""
-    walking = control()
-    robot, hand = walking.controller.robot, walking.arms["left_hand"]
+@pytest.mark.parametrize("spring", [0.0, 3.0])
+def test_an_arm_presses_with_what_its_torques_leave_over_its_own_weight_and_its_springs(
+    spring: float,
+) -> None:
+    """The greatest force whose torques, with those that hold the arm, are a share of the limits."""
+    springs = {"left_elbow_pitch": (spring, 0.4), "left_shoulder_pitch": (spring, -1.0)} if spring else {}
+    robot = replace(load_robot("hrp4_class"), springs=springs).robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), DT)
+    hand = walking.arms["left_hand"]
     jacobian = pin.computeFrameJacobian(
         robot.model, robot.model.createData(), robot.q, robot.frame_id(hand.frame), pin.LOCAL_WORLD_ALIGNED
     )
     held = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), robot.q)[BASE_DOF:]
+    for joint, (stiffness, rest) in springs.items():
+        at = robot.joint_index(joint)
+        held[at] += stiffness * (robot.q[7 + at] - rest)
     rows = np.array(hand._arm)
     for direction in ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 0.6, 0.8)):
         force, joint = hand.strength(np.array(direction), 0.7)

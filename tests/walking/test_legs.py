@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +16,7 @@ from scipy.optimize import linprog
 
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.robots import load
+from wbc.robots import RobotDescription, load
 from wbc.walking.plans.effort import SwingLeg, swing_effort
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait, pace
@@ -284,3 +285,14 @@ def test_a_gait_lies_between_the_rows_of_its_table_on_its_grid() -> None:
             ("apex", (0.4, 0.42)),
         ):
             assert getattr(gait, name) == pytest.approx(row[0] + share * (row[1] - row[0]), abs=0.00051)
+
+
+@pytest.mark.parametrize(("left", "right", "most"), [(0.3, 0.5, 0.24), (0.5, 0.2, 0.16), (1.0, 1.0, 0.5)])
+def test_feet_turn_outwards_by_four_fifths_of_what_both_hips_do(
+    left: float, right: float, most: float
+) -> None:
+    limits = {"left_hip_yaw": (-0.9, left), "right_hip_yaw": (-right, 0.9)}
+    urdf = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text(encoding="utf-8")
+    feet = {"left_sole": "left_foot", "right_sole": "right_foot"}
+    robot = RobotDescription.from_urdf(urdf, position_limits=limits, **feet).robot()
+    assert Reach.of(robot).max_yaw == pytest.approx(most)

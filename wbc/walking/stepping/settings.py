@@ -310,7 +310,7 @@ def in_si(values: T, scale: RobotSize) -> T:
     """Return a dataclass of numbers in units of a robot, which its annotations name, in metres, seconds and newtons."""
     h, omega, (half_length, half_width) = scale.height, scale.omega, scale.sole
     units: dict[str, float | tuple[float, ...]] = {
-        **{"1/ω": 1.0 / omega, "ω": omega, "ω²": omega**2, "h": h, "1/h": 1.0 / h, "hω": h * omega},
+        **{"1/ω": 1.0 / omega, "ω": omega, "ω²": omega**2, "h": h, "hω": h * omega},
         **{"g": GRAVITY, "mg": scale.weight, "leg": scale.leg, "ankle": scale.ankle},
         "sole": (2.0 * half_length, 2.0 * half_width),
     }
