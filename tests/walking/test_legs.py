@@ -166,6 +166,9 @@ def test_a_step_out_of_reach_goes_as_far_as_it_can_on_its_way(side: str, yaw: fl
         within = (ahead, aside) == (x, y)
         assert reach.allows(stance, at(ahead, aside, 0.0)) == within
         assert reach.allows(stance, near)
+    for turn in (r.max_yaw, -0.5 * r.max_yaw):
+        step = at(0.1, 0.25, turn)
+        assert reach.nearest(stance, step) is step, "at the limit it stays"
     beside = reach.nearest(stance, at(0.0, 0.0, r.max_yaw))
     assert not reach.overlap(stance, beside), "it goes outwards until the soles are clear of each other"
     assert reach.overlap(stance, at(0.0, abs(beside.seen_from(stance)[1]) - 0.011, r.max_yaw))
@@ -296,3 +299,25 @@ def test_feet_turn_outwards_by_four_fifths_of_what_both_hips_do(
     feet = {"left_sole": "left_foot", "right_sole": "right_foot"}
     robot = RobotDescription.from_urdf(urdf, position_limits=limits, **feet).robot()
     assert Reach.of(robot).max_yaw == pytest.approx(most)
+
+
+@pytest.mark.parametrize("index", [0, 2])
+def test_a_plan_that_cannot_be_walked_is_refused_with_the_number_of_its_step(index: int) -> None:
+    reach, plan = Reach.of(ROBOT), walk_distance(START, 0.4)
+    step = plan.steps[index]
+
+    def changed(**values: float) -> FootstepPlan:
+        return plan.with_step(index, replace(step, **values), carry=False)
+
+    number = f"step {index + 1} of {len(plan)}"
+    with pytest.raises(InputError, match=number):
+        check_plan(changed(z=2.0), reach)
+    close = replace(reach, min_spacing=0.01)
+    with pytest.raises(InputError, match=f"overlap at {number}"):
+        check_plan(changed(y=-0.03 if step.side == "left" else 0.03), close)
+    weak = replace(reach, leg=reach.leg._replace(hip_speed=1e-3))
+    with pytest.raises(InputError, match="step 1 of"):
+        check_plan(plan, weak)
+    edge = max(s.x for s in plan.steps[:index]) if index else 0.0
+    with pytest.raises(InputError, match=f"step {index + 1} leaves"):
+        check_plan(plan, reach, (-9.0, edge + 0.09, -9.0, 9.0))

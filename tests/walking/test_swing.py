@@ -296,11 +296,12 @@ def test_a_foot_has_at_its_apex_the_height_that_its_acceleration_gives() -> None
         assert foot._reach(0.1) == pytest.approx(reach)
 
 
-def test_a_foot_that_is_cut_short_has_the_time_of_a_part_of_a_fall_from_its_height() -> None:
+@pytest.mark.parametrize("z", [0.0, 0.03, -0.04])
+def test_a_foot_that_is_cut_short_has_the_time_of_a_part_of_a_fall_from_its_height(z: float) -> None:
     """Over the landing: 0.5 √(h/g), less the height of the last piece at its landing speed."""
-    shape = STEPPING._replace(quickest=0.5)
-    foot = SwingFoot(HERE.placement, THERE, 0.8, shape)
-    height = foot.motion(0.35)[0][2]
-    foot.retarget(0.35, THERE, 0.36)
+    shape, landing = STEPPING._replace(quickest=0.5), replace(THERE, z=z)
+    foot = SwingFoot(HERE.placement, landing, 0.8, shape)
+    height = foot.motion(0.35)[0][2] - z
+    foot.retarget(0.35, landing, 0.36)
     least = 0.5 * np.sqrt((height - shape.piece * shape.landing_speed) / 9.80665)
     assert foot.duration == pytest.approx(0.35 + max(least, shape.piece), abs=1e-6)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -415,6 +416,16 @@ def test_a_foot_that_rubs_goes_on_where_the_dcm_runs_away_from_it(
     gait.elapsed = gait._touch - 0.1
     far = dataclasses.replace(there, x=there.x + 9.0)
     assert not gait._rubs(steps, far), "its landing does not catch the robot"
+
+
+@pytest.mark.parametrize(("height", "lands"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)])
+def test_ground_within_a_third_of_a_leg_is_landed_on(height: float, lands: bool) -> None:
+    gait, z = gait_on(LEVEL), height * SCALE.leg / 3.0
+    seen = SimpleNamespace(x=0.2, y=0.1, z=z, slope=(0.1, -0.2))
+    gait.ground.sight = SimpleNamespace(version=1, support=lambda *_: seen)  # type: ignore[assignment]
+    landing = gait._seen(Footstep("left", 0.2, 0.1))
+    assert landing.z == pytest.approx(z if lands else 0.0) == gait.ground.height
+    assert gait._tilt == pytest.approx((-math.atan(0.1), math.atan(-0.2)) if lands else (0.0, 0.0))
 
 
 def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
