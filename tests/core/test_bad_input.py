@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from functools import cache
 from typing import Any
@@ -14,6 +15,7 @@ import pytest
 import wbc
 from wbc.base.errors import InputError, ModelError, UnknownNameError
 from wbc.core.limits.shapes import CollisionSphere, Obstacle
+from wbc.core.qp.contact import FIRMEST
 from wbc.core.robot import Robot
 from wbc.robots import load
 from wbc.tasks.balance import balance_controller
@@ -58,6 +60,8 @@ def again(*items: wbc.TorqueLimits | wbc.JointLimits) -> None:
     balance_controller(g1().clone(), 0.002).add(*items)
 
 
+WEIGHT = re.escape(f"from 0 to {FIRMEST:g}")
+
 REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: wbc.Controller(g1(), 0.0), InputError, "dt of Controller"),
     (lambda: wbc.Controller(g1(), 5.0), InputError, "dt of Controller"),
@@ -86,7 +90,8 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: Sole("left_foot", ramp=NAN), InputError, "ramp"),
     (lambda: Sole("left_foot", wrench_weight=[1.0, 2.0]), InputError, "left_foot"),
     (lambda: Sole("left_foot", wrench_weight=-1.0), InputError, "left_foot"),
-    (lambda: Sole("left_foot", motion_weight=-1.0), InputError, "left_foot"),
+    (lambda: Sole("left_foot", motion_weight=-1.0), InputError, WEIGHT),
+    (lambda: Sole("left_foot", motion_weight=2e6), InputError, WEIGHT),
     (lambda: Sole("left_foot", margin=0.5).bind(g1()), InputError, "margin"),
     (lambda: Sole("pelvis").bind(g1()), UnknownNameError, "pelvis"),
     (lambda: Point("left_hand", normal=(0.0, 0.0, 0.0)), InputError, "left_hand"),

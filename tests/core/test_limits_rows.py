@@ -251,6 +251,18 @@ def test_a_pair_that_no_joint_separates_is_refused_with_its_distance(
     assert controller.solve().ok
 
 
+@pytest.mark.parametrize("radius", [0.1, 0.3])
+def test_shapes_that_start_inside_each_other_are_refused_with_their_depth(radius: float) -> None:
+    """Two balls whose centres are nearer than the sum of their radii."""
+    robot = make_robot("hrp4_class")
+    hands = left_hand(robot), right_hand(robot)
+    one, other = (robot.placement(hand).translation for hand in hands)
+    radii = radius, float(np.linalg.norm(one - other)) - radius + 0.017
+    shapes = {hand: CollisionSphere(r) for hand, r in zip(hands, radii, strict=True)}
+    with pytest.raises(InputError, match=r"are 0\.017 m"):
+        CollisionLimit([hands], shapes=shapes, margin=0.001).bind(robot)
+
+
 @pytest.mark.parametrize(
     ("name", "pair"),
     [
