@@ -18,6 +18,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from at_rest import at_rest
 from hanging import SimulatedTime
 from machine_process import Process
 
@@ -188,18 +189,67 @@ def test_a_stop_holds_the_joints_where_they_are_while_stiffness_and_torques_fall
     assert np.abs(stop[-1].joint_torque).max() < 0.1 * np.abs(stop[0].joint_torque).max()
 
 
-@pytest.mark.slow
+class Ideal(Driver):
+    """A robot on the ground whose joints are at once where they are sent, and whose base leans by a pitch, rad."""
+
+    def __init__(self) -> None:
+        self.description, self.clock = DESCRIPTION, SimulatedTime()
+        self.robot, self.damped, self._told = DESCRIPTION.robot(), 0, -1.0
+        self.q, self.pitch, self.rate = np.array(self.robot.half_sitting[7:]), 0.0, 0.0
+
+    def read(self, timeout: float) -> Measurement | None:
+        now = round(self.clock.time / PERIOD) * PERIOD
+        if now <= self._told:
+            self.clock.time += timeout
+            return None
+        self.pitch += self.rate * (now - self._told) if self._told > 0.0 else 0.0
+        self._told = now
+        up = pin.rpy.rpyToMatrix(0.0, self.pitch, 0.0).T @ [0.0, 0.0, 9.80665]
+        still = at_rest(self.robot, now - 100.0, joint_position=self.q.copy(), specific_force=up)
+        return replace(still, angular_velocity=np.array([0.0, self.rate, 0.0]))
+
+    def write(self, command: Command) -> None:
+        if command.joint_position is not None:
+            self.q = command.joint_position.copy()
+
+    def damp(self) -> None:
+        self.damped += 1
+
+
 def test_a_controller_takes_over_by_and_by() -> None:
-    """From half-sitting held by the servos to the controller's own command, here no torque at all."""
-    machine = SimulatedMachine(SimulatedTime())
-    runner = make(machine, types.SimpleNamespace(command=lambda measurement: Command(np.zeros(NA))), load=0.0)
-    sent = commands_by_phase(machine, runner)
-    runner.run(lambda: len(sent[Phase.RUN]) == 60)
+    """From the stand to the controller's own command, here no torque at all."""
+    machine = Ideal()
+    own = types.SimpleNamespace(command=lambda measurement: Command(np.zeros(NA)))
+    runner = make(machine, own, load=0.0, fade=0.02, stop=0.0)  # type: ignore[arg-type]
+    sent = commands_by_phase(machine, runner)  # type: ignore[arg-type]
+    report = runner.run(lambda: len(sent[Phase.RUN]) == 60)
+    assert report.reason == "stopped" and machine.damped == 50
     taken = sent[Phase.RUN]
     blended = [command for command in taken if command.kp is not None]
     assert len(blended) == 50 and all(command.kp is None for command in taken[50:])  # 0.2 s
     damping = [float(command.kd[0]) for command in blended if command.kd is not None]
     np.testing.assert_allclose(np.array(damping) / damping[0], 1.0 - np.arange(50) / 50.0, atol=0.03)
+
+
+@pytest.mark.parametrize("on_fall", ["damp", "go on"])
+def test_a_robot_that_tips_over_under_a_control_of_ones_own_is_damped_unless_it_is_to_go_on(
+    on_fall: str,
+) -> None:
+    machine, zero = Ideal(), np.zeros(NA)
+    hold = Command(zero, machine.q.copy(), zero)
+    runner = make(
+        machine, types.SimpleNamespace(command=lambda _: hold), load=0.0, fade=0.02, stop=0.0, on_fall=on_fall
+    )  # type: ignore[arg-type]
+    ran = [0]
+
+    def until() -> bool:
+        ran[0] += runner.phase is Phase.RUN
+        machine.rate = 2.0 if ran[0] > 10 and machine.pitch < 1.2 else 0.0
+        return ran[0] > 400
+
+    report = runner.run(until)
+    assert report.reason.startswith("the robot has fallen: ") == (on_fall == "damp")
+    assert (machine.pitch > 0.5) and (report.reason == "stopped") == (on_fall == "go on")
 
 
 @pytest.mark.slow
