@@ -326,6 +326,31 @@ def test_soft_limits_bound_a_joint_and_are_named(what: str) -> None:
         soft(biped(geometry=FOOT_BOX), control=command("${low}", "1.3"))
 
 
+def changed(xml: str, joint: str, kind: str, inside: str = "") -> str:
+    """Return a URDF with a joint of another type and with a further element in it."""
+    begin = xml.index(f'<joint name="{joint}"')
+    end = xml.index("</joint>", begin)
+    own = xml[begin:end].replace('type="revolute"', f'type="{kind}"')
+    return xml[:begin] + own + inside + xml[end:]
+
+
+def test_a_joint_without_end_has_the_range_of_what_is_coupled_to_it_or_that_is_given() -> None:
+    """The follower moves by 2 · leader + 0.5 within ±1.5 rad; a joint that slides goes on sliding."""
+    mimic = '<mimic joint="l_elbow" multiplier="2" offset="0.5"/>'
+    xml = changed(changed(biped(), "l_elbow", "continuous"), "r_elbow", "revolute", mimic)
+    robot = RobotDescription.from_urdf(xml, **FEET).robot()
+    i = robot.joint_index("l_elbow")
+    assert (robot.position_lower[i], robot.position_upper[i]) == pytest.approx((-1.0, 0.5))
+    xml = changed(changed(biped(), "l_elbow", "continuous"), "r_elbow", "prismatic")
+    given = {"l_elbow": (-0.7, 0.9), "r_elbow": (-0.1, 0.2), "l_roll": (-0.3, 0.4)}
+    robot = RobotDescription.from_urdf(xml, **FEET, position_limits=given).robot()
+    for name, bounds in given.items():
+        i = robot.joint_index(name)
+        assert (robot.position_lower[i], robot.position_upper[i]) == pytest.approx(bounds)
+    kinds = {name: robot.model.joints[robot.model.getJointId(name)].shortname() for name in given}
+    assert [name for name, kind in kinds.items() if kind.startswith("JointModelP")] == ["r_elbow"]
+
+
 PLACES = {
     "relative": "../meshes/hull 1.obj",
     "file": "file://../meshes/hull%201.obj",
