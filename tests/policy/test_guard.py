@@ -1,0 +1,121 @@
+"""Guard of a policy: when it is relieved, and what goes on."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from policies import DT, G1, REST, Known, bobbing, control
+
+import wbc
+from wbc.app import Log, Recorder
+from wbc.base.errors import InputError
+from wbc.policy import Guard, PolicyDescription, Term
+from wbc.walking import WalkingControl, WalkingControlSettings
+
+
+def guarded(**options: Any) -> tuple[wbc.Plant, Guard, Known]:
+    """Return a guard of a policy that stands."""
+    n = len(G1.joint_names)
+    servos = G1.robot().servos
+    network = Known(3, n)
+    description = PolicyDescription(
+        joints=tuple(G1.joint_names),
+        default=tuple(REST.values()),
+        kp=tuple(0.3 * servos.kp),
+        kd=tuple(0.3 * servos.kd),
+        observation=(Term("gravity"),),
+    )
+    plant, policy = control(network, description)
+    return plant, Guard(policy, **options), network
+
+
+def run_guard(plant: wbc.Plant, guard: Guard, seconds: float) -> None:
+    end = plant.time + seconds
+    while plant.time < end - 1e-9:
+        plant.step(guard.command(plant.measure()))
+
+
+def break_by_nan(network: Known) -> None:
+    network.action[:] = math.nan
+
+
+def break_by_error(network: Known) -> None:
+    network.action = np.zeros(1, np.float32)[:0].reshape(0, 3)  # of no shape that can be taken
+
+
+def break_by_torques(network: Known) -> None:
+    network.action[:] = 20.0 * np.where(np.arange(network.outputs) % 2, 1.0, -1.0)
+
+
+BREAKS = [(break_by_nan, "nan"), (break_by_error, ""), (break_by_torques, "torque")]
+
+
+@pytest.mark.parametrize(("breaks", "named"), BREAKS)
+def test_a_policy_that_fails_is_relieved_and_the_robot_stands(breaks: Any, named: str) -> None:
+    plant, guard, network = guarded()
+    run_guard(plant, guard, 0.3)
+    assert not guard.relieved and guard.status() == "ok"
+    breaks(network)
+    run_guard(plant, guard, 0.02)
+    assert guard.relieved and named in guard.relieved and guard.control is guard.walking.control
+    run_guard(plant, guard, 2.0)
+    assert guard.fallen is None and np.linalg.norm(plant.truth().com_velocity) < 0.05
+    with_walk = guard.progress.steps_done
+    guard.velocity = (0.2, 0.0, 0.0)
+    run_guard(plant, guard, 2.0)
+    assert (
+        guard.progress.steps_done > with_walk and guard.fallen is None
+    )  # the library walks on where it is told to
+    with pytest.raises(InputError, match="stand"):
+        guard.hand_back()
+
+
+def test_a_policy_that_takes_too_long_is_relieved() -> None:
+    plant, guard, network = guarded(longest=1e-9)
+    run_guard(plant, guard, 0.004)
+    assert "longer" in guard.relieved
+
+
+def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tmp_path: Path) -> None:
+    plant, guard, network = guarded()
+    run_guard(plant, guard, 0.5)
+    before = np.array(guard.policy.observer.robot.q)
+    guard.take_over()
+    with Recorder(tmp_path / "guard.arrow") as recorder:
+        for _ in range(10):
+            m = plant.measure()
+            command = guard.command(m)
+            recorder(plant, guard, m, command)
+            plant.step(command)
+    assert len(Log.open(tmp_path / "guard.arrow").time) == 10
+    assert guard.relieved == "asked for"
+    assert np.abs(guard.walking.control.observer.robot.q - before).max() < 5e-3
+    run_guard(plant, guard, 1.0)
+    guard.hand_back()
+    seen = len(network.seen)
+    run_guard(plant, guard, 0.2)
+    assert not guard.relieved and len(network.seen) - seen == 10 and guard.fallen is None
+
+
+@pytest.mark.parametrize(
+    ("period", "own", "options"),
+    [
+        (DT, False, {}),
+        (0.001, True, {}),
+        (DT, True, {"step_kind": "planned"}),
+        (DT, False, {"mode": "position"}),
+    ],
+)
+def test_walks_that_cannot_take_over_are_refused(period: float, own: bool, options: dict[str, Any]) -> None:
+    _, policy = bobbing()
+    observer = policy.observer if own else None
+    settings = WalkingControlSettings(**{"mode": "torque", **options})
+    walking = WalkingControl(policy.controller.robot, None, period, settings, observer=observer)
+    with pytest.raises(InputError):
+        Guard(policy, walking)
+    with pytest.raises(InputError):
+        Guard(policy, longest=0.0)

@@ -1,0 +1,152 @@
+"""Policies elsewhere: in trials, logs, pages, environments, and in the examples of machines."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from policies import DT, G1, REST, Known, described, write_standing
+
+import wbc
+from wbc.app import Log, Recorder
+from wbc.app.view.controls import LiveControls
+from wbc.base.errors import InputError, WbcError
+from wbc.policy import FootContacts, PolicyControl, Term
+from wbc.sim import WalkSpec
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.trial import WalkTrial
+from wbc.walking.contact import GaitPhase
+
+pytest.importorskip("onnxruntime")
+
+
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a policy whose joints stay in half-sitting, by the servos of the robot."""
+    return write_standing(tmp_path_factory.mktemp("policy") / "stand.onnx")
+
+
+def test_a_policy_walks_in_trials_logs_and_environments(standing: Path, tmp_path: Path) -> None:
+    """A spec with the policy is one walk: read again and repeated from its log it is the same, bit for bit."""
+    spec = WalkSpec(
+        robot="g1", trained=str(standing), noise="none", plan=WalkPlan(drive=((0.5, 0.0, 0.0, 0.0),))
+    )
+    assert spec.chosen == "torque" and WalkSpec.from_json(spec.to_json()) == spec
+    with Recorder(tmp_path / "log.arrow") as recorder:
+        result = WalkTrial(spec).run([recorder])
+    assert result.outcome == "completed" and result.failures == 0 and result.steps_done == 0
+    assert 2.0 <= result.seconds < 2.6 and abs(result.distance) < 0.05 and result.peak_torque_ratio > 0.01
+    assert WalkTrial(WalkSpec.from_json(spec.to_json())).run().record() == result.record()
+    log, knee = Log.open(tmp_path / "log.arrow"), "left_knee_joint"
+    held = G1.robot().half_sitting[7 + G1.joint_names.index(knee)]
+    np.testing.assert_allclose(log[f"joint/position_reference/{knee}"], held, atol=1e-6)
+
+
+def test_a_page_steers_and_pushes_a_policy(standing: Path) -> None:
+    plant = wbc.Plant(G1, control_period=DT)
+    policy = PolicyControl(G1.robot(), standing, DT)
+    controls = LiveControls(plant, policy)
+    assert {"drive", "stop", "push"} <= set(controls.offered)
+    controls.apply({"do": "drive", "forward": 0.2, "left": 0.0, "turn": 0.1})
+    assert policy.velocity == (0.2, 0.0, 0.1)
+    controls.apply({"do": "stop"})
+    assert policy.velocity is None
+
+
+def test_an_environment_steers_a_policy(standing: Path) -> None:
+    environment = pytest.importorskip("wbc.sim.environment")
+    env = environment.WbcEnv(robot="g1", trained=str(standing), noise="none", seconds=0.5)
+    observation, _ = env.reset(seed=0)
+    for _ in range(3):
+        observation, _, terminated, _, _ = env.step([0.3, 0.0, 0.1])
+    assert env.trial.walking.velocity == (0.3, 0.0, 0.1) and not terminated and np.isfinite(observation).all()
+    with pytest.raises(InputError, match="trained"):
+        environment.WbcEnv("stand", robot="g1", trained=str(standing))
+
+
+def test_steps_of_a_policy_are_counted_by_the_loads_of_its_feet() -> None:
+    contacts = FootContacts(G1.robot(), DT)
+    weight = G1.robot().mass * 9.81
+    assert contacts.progress.phase is GaitPhase.STANDING
+    for _ in range(3):  # left, right, left swing for 0.4 s each; the right one bounces in between
+        for loads, ticks in (((0.0, weight), 200), ((0.5 * weight, 0.5 * weight), 25)):
+            for _ in range(ticks):
+                contacts.update(loads)
+    assert contacts.steps_done == 3 and contacts.progress.phase is GaitPhase.DOUBLE
+    for _ in range(20):  # thrown off the ground for 0.04 s
+        contacts.update((weight, 0.0))
+    assert contacts.progress.swing == 1 and contacts.air == pytest.approx([0.0, 0.04])
+    contacts.update((0.5 * weight, 0.5 * weight))
+    assert contacts.steps_done == 3 and contacts.landed[1] == pytest.approx(DT)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"mode": "position"},
+        {"eyes": "depth"},
+        {"plan": WalkPlan(turn=0.5)},
+        {"gait": {"step_length": 0.1}},
+        {"robot": "hrp4_class"},
+        {"trained": "nowhere.onnx"},
+    ],
+)
+def test_walks_that_no_policy_does_are_refused(standing: Path, fields: dict[str, Any]) -> None:
+    with pytest.raises(WbcError):
+        WalkSpec(**({"robot": "g1", "trained": str(standing)} | fields))
+
+
+def test_another_policy_of_the_same_name_is_another_walk(standing: Path, tmp_path: Path) -> None:
+    file = tmp_path / "mine.onnx"
+    file.write_bytes(standing.read_bytes())
+    before = WalkSpec(robot="g1", trained=str(file)).to_json()
+    file.with_suffix(".toml").write_text("action_scale = 0.5\n", encoding="utf-8")
+    assert WalkSpec(robot="g1", trained=str(file)).to_json() != before
+    with pytest.raises(InputError, match="changed"):
+        WalkSpec.from_json(before)
+
+
+@pytest.fixture
+def example(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Import an example of a machine by its name."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "examples" / "machine"))
+    return importlib.import_module
+
+
+def test_a_controller_of_lerobot_targets_motors_by_name_and_hides_the_arms(example: Any) -> None:
+    lerobot = example("lerobot_g1")
+    n = len(G1.joint_names)
+    network = Known(2 * n, n, 0.1)
+    names = ("joint_position", "joint_velocity")
+    description = described(
+        G1.joint_names, default=list(REST.values()), observation=[Term(name) for name in names]
+    )
+    controller = lerobot.PolicyController(network, control_dt=DT, description=description)
+    machine = wbc.sim.Machine(force_sensors=False, torque_sensors=True)
+    plant = wbc.Plant(G1, control_period=DT, noise="none", machine=machine)
+    assert controller.run_step({}, None) == {} and controller.control_dt == DT
+    for _ in range(20):
+        targets = controller.run_step({"remote.ly": 1.0, "remote.lx": 0.05}, lerobot.message(plant.measure()))
+        plant.step(wbc.Command(np.zeros(n)))  # all joints move
+    assert len(targets) == 15 and list(targets)[:2] == ["kLeftHipPitch.q", "kLeftHipRoll.q"]
+    assert targets["kRightKnee.q"] == pytest.approx(REST["right_knee_joint"] + 0.025)
+    np.testing.assert_allclose(controller.kp, description.kp)
+    assert controller.control.velocity == (0.5, 0.0, 0.0)
+    seen = network.seen[-1].reshape(2, n)
+    assert not seen[:, 15:].any() and seen[:, :15].any()
+
+
+@pytest.mark.parametrize("what", ["stand", "walk", "policy"])
+def test_controls_for_the_simulator_of_unitree_run_without_force_sensors(
+    example: Any, what: str, standing: Path
+) -> None:
+    simulator = example("unitree_simulator")
+    control, period = simulator.control_of(what, str(standing)), 1.0 / simulator.RATE
+    machine = wbc.sim.Machine(force_sensors=False, torque_sensors=True)
+    plant = wbc.Plant(G1, control_period=period, machine=machine)
+    while plant.time < 0.4:
+        plant.step(control.command(plant.measure()))
+    assert control.fallen is None and plant.truth().com[2] > 0.6

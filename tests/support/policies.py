@@ -1,0 +1,120 @@
+"""Policies for tests: networks that answer with a given action, their descriptions, and files of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.policy import PolicyControl, PolicyDescription, Term
+
+DT = 0.002
+G1 = wbc.load_robot("g1")
+LEGS = tuple(name for name in G1.joint_names if any(part in name for part in ("hip", "knee", "ankle")))
+TERMS = ("angular_velocity", "gravity", "command", "joint_position", "joint_velocity", "last_action")
+
+
+class Known:
+    """Network that remembers what it saw, and answers with a given action."""
+
+    def __init__(self, inputs: int, outputs: int, action: float | Sequence[float] = 0.0) -> None:
+        self.inputs, self.outputs = inputs, outputs
+        self.action = np.broadcast_to(np.asarray(action, np.float32), (outputs,)).copy()
+        self.seen: list[np.ndarray] = []
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        self.seen.append(observation.copy())
+        return self.action
+
+
+def described(joints: Sequence[str] = LEGS, **values: Any) -> PolicyDescription:
+    n = len(joints)
+    given: dict[str, Any] = {
+        "default": [0.01 * k for k in range(n)],
+        "kp": [50.0 + k for k in range(n)],
+        "kd": [1.0 + 0.1 * k for k in range(n)],
+        "observation": [Term(name) for name in TERMS],
+        "action_scale": 0.25,
+    }
+    return PolicyDescription(joints=tuple(joints), **given | values)
+
+
+def control(network: Any, description: PolicyDescription, **options: Any) -> tuple[wbc.Plant, PolicyControl]:
+    plant = wbc.Plant(G1, control_period=DT, noise="none")
+    return plant, PolicyControl(G1.robot(), network, DT, description=description, **options)
+
+
+def write_network(
+    path: Path, weights: np.ndarray, metadata: dict[str, str] | None = None, **changes: Any
+) -> Path:
+    """Write the network action = weights · observation."""
+    onnx = pytest.importorskip("onnx")
+    outputs, inputs = weights.shape
+    helper, kind = onnx.helper, changes.get("kind", onnx.TensorProto.FLOAT)
+    given = [
+        helper.make_tensor_value_info(name, kind, changes.get("shape", [1, inputs]))
+        for name in changes.get("names", ["obs"])
+    ]
+    result = helper.make_tensor_value_info("action", kind, [1, outputs])
+    held = onnx.numpy_helper.from_array(weights.T.astype(np.float32), "weights")
+    graph = helper.make_graph(
+        [helper.make_node("MatMul", ["obs", "weights"], ["action"])], "policy", given, [result], [held]
+    )
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", changes.get("opset", 17))], ir_version=8
+    )
+    for key, text in (metadata or {}).items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, text
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+ARMS = tuple(G1.joint_names[15:])
+REST = {name: float(q) for name, q in zip(G1.joint_names, G1.robot().half_sitting[7:], strict=True)}
+
+
+def write_standing(file: Path) -> Path:
+    """Write a policy whose joints stay in half-sitting, by the servos of the robot."""
+    robot = G1.robot()
+    n = len(G1.joint_names)
+    meta = {
+        "joint_names": json.dumps(list(G1.joint_names)),
+        "joint_stiffness": json.dumps(robot.servos.kp.tolist()),
+        "joint_damping": json.dumps(robot.servos.kd.tolist()),
+        "default_joint_pos": json.dumps(robot.half_sitting[7:].tolist()),
+        "observation_names": "projected_gravity",
+    }
+    return write_network(file, np.zeros((n, 3)), meta)
+
+
+def bobbing(**options: Any) -> tuple[wbc.Plant, PolicyControl]:
+    """Return a policy that bends the knees by 0.15 rad and stretches them, once in a second, soles level."""
+
+    class Bob:
+        inputs, outputs = 2 + len(G1.joint_names), len(G1.joint_names)
+        seen: list[np.ndarray] = []
+
+        def __call__(self, observation: np.ndarray) -> np.ndarray:
+            self.seen.append(observation.copy())
+            action = np.zeros(self.outputs, np.float32)
+            for part, share in (("hip_pitch", -0.5), ("knee", 1.0), ("ankle_pitch", -0.5)):
+                for side in ("left", "right"):
+                    action[G1.joint_names.index(f"{side}_{part}_joint")] = share * 0.15 * observation[0]
+            return action
+
+    servos = G1.robot().servos
+    description = PolicyDescription(
+        joints=tuple(G1.joint_names),
+        default=tuple(REST.values()),
+        kp=tuple(servos.kp),
+        kd=tuple(servos.kd),
+        observation=(Term("phase_sine"), Term("joint_position")),
+        phase=1.0,
+    )
+    return control(Bob(), description, **options)
