@@ -186,15 +186,16 @@ def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
     assert [sole.frame for sole in lost.soles] == ["left_foot_sole", "right_foot_sole"]
 
 
-def test_a_root_that_looks_backward_is_turned() -> None:
-    """The same biped seen from a base whose x axis points to the heels."""
+@pytest.mark.parametrize("turn", [np.pi, 0.5 * np.pi, -0.5 * np.pi])
+def test_a_root_that_looks_elsewhere_is_turned(turn: float) -> None:
+    """The same biped seen from a base whose x axis points to the heels, or to a side."""
     backward = ElementTree.fromstring(biped())
-    urdf.turn_root(backward, np.pi)
+    urdf.turn_root(backward, turn)
     xml = ElementTree.tostring(backward, encoding="unicode")
     description = RobotDescription.from_urdf(xml, **FEET)
     assert any("new root link" in line for line in description.derived)
     assert_same(description.robot(), RobotDescription.from_urdf(biped(), **FEET).robot())
-    with pytest.raises(ModelError, match="swapped soles"):
+    with pytest.raises(ModelError, match="swapped soles" if turn == np.pi else "half-sitting"):
         RobotDescription.from_urdf(xml, **FEET, turn_root=False)
     with pytest.raises(ModelError, match="swapped soles"):
         RobotDescription.from_urdf(biped(), left_sole=FEET["right_sole"], right_sole=FEET["left_sole"])
