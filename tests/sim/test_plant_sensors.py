@@ -182,7 +182,7 @@ def test_errors_arise_in_the_order_of_a_real_sensor() -> None:
     assert np.ptp(read.mean(axis=0)) > 0.05  # each channel has a bias of its own
 
 
-@given(st.lists(st.integers(0, 9), min_size=6, max_size=6), st.integers(1, 8), st.integers(0, 3))
+@given(st.lists(st.integers(0, 6), min_size=6, max_size=6), st.integers(1, 16), st.integers(0, 3))
 @examples(60)
 def test_every_signal_is_read_at_its_own_age(ages: list[int], steps: int, delay: int) -> None:
     """Signals are pushed where the chain asks for them, as a loop does; ages are whole physics steps."""
