@@ -523,3 +523,20 @@ def test_a_scan_is_compared_with_the_ground_under_the_true_foot_and_as_believed(
     np.testing.assert_allclose(shape, wave - wave.mean(), atol=1e-9)
     np.testing.assert_allclose(believed, wave + move[2] - 0.1 * move[0], atol=1e-9)
     assert magnitude(np.arange(-10.0, 11.0)) == pytest.approx({"mean": 110.0 / 21.0, "p95": 10.0})
+
+
+def test_each_decision_of_a_stiffness_is_recorded_once() -> None:
+    task = SimpleNamespace(decided=None)
+    meter: Any = object.__new__(StiffnessMeter)
+    meter._task, meter._last, meter._times, meter._errors, compared = task, None, [], {}, []
+    meter._compare = lambda side, profile: compared.append((side, profile))
+    decisions = [
+        SimpleNamespace(computing=1e-6 * (k + 1), profile=profile, step=k, side=side)
+        for k, (profile, side) in enumerate([("first", "left"), (None, "right"), ("third", "right")])
+    ]
+    assert meter.decision_us() is None
+    for decided in (None, decisions[0], decisions[0], None, decisions[1], decisions[2], decisions[2]):
+        task.decided = decided
+        meter.tick(None)
+    assert compared == [(0, "first"), (1, "third")] and sorted(meter._errors) == [0, 2]
+    assert meter.decision_us() == pytest.approx({"median": 2.0, "max": 3.0})
