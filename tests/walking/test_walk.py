@@ -20,7 +20,7 @@ from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.contact import TOUCH_DOWNS, Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
-from wbc.walking.lipm.schedule import schedule
+from wbc.walking.lipm.schedule import ZmpTarget, schedule
 from wbc.walking.lipm.walk import CLIMBING_INWARD, LipmWalk, WalkSettings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
@@ -429,3 +429,18 @@ def test_adjustment_moves_and_mirrors_with_the_world() -> None:
         flipped, again = adjust((error[0], -error[1]), swing=swing_of(mirrored))
         np.testing.assert_allclose(here.position * [1, -1, 1], flipped.position, atol=1e-5)
         assert time == pytest.approx(same, abs=1e-5) == pytest.approx(again, abs=1e-5)
+
+
+@pytest.mark.parametrize("first", ["left", "right"])
+def test_a_zmp_that_is_planned_inwards_leaves_less_room_outwards(first: str) -> None:
+    """Of a sole 76 mm wide with a margin of 10 mm and a ZMP 20 mm inwards: 8 mm outwards and 48 mm inwards."""
+    plan = walk_distance(START, 1.0, first=first)
+    swing, adjuster = swing_of(plan), StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), ZmpTarget(inward=0.02))
+    outwards = 1.0 if swing.landing.side == "left" else -1.0
+    grow = np.exp(OMEGA * (0.4 + 0.15))
+    for shift, stays in ((0.007, True), (0.02, False), (-0.02, True)):
+        error = 1j * outwards * shift * (grow - 1.0) / grow
+        landing, remaining = adjuster.adjust(swing, 0.4, swing.dcm(0.4) + error)
+        assert (landing is swing.landing and remaining == pytest.approx(0.4)) == stays
+        if not stays:
+            assert outwards * (landing.y - swing.landing.y) > 0.005 or remaining < 0.38
