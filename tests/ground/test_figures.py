@@ -124,6 +124,11 @@ def test_of_two_surfaces_in_a_cell_the_upper_one_counts() -> None:
 
 def test_a_height_is_known_until_its_deviation_has_grown() -> None:
     """√(0.004² + 0.002² t) is 15 mm after 52.25 s; ages are looked at again every half a second."""
+    young = HeightMap(SINGLE)
+    young.add([[0.0, 0.0, 0.1]], [0.004], 0.0)
+    for time, age in ((0.499, 0.0), (0.5, 0.5), (0.999, 0.5), (1.0, 1.0)):
+        young.add([[1.0, 1.0, 0.0]], [0.004], time)
+        assert young.at(np.array([0j]))[1][0] == pytest.approx(math.sqrt(0.004**2 + 0.002**2 * age), rel=1e-9)
     world = HeightMap(SINGLE)
     world.add([[0.0, 0.0, 0.1]], [0.004], 0.0)
     lost = (0.015**2 - 0.004**2) / 0.002**2
