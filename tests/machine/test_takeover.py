@@ -308,8 +308,9 @@ def test_a_stamp_that_stands_still_is_no_clock_and_a_repeat_is_no_measurement() 
     assert not inlet.stamped and inlet.good is not None and inlet.good.time == pytest.approx(0.02)
     stamped = Inlet(robot, 0.004)
     again = measurement(1, 7.004)
-    taken = [stamped.take(m, 0.0) for m in (measurement(0, 7.0), again, again, copy.deepcopy(again))]
-    assert taken == [True, True, False, False]
+    copies = [copy.deepcopy(again) for _ in range(5)]
+    taken = [stamped.take(m, 0.0) for m in (measurement(0, 7.0), again, again, *copies)]
+    assert taken == [True, True, False, *[False] * 5]
     assert stamped.stamped and stamped.good is not None and stamped.good.time == 7.004
 
 
@@ -444,6 +445,23 @@ def test_a_start_is_a_minimum_jerk_motion_after_the_stiffness_has_risen() -> Non
         np.testing.assert_allclose(command.joint_torque, share * carried, rtol=1e-9)
         np.testing.assert_allclose(command.kp, share * G1.kp)
         np.testing.assert_array_equal(command.kd, G1.kd)
+
+
+def test_a_start_carries_the_pull_of_springs_beside_the_drives() -> None:
+    """A spring of k about q₀ pulls with k (q₀ − q)."""
+    joint, stiffness, rest = "left_elbow_joint", 8.0, 0.3
+    sprung = replace(G1, springs={joint: (stiffness, rest)})
+    carried = []
+    for description in (G1, sprung):
+        robot = description.robot()
+        loads = SoleLoads(description, 0.004, (G1.kp, G1.kd))
+        start = SafeStart(robot, at_rest(robot, 0.0), loads, fade=0.1, speed=1.0, gains=(G1.kp, G1.kd))
+        carried.append(start.carry(at_rest(robot, 0.0)))
+    index = G1.robot().joint_index(joint)
+    expected = np.zeros(len(carried[0]))
+    expected[index] = stiffness * (G1.robot().half_sitting[7 + index] - rest)
+    assert abs(expected[index]) > 1.0
+    np.testing.assert_allclose(carried[1] - carried[0], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("ratio", [0.5, 0.8, 1.4])
