@@ -349,6 +349,42 @@ def test_every_corner_of_a_box_above_a_plane_has_its_height() -> None:
         assert found == pytest.approx(expected[expected < 0.1], abs=1e-6)
 
 
+@pytest.mark.parametrize("turn", [0.3, -0.8, 2.0])
+def test_corners_of_what_a_box_faces_have_their_depth_and_its_derivative(turn: float) -> None:
+    """A small box below the flat side of a larger one at a hand: corners of the second shape, by plane geometry."""
+    robot, half, small = panda().robot(), 0.05, np.array([0.03, 0.02, 0.025])
+    under = wbc.Obstacle("box", wbc.CollisionBox(tuple((2.0 * small).tolist())))
+    limit = wbc.CollisionLimit(
+        obstacles=[under],
+        against=["panda_hand"],
+        shapes={"panda_hand": wbc.CollisionBox((0.4, 0.4, 2.0 * half))},
+        margin=0.0,
+        influence=0.5,
+    )
+    limit.bind(robot)
+    rng = np.random.default_rng(4)
+    robot.update_jacobians(pin.integrate(robot.model, robot.q, 0.2 * rng.normal(size=robot.nv)))
+    q, hand = np.array(robot.q), pin.SE3(robot.placement("panda_hand"))
+    tilt = pin.exp3(np.array([0.05, -0.03, turn]))
+    under.placement = hand * pin.SE3(tilt, np.array([0.04, -0.05, -half - 0.06]))
+    corners = small * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    points = [under.placement.act(corner) for corner in corners]
+
+    def depths() -> np.ndarray:
+        place = robot.placement("panda_hand")
+        return np.sort([-place.actInv(point)[2] - half for point in points])[:4]
+
+    rows, room = step_rows(limit, robot)
+    order = np.argsort(room)
+    assert room[order] == pytest.approx(depths(), abs=1e-6)
+    for v in rng.normal(size=(5, robot.nv)):
+        ends = []
+        for step in (1e-6, -1e-6):
+            robot.update_jacobians(pin.integrate(robot.model, q, step * v))
+            ends.append(depths())
+        assert (rows @ v)[order] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5)
+
+
 def test_no_row_holds_the_spin_of_a_cylinder_about_its_axis() -> None:
     robot = panda().robot()
     cylinder = wbc.CollisionCylinder(0.05, (0.0, 0.0, 0.0), (0.0, 0.0, 0.1))
