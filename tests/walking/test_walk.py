@@ -444,3 +444,49 @@ def test_a_zmp_that_is_planned_inwards_leaves_less_room_outwards(first: str) -> 
         assert (landing is swing.landing and remaining == pytest.approx(0.4)) == stays
         if not stays:
             assert outwards * (landing.y - swing.landing.y) > 0.005 or remaining < 0.38
+
+
+def test_a_step_comes_as_early_as_it_may_and_lands_no_further_away_than_it_may() -> None:
+    """50 ms from now; 0.15 m ahead and 0.12 m aside, within the reach of the legs."""
+    adjuster, reach = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT)), Reach.of(ROBOT, HEIGHT)
+    for push in (-0.3j, 0.4j, -0.12, 0.3):
+        assert adjuster.adjust(SWING, 0.4, SWING.dcm(0.4) + push)[1] == pytest.approx(FREEZE)
+    (low_x, low_y), (high_x, high_y) = adjuster._box((0.1, 0.18))
+    assert (low_x, high_x) == pytest.approx((max(-0.05, -reach.max_length), min(0.25, reach.max_length)))
+    assert (low_y, high_y) == pytest.approx((max(0.06, reach.min_spacing), min(0.30, reach.max_spacing)))
+    for x, y in ((9.0, 0.18), (-9.0, 0.18), (0.1, 9.0), (0.1, 0.0)):
+        low, high = adjuster._box((x, y))
+        assert low[0] <= x <= high[0] and low[1] <= y <= high[1], "a plan beyond the reach stays possible"
+
+
+def test_the_room_of_the_zmp_is_that_of_the_sole_less_its_margin_from_the_planned_point() -> None:
+    """Ahead 80 mm less 10 mm less 30 mm; to the heel no more than 30 mm, whatever the sole leaves."""
+    length, width = 0.5 * ROBOT.soles[0].length - 0.01, 0.5 * ROBOT.soles[0].width - 0.01
+    for forward, inward in ((0.03, 0.005), (-0.06, -0.01)):
+        target = ZmpTarget(forward=forward, inward=inward)
+        low, high = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), target)._shifts["left"]
+        assert low == pytest.approx((-min(0.03, length + forward), -width - inward))
+        assert high == pytest.approx((length - forward, width - inward))
+    for margin in (0.05, 0.5):  # nothing is left of the sole
+        low, high = StepAdjuster(
+            HEIGHT, Reach.of(ROBOT, HEIGHT), settings=AdjustmentSettings(margin=margin)
+        )._shifts["right"]
+        assert high[1] == pytest.approx(1e-3) == -low[1]
+
+
+def test_errors_that_cost_less_than_a_change_of_the_step_need_no_program() -> None:
+    """The program would leave the step as it is, too; with twice the error it may not."""
+    settings = AdjustmentSettings(backward=0.2, margin=0.0)
+    adjuster, grow = StepAdjuster(HEIGHT, Reach.of(ROBOT, HEIGHT), settings=settings), np.exp(OMEGA * 0.55)
+    idle = adjuster._idle
+    assert idle > 0.02
+    for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False):
+        shift = 0.99 * idle * np.exp(1j * angle)
+        if abs(shift.imag) > 0.5 * ROBOT.soles[0].width or abs(shift.real) > 0.5 * ROBOT.soles[0].length:
+            continue
+        dcm = SWING.dcm(0.4) + shift * (grow - 1.0) / grow
+        adjuster._idle = 0.0
+        assert adjuster.adjust(SWING, 0.4, dcm)[0] is SWING.landing
+        adjuster._idle, adjuster._program.solve = idle, None  # type: ignore[method-assign, assignment]
+        assert adjuster.adjust(SWING, 0.4, dcm) == (SWING.landing, pytest.approx(0.4))
+        del adjuster._program.solve
