@@ -12,7 +12,7 @@ from pendulum import analytic_pattern, support_area
 
 from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.lipm.pattern import Pattern
+from wbc.walking.lipm.pattern import Pattern, dcm_backwards
 from wbc.walking.lipm.preview import INTERVAL, PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import HeightProfile, SupportPhase, ZmpTarget, schedule, zmp_reference
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
@@ -236,3 +236,64 @@ def test_from_rest_the_weight_is_shifted_within_the_feet() -> None:
     zmp = np.array([pattern.at(t).zmp[:2] for t in np.arange(0.0, 0.8, 0.02)])
     assert max(inside(area, z) for z in zmp) < 1e-6
     assert zmp[:, 1].max() > 0.01 and zmp[-1, 1] < -0.04  # first away from the stance foot, then to it
+
+
+@pytest.mark.parametrize("error", [0.001 + 0.0j, 0.001j, -0.0006 + 0.0008j])
+def test_small_errors_of_the_dcm_are_shared_by_the_knots_by_their_leverage_over_their_time(
+    error: complex,
+) -> None:
+    """The least Σ Δ |δ|² with Σ w δ = e is δ ~ w / Δ; the leverage w of a knot is the derivative of the DCM."""
+    preview = PreviewController(SIZES, HEIGHT)
+    supports = remaining(schedule(walk_velocity(START, (0.1, 0.02, 0.2), 6)), 1.0)
+    times, points, areas = preview._knots(supports, complex(0.0, -0.08))
+    moved_points = list(points)
+    preview._shift(times, moved_points, areas, error)
+    shifts = np.array(moved_points) - np.array(points)
+    free, dcm = len(areas), dcm_backwards(times, points, preview.omega)[0]
+    levers = []
+    for k in range(1, free + 1):
+        nudged = [*points[:k], points[k] + 1.0, *points[k + 1 :]]
+        levers.append((dcm_backwards(times, nudged, preview.omega)[0] - dcm).real)
+    weights, spans = np.array(levers), np.diff(times[: free + 2])
+    held = 0.5 * (spans[:-1] + spans[1:])
+    expected = error * (weights / held) / (weights**2 / held).sum()
+    np.testing.assert_allclose(shifts[1 : free + 1], expected, rtol=1e-3, atol=1e-9)
+    assert not shifts[0] and not shifts[free + 1 :].any()
+
+
+def test_knots_are_the_ends_of_supports_with_some_between_the_first_two() -> None:
+    """Every tenth of a second, four in the first and two in the second at most; eight supports on they end."""
+    preview = PreviewController(SIZES, HEIGHT)
+    times, points, areas = preview._knots(WALK, 0j)
+    ends = np.cumsum([support.duration for support in WALK])
+    assert times[:5] == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8]) and times[5:7] == pytest.approx([1.2, 1.6])
+    assert times[7:] == pytest.approx(
+        [*ends[2:], *([ends[-1] + 0.5] if len(areas) == len(points) - 2 else [])]
+    )
+    assert len(areas) == min(len(points) - 1, 4 + 2 + 7)
+    under = [START.right.position, WALK[1].feet[0].position]
+    np.testing.assert_allclose([points[2].imag, points[4].imag], [0.5 * under[0][1], under[1][1]], atol=1e-12)
+    short, _, _ = preview._knots(remaining(WALK, 0.65), 0j)
+    assert short[1:4] == pytest.approx([0.075, 0.15, 0.15 + 0.4])
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.6])
+def test_the_strip_between_two_feet_is_as_wide_as_the_narrower_way_through_their_soles(yaw: float) -> None:
+    """Across the line between them each sole leaves its half length or width, over the cosine to its axis."""
+    preview = PreviewController(SIZES, HEIGHT, PreviewSettings(margin=0.01))
+    feet = Footstep("left", 0.3, 0.2, yaw=yaw), Footstep("right", 0.1, -0.1, yaw=-0.3)
+    axis, centre, half = preview._area(feet)
+    way = np.array([-0.2, -0.3])
+    assert (axis.real, axis.imag) == pytest.approx(tuple(way / np.linalg.norm(way)))
+    assert centre == pytest.approx(0.2 + 0.05j) and half.real == pytest.approx(0.5 * np.linalg.norm(way))
+    across = np.array([-way[1], way[0]]) / np.linalg.norm(way)
+    rooms = []
+    for foot in feet:
+        c, s = np.cos(foot.yaw), np.sin(foot.yaw)
+        ahead, left = abs(across @ (c, s)), abs(across @ (-s, c))
+        rooms.append(min(0.07 / ahead, 0.028 / left))
+    assert half.imag == pytest.approx(min(rooms))
+    axis, centre, half = preview._area(feet[:1])
+    assert axis == pytest.approx(complex(np.cos(yaw), np.sin(yaw))) and (centre, half) == pytest.approx(
+        (0.3 + 0.2j, 0.07 + 0.028j)
+    )
