@@ -263,6 +263,11 @@ def test_a_walk_with_free_steps_has_time_to_set_off_go_turn_and_stop() -> None:
     assert orders[0] == (0.0, 0.2, 0.0, 0.0) and orders[1][1:] == (0.0, 0.0, 0.0)
     step = (twelve.orders[1][0] - orders[1][0]) / 6.0
     assert 0.2 < step < 1.0 and twelve.nominal_time == pytest.approx(twelve.orders[1][0] + pause)
+    free = (("step_kind", "free"),)
+    for distance in (0.3, 0.6):  # landings that are given: a slow step for each
+        steps = WalkSpec(plan=WalkPlan(distance=distance), mode="position").prepare().plan.steps
+        given = WalkSpec(plan=WalkPlan(footsteps=steps), mode="torque", changes=free).prepare()
+        assert given.nominal_time == pytest.approx(len(steps) * step + pause)
     rows = ((0.0, 0.1, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0))
     driven = WalkSpec(plan=WalkPlan(drive=rows), mode="torque").prepare()
     assert driven.orders == rows and driven.nominal_time == pytest.approx(4.0 + pause)
