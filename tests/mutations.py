@@ -32,6 +32,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("wbc", "robots", "feet", "tasks", "sim")
 KINDS = ("arithmetic", "comparison", "seed", "number")
 SLOWEST = 300  # s of CPU; tests that hang have noticed, too
+LARGEST = 6 << 30  # bytes of memory; a loop that an error makes endless may fill that of the machine
 MOST = 80  # tests of one run, those of the room first
 
 ARITHMETIC = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"}
@@ -132,6 +133,7 @@ class Covering:
 
 def limit() -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (SLOWEST, SLOWEST))
+    resource.setrlimit(resource.RLIMIT_DATA, (LARGEST, LARGEST))
 
 
 def pytest_in(tree: Path, arguments: list[str], timeout: float | None = 10 * SLOWEST) -> int:
