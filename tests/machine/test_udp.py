@@ -219,6 +219,23 @@ def test_a_command_that_was_held_back_is_dropped(wire: Wire, monkeypatch: pytest
     program.socket.close()
 
 
+def test_the_delay_of_a_packet_is_that_against_the_quickest_of_its_sender(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Clocks of both ends differ by any time, here 1000 s; after each quick packet a bound drifts away slowly."""
+    end, sender, apart = End(NA, "127.0.0.1", None), End(NA, "127.0.0.1", None), 1000.0
+    under_way = (0.004, 0.010, 0.003, 0.003, 0.080, 0.003, 2.0, 0.004)  # s
+    quickest = np.minimum.accumulate(under_way)
+    for i, (took, least) in enumerate(zip(under_way, quickest, strict=True)):
+        sent = 50.0 + 0.01 * i
+        head = end.header(sender.pack(HELLO, 0))
+        assert head is not None
+        monkeypatch.setattr(udp.time, "monotonic", lambda now=sent + took: now)
+        late = end.delay(head._replace(number=round(1e9 * (sent + apart))))
+        monkeypatch.undo()
+        assert late == pytest.approx(took - least, abs=1e-3)
+
+
 def test_a_hello_takes_the_measurements_from_nobody(wire: Wire) -> None:
     """Recorded ones are answered at most; the robot's own packets, sent back to it, are none of a driver's."""
     driver, record = wire.driver(), Program(wire)
