@@ -20,6 +20,7 @@ from wbc.core import conventions
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load, names, register, registry, urdf
+from wbc.robots.derivation.servo import ServoRule, effective_inertia
 from wbc.robots.derivation.soles import sole_rectangle
 from wbc.robots.models import example_robots, hrp4_class
 from wbc.sim.balance.standing import StandSpec
@@ -142,6 +143,63 @@ def test_half_sitting_stands(name: str) -> None:
     # Both legs are bent: the pelvis is lower than with straight legs by more than 1 % of its height.
     straight = dict.fromkeys(robot.joint_names, 0.0)
     assert robot.half_sitting[2] < 0.99 * robot.configuration(straight)[2]
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_servo_moves_what_is_below_its_joint_and_that_of_a_leg_its_share_of_what_is_above(
+    name: str,
+) -> None:
+    """By Steiner: Σ aᵀIa + m |a × (c − p)|² over the bodies, about the axis of each joint, at half-sitting."""
+    description = load(name)
+    model, q = description.pinocchio_model(), description.robot().half_sitting
+    data, soles, armature = (
+        model.createData(),
+        tuple(s.frame for s in description.soles),
+        0.01 * np.arange(model.nv - 6),
+    )
+    found = effective_inertia(model, q, soles, armature, 0.4)
+    pin.framesForwardKinematics(model, data, q)
+    legs = {
+        int(j) for frame in soles for j in model.supports[model.frames[model.getFrameId(frame)].parentJoint]
+    }
+
+    def about(joint: int, bodies: set[int]) -> float:
+        kind = model.joints[joint]
+        spin = kind.createData()
+        kind.calc(spin, q[kind.idx_q : kind.idx_q + kind.nq])
+        axis, size = data.oMi[joint].rotation @ np.ravel(spin.S)[3:], 0.0
+        for body in bodies:
+            inertia, turn = model.inertias[body], data.oMi[body].rotation
+            arm = data.oMi[body].act(inertia.lever) - data.oMi[joint].translation
+            size += axis @ turn @ inertia.inertia @ turn.T @ axis + inertia.mass * np.sum(
+                np.cross(axis, arm) ** 2
+            )
+        return float(size)
+
+    for joint in range(2, model.njoints):
+        below = {int(each) for each in model.subtrees[joint]}
+        expected = about(joint, below)
+        if joint in legs:
+            expected = max(expected, 0.4 * about(joint, {*range(1, model.njoints)} - below))
+        i = model.joints[joint].idx_v - 6
+        assert found[i] == pytest.approx(expected + armature[i], rel=1e-9), model.names[joint]
+
+
+def test_gains_have_the_frequency_and_the_damping_of_their_rule() -> None:
+    """By k = (2πf)² I and d = 2ζ √(k I), up to a bound of 13 m g h of a leg, and of 6.5 of its last two joints."""
+    rule, inertia = ServoRule(frequency=5.0, damping_ratio=0.7), np.array([0.1, 2.0, 50.0])
+    kp, kd = rule.gains(inertia, np.array([np.inf, np.inf, 4000.0]))
+    np.testing.assert_allclose(kp, [*((10.0 * np.pi) ** 2 * inertia[:2]), 4000.0])
+    np.testing.assert_allclose(kd[:2], 1.4 * np.sqrt(kp[:2] * inertia[:2]))
+    np.testing.assert_allclose(kd / kp, kd[0] / kp[0])
+    description = load("hrp4_class")
+    robot = description.robot()
+    bound = rule.bound(robot.model, robot.half_sitting, tuple(sole.frame for sole in description.soles))
+    tipping = robot.mass * GRAVITY * robot.com[2]
+    for leg in description.legs:
+        ratios = bound[[robot.joint_index(joint) for joint in leg]] / tipping
+        np.testing.assert_allclose(ratios, [13.0] * 4 + [6.5] * 2, rtol=1e-6)
+    assert np.isinf(np.delete(bound, robot.leg_joints)).all()
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
