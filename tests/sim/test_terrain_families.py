@@ -424,6 +424,33 @@ def test_layouts_stay_in_the_rough_part_by_their_margin(
     assert not np.array_equal(draws, Draws(seed + 1, "key").uniform(-2.0, 3.0, 2000))
 
 
+def test_a_layout_needs_room_for_its_margin_and_half_a_pitch() -> None:
+    """Two margins with the jitter, and across half a pitch for the rows that are shifted; else nothing fits."""
+    pitch, jitter, margin = 0.2, 0.1, 0.05
+    keep = margin + jitter * pitch
+    for length, width, fits in (
+        (2.0 * keep, 2.0 * keep + 0.5 * pitch, True),
+        (2.0 * keep - 1e-6, 1.0, False),
+        (1.0, 2.0 * keep + 0.5 * pitch - 1e-6, False),
+    ):
+        site = Site(0.0, length, width, 0.03, Draws(0, "key"))
+        if fits:
+            assert len(site.hexagons(pitch, jitter, margin)) == 1
+        else:
+            with pytest.raises(InputError):
+                site.hexagons(pitch, jitter, margin)
+    for room, fits in ((0.3, True), (0.3 - 1e-6, False)):
+        for site in (
+            Site(0.0, room, 1.0, 0.03, Draws(0, "key")),
+            Site(0.0, 1.0, room, 0.03, Draws(0, "key")),
+        ):
+            if fits:
+                assert len(list(site.scatter(4, 0.15))) == 4
+            else:
+                with pytest.raises(InputError):
+                    list(site.scatter(4, 0.15))
+
+
 SIZES: list[tuple[str, dict[str, Any], dict[str, Any]]] = [
     # 50,000 solids; 10 million points of a fingerprint, 10 mm apart; 10 million nodes in cells of 1 mm; 50 million
     # quarters of cobbles

@@ -503,6 +503,13 @@ def test_the_way_of_a_walk_is_that_of_its_true_feet_from_where_they_began(yaw: f
         near[0] += way
         plant.reset(near)
         assert (trial._travel(None)["cost_of_transport"] is not None) == counted
+    trial.physics_time, trial.loop_time = 2.0, 8.0
+    result = trial.result()
+    assert result.clock is not None and result.clock.physics_share == 0.25
+    assert (result.outcome, result.steps_done, result.impact) == ("unfinished", 0, None)
+    assert (
+        pytest.approx(-10.0 * result.steps_planned) == result.J
+    )  # all steps are left, and nothing was measured
     lowest = min(plant.sole_pose(side)[0][2] for side in (0, 1))
     assert trial.ground == pytest.approx(lowest)
 
