@@ -596,3 +596,8 @@ def test_what_is_doubtful_about_a_description_is_named() -> None:
         assert (
             "l_ankle_roll" in doubted(gains={"l_ankle_roll": (share * ANKLE_SHARE * tipping, 1.0)})
         ) is soft
+    for speed, braked in (
+        (6.06, False),
+        (5.94, True),
+    ):  # rad/s at which damping takes the 80 Nm; 6 are too few
+        assert ("whole torque" in doubted(damping={"l_knee": 80.0 / speed})) is braked
