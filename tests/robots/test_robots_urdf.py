@@ -329,10 +329,8 @@ def test_soft_limits_bound_a_joint_and_are_named(what: str) -> None:
 
 def changed(xml: str, joint: str, kind: str, inside: str = "") -> str:
     """Return a URDF with a joint of another type and with a further element in it."""
-    begin = xml.index(f'<joint name="{joint}"')
-    end = xml.index("</joint>", begin)
-    own = xml[begin:end].replace('type="revolute"', f'type="{kind}"')
-    return xml[:begin] + own + inside + xml[end:]
+    before, own, after = re.split(f'(<joint name="{joint}".*?)(?=</joint>)', xml, maxsplit=1)
+    return before + own.replace('type="revolute"', f'type="{kind}"') + inside + after
 
 
 def test_a_joint_without_end_has_the_range_of_what_is_coupled_to_it_or_that_is_given() -> None:
@@ -593,9 +591,8 @@ def test_what_is_doubtful_about_a_description_is_named() -> None:
     assert "l_elbow" in doubted(gains={"l_elbow": (9.0, 0.0)})
     tipping = fine.robot().mass * 9.80665 * fine.robot().com[2]
     for share, soft in ((1.01, False), (0.99, True)):
-        assert (
-            "l_ankle_roll" in doubted(gains={"l_ankle_roll": (share * ANKLE_SHARE * tipping, 1.0)})
-        ) is soft
+        ankle = {"l_ankle_roll": (share * ANKLE_SHARE * tipping, 1.0)}
+        assert ("l_ankle_roll" in doubted(gains=ankle)) is soft
     for speed, braked in (
         (6.06, False),
         (5.94, True),
