@@ -80,6 +80,20 @@ def test_references_are_derivatives_of_each_other(g1: Robot, steps: MotionClip) 
         np.testing.assert_allclose(np.gradient(place, short, axis=0)[middle], speed[middle], atol=5e-3)
 
 
+def test_ticks_begin_and_end_with_the_frames_of_the_clip_at_rest(g1: Robot, steps: MotionClip) -> None:
+    """A period that is no part of the duration has its last tick after the end, in the last frame."""
+    frames, every = steps.configurations(g1), round(1.0 / (steps.rate * 0.002))
+    for dt in (0.002, 0.005, 0.3 * steps.duration):
+        q, v, a = splines(g1, steps, dt)
+        assert len(q) == len(v) == len(a) == int(np.ceil(steps.duration / dt - 1e-6)) + 1
+        for end in (0, -1):
+            assert np.abs(pin.difference(g1.model, q[end], frames[end])).max() < 1e-9
+            assert not v[end].any() and not a[end].any()
+    q = splines(g1, steps, 0.002)[0][::every]
+    apart = [np.abs(pin.difference(g1.model, *pair)).max() for pair in zip(q, frames, strict=True)]
+    assert max(apart) < 1e-9
+
+
 def test_the_pendulum_has_the_zmp_of_the_whole_body(references: tuple[Reference, ...]) -> None:
     """The force that it asks for goes through that ZMP, whatever the arms do meanwhile."""
     for pendulum, *_ in references[::50]:
