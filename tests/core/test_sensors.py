@@ -316,6 +316,28 @@ def test_a_robot_that_sinks_and_tilts_on_weak_drives_is_not_well(
     assert bool(found) == bool(tilted > 10.0) == doubted
 
 
+@pytest.mark.parametrize(
+    ("axis", "acceleration", "least"),
+    [(0, 10.0, 1.0), (2, -8.0, 1.0), (3, 30.0, 4.0), (4, -40.0, 4.0), (4, 12.0, 4.0), (5, 60.0, np.inf)],
+)
+def test_a_trunk_that_does_not_follow_is_doubted_unless_it_turns_on_feet_that_slip(
+    axis: int, acceleration: float, least: float
+) -> None:
+    """With T = 0.3 s, a velocity a T (1 − e^(−t/T)) is missing; 0.2 s after it has passed the bound it is told."""
+    names = Plausibility(ROBOT, DT).names
+    monitor, rng, first = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0), np.inf
+    commanded, seen = np.zeros(ROBOT.nv), observed(robot=SimpleNamespace(v=np.zeros(ROBOT.nv)))
+    commanded[axis] = acceleration
+    for tick in range(300):
+        values = 1e-3 * rng.normal(size=len(names))
+        monitor.update(values, at_rest(ROBOT, tick * DT), seen, commanded)
+        if any("commanded" in doubt for doubt in monitor.doubts):
+            first = min(first, tick * DT)
+    full = 0.3 * abs(acceleration)
+    passed = -0.3 * np.log(1.0 - least / full) if full > least else np.inf
+    assert first == pytest.approx(passed + 0.2, abs=0.11)  # it is looked at every 50 ms
+
+
 @pytest.mark.parametrize("scale", [1.0, 0.95, 1.05])
 def test_an_encoder_with_an_offset_or_a_velocity_with_a_scale_does_not_drift(scale: float) -> None:
     assert not drifting(lambda time: 0.05 * (time > 1.0), scale=scale)
