@@ -45,7 +45,7 @@ SETTLES = 2.0
 
 
 class PolicyError(WbcError):
-    """An action that is no action: a value that is not finite."""
+    """An action that is none: with a value that is not finite, or too late."""
 
 
 class PolicyControl(TorqueControl):
