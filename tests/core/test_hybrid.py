@@ -162,6 +162,20 @@ def test_what_leaves_a_gate_is_nearest_to_what_was_asked_and_what_was_cut_is_cou
     assert gate.faults == () and gate.clipped == 2
 
 
+@pytest.mark.parametrize("share", [-3.0, -1.01, 0.5, 1.01, 3.0])
+def test_a_command_of_any_origin_is_cut_at_every_joint_that_asks_for_too_much(share: float) -> None:
+    """Even if all of them do, by torques alone and with gains of its own."""
+    robot = load("g1").robot()
+    gate, limit = CommandGate(robot, 0.002), robot.torque_upper
+    q, v = robot.half_sitting[7:], np.zeros(robot.na)
+    expected = np.clip(share * limit, robot.torque_lower, limit)
+    np.testing.assert_allclose(gate.admit(Command(share * limit), (q, v)).joint_torque, expected)
+    sent = gate.admit(Command(share * limit, q + 0.01, v, kp=np.full(robot.na, 10.0), kd=v + 1.0), (q, v))
+    total = sent.joint_torque + sent.kp * 0.01  # type: ignore[operator]
+    np.testing.assert_allclose(total, np.clip(share * limit + 0.1, robot.torque_lower, limit), atol=0.11)
+    assert (np.abs(total) <= limit + 1e-9).all() and (np.abs(sent.joint_torque) <= limit + 1e-9).all()
+
+
 def test_drives_of_one_direction_get_no_torque_of_the_other() -> None:
     """From all ways through the gate: torques, torques with references, gains of the control, a foreign command."""
     rng, names = np.random.default_rng(3), G1.joint_names
