@@ -319,6 +319,20 @@ def test_torques_above_the_legs_are_those_of_inverse_dynamics(robot: Robot) -> N
         )
 
 
+def test_drives_make_up_for_the_damping_of_their_joints() -> None:
+    """At a steady speed by damping times speed, on top of inverse dynamics."""
+    name = "left_elbow_pitch"
+    robot = replace(load_robot("hrp4_class"), damping={name: 2.0}).robot()
+    joint, v = robot.joint_index(name), np.zeros(robot.nv)
+    v[6 + joint] = 1.5
+    still = BodyMotion.of(robot, np.tile(robot.half_sitting, (60, 1)), RATE)
+    moving = replace(still, v=np.tile(v, (60, 1)))
+    torque = (
+        pin.rnea(robot.model, robot.model.createData(), robot.half_sitting, v, 0.0 * v)[6 + joint] + 2.0 * 1.5
+    )
+    assert moving.torque_share(robot)[30, joint] == pytest.approx(abs(torque) / robot.torque_limit[joint])
+
+
 def test_velocities_and_momentum_are_those_of_an_even_motion(robot: Robot) -> None:
     clip = made_clip(robot)
     motion = BodyMotion.of(robot, clip.configurations(robot), RATE)

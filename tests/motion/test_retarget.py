@@ -429,6 +429,10 @@ def test_a_step_of_a_person_is_a_step_of_the_robot() -> None:
         standing[(air == 0.0) | (air == 1.0), 0].all() and not standing[(air > 0.15) & (air < 0.9), 0].any()
     )
     left = [soles[0] for soles in made.soles]
+    ankle = left[0].act(np.array(load_robot("hrp4_class").ankle("left_foot")))
+    np.testing.assert_allclose(ankle[:2], [0.0, 0.09 * result.scale], atol=2e-3)
+    fast = retarget(make_person(rate=120.0, noise=0.0).part(begin, begin + 0.1), robot).clip
+    assert fast.rate == 60.0 and fast.duration == pytest.approx(0.1)
     way = left[-1].translation - left[0].translation
     np.testing.assert_allclose(way, [0.15 * result.scale, 0.0, 0.0], atol=1e-3)
     places = np.array([soles[1].translation for soles in made.soles])

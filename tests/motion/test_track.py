@@ -165,6 +165,15 @@ def test_a_clip_is_placed_under_the_feet_of_a_robot(g1: Robot, steps: MotionClip
         base, given = (pin.XYZQUATToSE3(each.base[frame]) for each in (clip, steps))
         assert base.isApprox(there * given, 1e-6)
     assert np.array_equal(clip.joints, steps.joints)
+    back = placed(clip, (there * own[0], there * own[1]), own)
+    np.testing.assert_allclose(back.base[:, :3], steps.base[:, :3], atol=1e-6)
+    q = clip.configurations(g1)[0]
+    robot = g1.clone()
+    robot.update(q, np.zeros(robot.nv))
+    source = MotionSource(robot, steps, DT)
+    height = 0.5 * (own[0].translation[2] + own[1].translation[2]) + 0.4
+    assert source.motion[0].pendulum.zmp[2] == pytest.approx(height, abs=1e-6)
+    assert source.com_height <= robot.com[2] - height + 1e-9
 
 
 @pytest.mark.slow
