@@ -494,10 +494,10 @@ class SteeredSteps(FootstepSource):
         cycle = gait.cycle
         dx, dy, turn = (share * cycle * part for part in velocity)
         wider = s * (r.max_spacing - spacing)
-        outer, inner = (abs(turn) * part for part in (LEADER_TURN, 2.0 - LEADER_TURN))
+        outer = LEADER_TURN * abs(turn)  # the inner foot may turn half as far, and does
         # Steps that are long and wide at once take more of the hip than each alone.
         effort = (dx / (s * r.max_length)) ** 2 + (2.0 * dy / max(wider, 1e-6)) ** 2
-        if effort > 1.0 or outer > TURN_REACH * r.max_yaw or inner > 0.5 * TURN_REACH * r.max_yaw:
+        if effort > 1.0 or outer > TURN_REACH * r.max_yaw:
             return False
         for side in SIDES:
             stance = Footstep(other(side), 0.0, 0.0)

@@ -287,3 +287,16 @@ def test_a_trunk_is_turned_back_by_no_more_than_three_tenths_at_once(off: float,
         np.testing.assert_allclose(turned, (0.0, 0.0, target), atol=1e-6)
         np.testing.assert_allclose(task.feedforward_velocity, (0.0, 0.0, 0.4))
         np.testing.assert_allclose(task.feedforward_acceleration, (0.0, 0.0, 0.5))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.2, -2.5])
+def test_a_trunk_stays_as_it_stands_whatever_the_robot_faces_at_the_start(yaw: float) -> None:
+    robot = make_robot("g1")
+    q = np.array(robot.q)
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.02, -0.03, yaw)).coeffs()
+    robot.update(q, np.zeros(robot.nv))
+    gait = SteppingWalk.of(robot, DT)
+    tasks = WalkTasks(Controller(robot, DT), free_table(robot, gait))
+    tasks._turn_trunk(yaw, UPRIGHT, Twist(0.0, 0.1, 0.0, by_waist=False))
+    for task in tasks._trunk:
+        np.testing.assert_allclose(task.target, task.rotation, atol=1e-9)
