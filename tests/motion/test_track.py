@@ -100,6 +100,7 @@ def test_the_pendulum_has_the_zmp_of_the_whole_body(references: tuple[Reference,
         reach = (pendulum.com[2] - pendulum.zmp[2]) / (pendulum.com_acceleration[2] + GRAVITY)
         meets = pendulum.com[:2] - reach * pendulum.com_acceleration[:2]
         np.testing.assert_allclose(meets, pendulum.zmp[:2], atol=1e-9)
+        assert pendulum.omega == pytest.approx(np.sqrt(GRAVITY / (pendulum.com[2] - pendulum.zmp[2])))
 
 
 def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_early(steps: MotionClip) -> None:
