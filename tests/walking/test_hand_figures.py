@@ -169,7 +169,9 @@ def test_a_tare_is_the_mean_of_what_a_free_hand_feels_and_a_force_is_low_passed_
     np.testing.assert_allclose(hand._borne[3:], slow * turn @ (0.0, 0.3, 0.0), atol=1e-9)
 
 
-def test_a_silent_sensor_is_bridged_for_fifty_milliseconds() -> None:
+def test_a_silent_sensor_is_bridged_for_fifty_milliseconds_and_told_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     hands, hand, _ = held_hand(20.0, ramp=0.1)
     hand.sense(np.arange(6.0), 0.005)
     for _ in range(10):
@@ -178,6 +180,9 @@ def test_a_silent_sensor_is_bridged_for_fifty_milliseconds() -> None:
     hand.sense(np.full(6, np.nan), 0.005)
     hand.sense(None, 0.005)
     assert hand.state is HandState.LOST and not hand.reading.any() and hands.lost == ("left_hand",)
+    for _ in range(5):
+        hand.sense(None, 0.005)
+    assert len(caplog.records) == 1
 
 
 def test_the_com_comes_back_without_a_jump_once_no_hand_presses_any_more() -> None:
