@@ -14,7 +14,7 @@ from typing import Any
 
 import wbc
 from wbc.machine import RunReport, RunSettings, UnitreeDriver, run
-from wbc.policy import Guard, PolicyControl
+from wbc.policy import PolicyControl, PolicyGuard
 from wbc.walking import WalkingControlSettings
 
 RATE = 250.0
@@ -28,7 +28,7 @@ def control_of(what: str, policy: Any = None) -> Any:
         return wbc.TorqueControl(wbc.balance_controller(robot, 1.0 / RATE))
     if what == "walk":
         return wbc.WalkingControl(robot, None, 1.0 / RATE, WalkingControlSettings(mode="hybrid"))
-    return Guard(PolicyControl(robot, policy, 1.0 / RATE))
+    return PolicyGuard(PolicyControl(robot, policy, 1.0 / RATE))
 
 
 def main(arguments: list[str] | None = None) -> RunReport:

@@ -13,11 +13,11 @@ from policies import DT, G1, REST, Known, bobbing, control
 import wbc
 from wbc.app import Log, Recorder
 from wbc.base.errors import InputError
-from wbc.policy import Guard, PolicyDescription, Term
+from wbc.policy import PolicyDescription, PolicyGuard, Term
 from wbc.walking import WalkingControl, WalkingControlSettings
 
 
-def guarded(**options: Any) -> tuple[wbc.Plant, Guard, Known]:
+def guarded(**options: Any) -> tuple[wbc.Plant, PolicyGuard, Known]:
     """Return a guard of a policy that stands."""
     n = len(G1.joint_names)
     servos = G1.robot().servos
@@ -30,10 +30,10 @@ def guarded(**options: Any) -> tuple[wbc.Plant, Guard, Known]:
         observation=(Term("gravity"),),
     )
     plant, policy = control(network, description)
-    return plant, Guard(policy, **options), network
+    return plant, PolicyGuard(policy, **options), network
 
 
-def run_guard(plant: wbc.Plant, guard: Guard, seconds: float) -> None:
+def run_guard(plant: wbc.Plant, guard: PolicyGuard, seconds: float) -> None:
     end = plant.time + seconds
     while plant.time < end - 1e-9:
         plant.step(guard.command(plant.measure()))
@@ -116,6 +116,6 @@ def test_walks_that_cannot_take_over_are_refused(period: float, own: bool, optio
     settings = WalkingControlSettings(**{"mode": "torque", **options})
     walking = WalkingControl(policy.controller.robot, None, period, settings, observer=observer)
     with pytest.raises(InputError):
-        Guard(policy, walking)
+        PolicyGuard(policy, walking)
     with pytest.raises(InputError):
-        Guard(policy, longest=0.0)
+        PolicyGuard(policy, longest=0.0)

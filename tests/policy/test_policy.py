@@ -15,7 +15,7 @@ from policies import DT, G1, LEGS, Known, control, described, write_network
 from wbc.base.errors import InputError, UnknownNameError, WbcError
 from wbc.core.estimation.falls import FallReason
 from wbc.policy import OnnxNetwork, PolicyControl, PolicyDescription, Term
-from wbc.policy.terms import Clock
+from wbc.policy.terms import GaitClock
 
 pytest.importorskip("onnxruntime")
 
@@ -103,7 +103,7 @@ def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
 
 
 def test_the_clock_of_a_gait_runs_while_the_robot_walks_and_its_feet_are_half_a_period_apart() -> None:
-    clock = Clock(0.8, 0.02)
+    clock = GaitClock(0.8, 0.02)
     clock.reset()
     assert (clock.phase == math.pi).all()
     clock.tick(stands=False)

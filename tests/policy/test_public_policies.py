@@ -18,7 +18,7 @@ import wbc
 from wbc.machine import RunSettings
 from wbc.machine.report import Phase
 from wbc.machine.run import Runner
-from wbc.policy import Guard, PolicyControl
+from wbc.policy import PolicyControl, PolicyGuard
 from wbc.tasks import RelativeFrameTask
 
 pytest.importorskip("onnxruntime")
@@ -79,9 +79,9 @@ def test_a_public_policy_walks_and_holds_its_hands_by_the_qp(walk: Path) -> None
 def test_a_public_policy_walks_on_a_machine_without_force_sensors(walk: Path, guarded: bool) -> None:
     """The machine hangs at a band and is let down; `wbc.run` hands it to the policy once it stands."""
     machine = HangingMachine()
-    control: PolicyControl | Guard = PolicyControl(machine.description.robot(), walk, 0.004)
+    control: PolicyControl | PolicyGuard = PolicyControl(machine.description.robot(), walk, 0.004)
     if guarded:
-        control = Guard(control)
+        control = PolicyGuard(control)
     settings = RunSettings(robot_timeout=0.05, control_timeout=0.05, stop=0.7)
     runner = Runner(machine, control, 250.0, settings=settings, guard=False, clock=machine.clock)
     free: float | None = None

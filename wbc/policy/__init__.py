@@ -8,14 +8,14 @@ from wbc.policy.contacts import FootContacts
 from wbc.policy.control import PolicyControl
 from wbc.policy.description import PolicyDescription, Term
 from wbc.policy.filter import PolicyFilter
-from wbc.policy.guard import Guard
+from wbc.policy.guard import PolicyGuard
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.terms import TERMS, Observed
 
 __all__ = [
     "TERMS",
     "FootContacts",
-    "Guard",
+    "PolicyGuard",
     "Network",
     "Observed",
     "OnnxNetwork",

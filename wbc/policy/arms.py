@@ -82,7 +82,7 @@ class Carried(Contact):
         drift -= self.acceleration
 
 
-class Arms:
+class PolicyArms:
     """Arms that a controller moves, on a robot whose other joints and whose base somebody else moves.
 
     Attributes:

@@ -22,12 +22,12 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.policy.arms import Arms
+from wbc.policy.arms import PolicyArms
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
 from wbc.policy.filter import FilteredArms, PolicyFilter
 from wbc.policy.network import Network, OnnxNetwork
-from wbc.policy.terms import TERMS, Clock, Observed
+from wbc.policy.terms import TERMS, GaitClock, Observed
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.source import Progress
@@ -157,7 +157,7 @@ class PolicyControl(TorqueControl):
         self.observed = Observed(
             self.observer.robot, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(2)
         )
-        self._clock = Clock(description.phase, description.period)
+        self._clock = GaitClock(description.phase, description.period)
         self.observed.phase = self._clock.phase
         self._terms = [
             (TERMS[term.name], np.asarray(term.scale), term.clip) for term in description.observation
@@ -196,13 +196,13 @@ class PolicyControl(TorqueControl):
     def _share_arms(self, arms: Sequence[str], safe: PolicyFilter | None, seen: bool) -> None:
         """Let the controller move arms, or filter the policy's, and the policy see them at rest or where they are."""
         controller, default = self.controller, np.array(self.controller.robot.half_sitting[7:])
-        self._arms: Arms | None = None
+        self._arms: PolicyArms | None = None
         self._masked, self.posture = np.zeros(0, dtype=np.intp), None
         if safe is not None:
             self._arms = safe.bind(controller)
         elif arms:
             default[self._columns] = self._default
-            self._arms = Arms(controller, arms)
+            self._arms = PolicyArms(controller, arms)
             self.posture = self._arms.follow(default)
             index = self._arms.index
             self._arms_kd, self._kp[index], self._kd[index] = self._kd[index], 0.0, 0.0

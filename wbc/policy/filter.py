@@ -28,7 +28,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solver import SolverSettings
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
-from wbc.policy.arms import Arms
+from wbc.policy.arms import PolicyArms
 from wbc.tasks import JointTorqueTask
 
 REGULARISATION, RELAXATION = 1e-10, 1e4
@@ -82,7 +82,7 @@ class PolicyFilter:
         return FilteredArms(controller, self.arms, (joint_limits, TorqueLimits(), *self.limits))
 
 
-class FilteredArms(Arms):
+class FilteredArms(PolicyArms):
     """Arms whose torques are those of a policy, as near as limits allow."""
 
     def __init__(self, controller: Controller, joints: Sequence[str], limits: Sequence[Limit]) -> None:

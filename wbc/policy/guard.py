@@ -28,10 +28,10 @@ BEYOND = 4.0
 0.9 as they walk, and for 1.8 after pushes from which they fall."""
 
 
-class Guard:
+class PolicyGuard:
     """Control by a policy until it fails, and from then on by the library's walk, which brings the robot to a stand.
 
-        guard = Guard(PolicyControl(robot, "policy.onnx", dt))
+        guard = PolicyGuard(PolicyControl(robot, "policy.onnx", dt))
         while guard.fallen is None:
             plant.step(guard.command(plant.measure()))
 

@@ -58,7 +58,7 @@ TERMS: dict[str, Callable[[Observed], Array]] = {
 """Name → function that returns the values of the term."""
 
 
-class Clock:
+class GaitClock:
     """Clock of a gait: the phases of both feet, half a period apart, which rest while the robot is to stand."""
 
     def __init__(self, period: float | None, dt: float) -> None:
@@ -83,4 +83,4 @@ class Clock:
         self._stood = stands
 
 
-__all__ = ["TERMS", "Clock", "Observed"]
+__all__ = ["TERMS", "GaitClock", "Observed"]

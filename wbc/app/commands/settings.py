@@ -16,7 +16,7 @@ from wbc.sim.walks.settings import TrialSettings
 from wbc.walking.plans.gait import Gait
 
 
-class Setting(NamedTuple):
+class SettingRow(NamedTuple):
     """A setting: its class, its name as `--set` takes it, its default and its meaning."""
 
     owner: str
@@ -43,7 +43,7 @@ def settings(
     )
 
 
-def settings_of(kind: type, path: str = "") -> Iterator[Setting]:
+def settings_of(kind: type, path: str = "") -> Iterator[SettingRow]:
     """Yield the settings of a class, and then those of the classes inside, by their full names behind a path."""
     about = attribute_docs(kind)
     trees = []
@@ -54,7 +54,7 @@ def settings_of(kind: type, path: str = "") -> Iterator[Setting]:
         if dataclasses.is_dataclass(default):
             trees.append((type(default), name))
         elif about.get(field.name):
-            yield Setting(kind.__name__, name, _shown(default), about[field.name])
+            yield SettingRow(kind.__name__, name, _shown(default), about[field.name])
     for each, name in trees:
         yield from settings_of(each, name)
 

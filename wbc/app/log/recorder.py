@@ -23,7 +23,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.policy.guard import Guard
+from wbc.policy.guard import PolicyGuard
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.truth import GroundTruth
@@ -93,7 +93,7 @@ class Recorder(TrialHook):
     def __call__(
         self,
         plant: TrialLoop | None,
-        control: Control | Program | Guard,
+        control: Control | Program | PolicyGuard,
         measurement: Measurement,
         command: Command,
     ) -> None:
@@ -108,18 +108,18 @@ class Recorder(TrialHook):
             command: Output of the control.
         """
         program = control if isinstance(control, Program) else None
-        control = control.control if isinstance(control, (Program, Guard)) else control
-        if isinstance(control, Controller):
+        driven: Any = control.control if isinstance(control, (Program, PolicyGuard)) else control
+        if isinstance(driven, Controller):
             raise InputError(
                 "a Controller alone is recorded by write(…); its program by add(…, lambda: program.path)"
             )
-        drives = drives_of(control)
+        drives = drives_of(driven)
         loop = None if plant is None or isinstance(plant, Plant) else plant
         truth = None if loop is None else self._truth_of(loop)
         about = None if plant is None else plant.description
         state = drives.observer.robot
         self._record(
-            Tick(plant, control, measurement, command, about, drives.solution, truth, state, program=program)
+            Tick(plant, driven, measurement, command, about, drives.solution, truth, state, program=program)
         )
 
     def _truth_of(self, loop: Any) -> GroundTruth | None:
