@@ -79,7 +79,7 @@ def boxes() -> list[tuple[str, str, list[str]]]:
         ("estimate", "", order(DriveControl._estimate, ESTIMATE)),
         ("targets", "dashed", order(WalkingControl._follow, TARGETS)),
         ("controller", "blue", ["tasks, contacts, limits", "= one QP, solved by", *ladder]),
-        ("command", "", [*act, *order(WalkingControl.command, SOLES)]),
+        ("command", "", [*act, *order(WalkingControl.act, SOLES)]),
     ]
 
 

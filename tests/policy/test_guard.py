@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from policies import DT, G1, REST, Known, bobbing, control
+from made_policies import DT, G1, REST, Known, bobbing, control
 
 import wbc
 from wbc.app import Log, Recorder

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from policies import DT, G1, LEGS, Known, control, described, write_network
+from made_policies import DT, G1, LEGS, Known, control, described, write_network
 
 from wbc.base.errors import InputError, UnknownNameError, WbcError
 from wbc.core.estimation.falls import FallReason

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from policies import ARMS, DT, G1, REST, Known, bobbing, control
+from made_policies import ARMS, DT, G1, REST, Known, bobbing, control
 
 import wbc
 from wbc.base.errors import InputError, WbcError
