@@ -17,7 +17,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from wbc.base.errors import InputError, choose, shown, unknown_name
+from wbc.base.errors import InputError, choose, shown, shown_path, unknown_name
 from wbc.base.files import read_toml
 from wbc.base.settings import Count, NonNegative, Number, Period, Positive, from_json, settings
 from wbc.policy.terms import TERMS
@@ -143,8 +143,8 @@ class PolicyDescription:
         needed = ("joints", "default", "kp", "kd", "observation")
         if missing := [name for name in needed if name not in values]:
             raise InputError(
-                f"the policy {shown(str(file))} does not say its {', '.join(missing)}: put what its metadata lack into "
-                f"{shown(str(beside))}; `wbc.policy.PolicyDescription` says what each key means"
+                f"the policy {shown_path(file)} does not say its {', '.join(missing)}: put what its metadata lack into "
+                f"{shown_path(beside)}; `wbc.policy.PolicyDescription` says what each key means"
             )
         if isinstance(values["default"], Mapping):
             values["default"] = _by_joint(values["default"], values["joints"])
