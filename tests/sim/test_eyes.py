@@ -336,34 +336,35 @@ def test_a_walk_that_knows_nothing_walks_as_a_blind_one_to_the_bit(blind: Sent) 
 
 @pytest.mark.slow
 def test_a_stepping_walk_lands_on_what_it_sees_and_is_blind_where_it_sees_nothing() -> None:
-    """Steps of 30 mm come as expected; a camera that is dead changes nothing, to the bit."""
-    errors: dict[str, float] = {}
+    """Steps of 30 mm come as expected, in the mean of some walks; a dead camera changes nothing, to the bit."""
+    errors: dict[str, list[float]] = {"blind": [], "depth": [], "dead": []}
     sent: dict[str, list[np.ndarray]] = {}
-    for name, values in {
-        "blind": {},
-        "depth": {"eyes": "depth"},
-        "dead": {"eyes": "depth", "changes": {"camera.end": 0.0}},
-    }.items():
-        landings: list[float] = []
+    for name, values, seeds in (
+        ("blind", {}, (0, 11, 12, 13)),
+        ("depth", {"eyes": "depth"}, (0, 11, 12, 13)),
+        ("dead", {"eyes": "depth", "changes": {"camera.end": 0.0}}, (0,)),
+    ):
+        for seed in seeds:
 
-        def listen(trial: WalkTrial, landings=landings) -> None:
-            ground = trial.walking.source.ground
-            if trial.walking.time == 0.0:
-                land = ground.land
-                ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
+            def listen(trial: WalkTrial, landings=errors[name]) -> None:
+                ground = trial.walking.source.ground
+                if trial.walking.time == 0.0:
+                    land = ground.land
+                    ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
 
-        result, hook, _ = walked(
-            listen,
-            mode="torque",
-            foot="rigid",
-            plan=WalkPlan(distance=1.2),
-            terrain_params={"ramp": 0.0},
-            **values,
-        )
-        assert result.failures == 0
-        errors[name], sent[name] = float(np.mean(landings)), hook.commands
+            result, hook, _ = walked(
+                listen,
+                mode="torque",
+                foot="rigid",
+                plan=WalkPlan(distance=1.2),
+                terrain_params={"ramp": 0.0},
+                seed=seed,
+                **values,
+            )
+            assert result.failures == 0
+            sent.setdefault(name, hook.commands)
     assert all(np.array_equal(a, b) for a, b in zip(sent["blind"], sent["dead"], strict=True))
-    assert errors["depth"] < errors["blind"]
+    assert np.mean(errors["depth"]) < np.mean(errors["blind"])
 
 
 def _map(height: float):

@@ -21,6 +21,7 @@ from wbc.core.qp.contact import PointContact, SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.solving.other_solvers import solve_by_qpsolvers
+from wbc.core.qp.solving.solver import Status
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
 from wbc.tasks import (
@@ -83,10 +84,9 @@ def test_accelerations_agree_with_daqp(name: str, states: int) -> None:
         problem = controller.problem
         other = solve_by_qpsolvers("daqp", problem, problem.hessian, problem.gradient)
         if other is None:
-            assert not solution.ok
-            assert controller.diagnose()
+            assert solution.status is Status.RELAXED or controller.diagnose()
             continue
-        assert solution.ok
+        assert solution.status is not Status.RELAXED and solution.ok
         np.testing.assert_allclose(solution.accelerations, other[0][: robot.nv], atol=1e-3)
         compared += 1
         pushed += bool(solution.active_limits)

@@ -69,8 +69,8 @@ def test_a_cart_is_pushed_turned_and_pulled(example: Example) -> None:
 
 @pytest.mark.slow
 def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied(example: Example) -> None:
-    result = run(example("cart"), "--robot", "g1", "--forward", "0", "--back", "0", "--turn", "60")
-    turn = 2 * math.ceil(60.0 / example("cart").ROBOTS["g1"][-1])
+    result = run(example("cart"), "--robot", "g1", "--forward", "0", "--back", "0", "--turn", "120")
+    turn = 2 * math.ceil(120.0 / example("cart").ROBOTS["g1"][-1])
     assert result["steps"] > turn, "it turns on: 2 degrees are missing after the steps of the turn"
     assert abs(result["heading_error_deg"]) < 1.0
 
