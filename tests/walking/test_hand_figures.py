@@ -11,6 +11,7 @@ import pinocchio as pin
 import pytest
 from standing_hands import AHEAD, DOWN, held_hand, hold, standing, turned, wrench_at
 
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import HandSettings
@@ -297,3 +298,29 @@ def test_the_wrench_on_hands_is_low_passed_at_the_origin_of_the_world(state: Han
     np.testing.assert_allclose(outside, share * expected, atol=1e-9)
     slow = 1.0 - np.exp(-12 * 0.005 / 1.0) if state is HandState.GRIP else 0.0
     np.testing.assert_allclose(hands._slow, slow * expected, atol=1e-9)
+
+
+def test_a_light_robot_takes_a_smaller_force_for_a_touch(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Robot, "force_scale", 0.25)
+    _, hands = standing(touch=4.0)
+    hand = hands.all["left_hand"]
+    hands.press("left_hand", 20.0, AHEAD, firm=True)
+    for force, state in ((0.9, "approach"), (0.9, "approach"), (1.1, "approach"), (1.1, "hold")):
+        hand.update(np.concatenate((-force * hand.direction, np.zeros(3))), np.eye(3), None, 0.005)
+        assert hand.state.value == state
+
+
+def test_the_com_goes_towards_what_a_hand_presses_by_the_moment_over_the_weight() -> None:
+    """F h / (m g) ahead, of the height of the hand over the ZMP."""
+    walking, hands = standing(ramp=0.1)
+    hold(hands, "left_hand", AHEAD, 20.0)
+    robot = walking.controller.robot
+    left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
+    reference = Reference(Pendulum.at_rest(robot.com), (left, right))
+    place, readings = hands._places["left_hand"], np.zeros((2, 6))
+    readings[0, :3] = readings[1, :3] = place.rotation.T @ (-20.0, 0.0, 0.0)
+    measurement: Any = SimpleNamespace(angular_velocity=np.zeros(3), hand_wrenches=readings)
+    for _ in range(600):
+        hands.update(measurement, reference, 0.005)
+    height = float(place.translation[2] - reference.pendulum.zmp[2])
+    assert hands.shift[0] == pytest.approx(20.0 * height / (robot.mass * GRAVITY), rel=1e-3)

@@ -172,10 +172,16 @@ def test_a_load_is_counted_from_one_percent_up_to_its_largest_mass_and_distance(
     assert not load.changing or share not in (0.009, 0.02)
 
 
-def test_a_load_that_is_put_into_the_models_comes_off_the_wrench_in_the_same_tick() -> None:
+@pytest.mark.parametrize("hands", [(), ("left_hand",), ("right_hand",)])
+def test_a_load_that_is_put_into_the_models_comes_off_the_wrench_in_the_same_tick(
+    hands: tuple[str, ...],
+) -> None:
     """Force and moment about the CoM of what the models have gained: in sum they stay what they were."""
     robot = DESCRIPTION.robot()
-    load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))
+    load, outside = (
+        HeldLoad(robot, LoadSettings(hands=hands)),
+        OutsideWrench(robot, OutsideSettings(tare=0.0)),
+    )
     outside.wrench = np.array([0.0, 0.0, -60.0, 2.0, 5.0, 0.0])
     com = np.array(robot.com)
     load.update(outside, 0.1)

@@ -377,3 +377,15 @@ def test_a_walk_comes_to_rest_in_the_last_tenth_of_a_second_of_its_last_step() -
     for w.step, w.elapsed, rests in ((1, 0.71, True), (1, 0.69, False), (0, 0.71, False)):
         w.duration = 0.8
         assert w._comes_to_rest == rests
+
+
+def test_a_robot_that_is_to_go_on_before_it_stands_shifts_its_weight_first() -> None:
+    w = walking(0.1)
+    until(w, ideal, Event.TOUCH_DOWN)
+    until(w, ideal, Event.TOUCH_DOWN)
+    run(w, ideal, 0.2)
+    assert w.phase is GaitPhase.DOUBLE and w.step == len(w.plan)
+    w.take(PlanSource(walk_distance(w.plan.end, 0.3)))
+    w.plan_steps()
+    assert w.phase is GaitPhase.DOUBLE and w.step < len(w.plan)
+    assert w.duration - w.elapsed == pytest.approx(w.plan.gait.full.initial_double_support)

@@ -30,6 +30,8 @@ from wbc.walking import (
 )
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.sources import FootstepSource, Standing
+from wbc.walking.source import StandSource
+from wbc.walking.steps import com_height
 
 DT = 0.002
 
@@ -527,3 +529,23 @@ def test_the_height_of_the_com_is_that_over_the_ground_on_which_the_robot_stands
     )
     assert walking.source.com_height == pytest.approx(over)
     assert walking.body.com_height == pytest.approx(over)
+
+
+@pytest.mark.parametrize("leaves", [True, False])
+def test_a_push_of_a_stand_on_planned_steps_is_stepped_out_of(leaves: bool) -> None:
+    walking = control("g1")
+    walking._change("planned")
+    walking.calm = 60.0
+    walking._kinds["free"].source.leaves = lambda *_: leaves  # type: ignore[method-assign]
+    walking._choose(walking.control.estimate(at_rest(walking.controller.robot, 0.0)))
+    assert walking.step_kind == ("free" if leaves else "planned")
+
+
+def test_a_source_without_a_height_has_that_of_the_robot_over_its_soles() -> None:
+    robot = wbc.load_robot("hrp4_class").robot()
+    height, q = com_height(robot, StandSource(robot)), np.array(robot.q)
+    q[2] += 0.4
+    robot.update(q, np.zeros(robot.nv))
+    assert com_height(robot, StandSource(robot)) == pytest.approx(height)
+    soles = [float(robot.placement(sole.frame).translation[2]) for sole in robot.soles]
+    assert height == pytest.approx(float(robot.com[2]) - 0.5 * sum(soles))

@@ -19,7 +19,8 @@ from wbc.walking.ground import GroundEstimate
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.decision import StepDecision, StepState
 from wbc.walking.stepping.law import Divergent, Orbit
-from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
+from wbc.walking.stepping.program import COSTS, SHIFT, Bounds, Step, StepProgram, Wish
+from wbc.walking.stepping.program import TIME as TIME_COST
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 
 HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
@@ -292,3 +293,22 @@ def test_the_swing_foot_goes_before_the_trunk_the_more_the_further_its_landing_i
     assert any(0.0 < urgency < 1.0 for urgency in found)
     decision.begin()
     assert decision.urgency == 0.0
+
+
+@pytest.mark.parametrize("size", [0.0, 0.02, 0.2])
+def test_a_landing_is_the_stiffer_the_smaller_the_area_of_the_pressure_is(size: float) -> None:
+    """By the conditions of optimality, with a shift over the whole area at a thousandth of the cost of the time."""
+    program, wish = StepProgram(HEIGHT), wish_of((0.2, 0.05), 1.0)
+    area = ((-0.5 * size, -0.5 * size), (0.5 * size, 0.5 * size))
+    dcm = start_of(wish)
+    bounds = Bounds(LEGS, area, (0.0, 0.0), (0.12, 0.5))
+    assert program.solve((dcm[0], dcm[1]), (0.0, 0.0), OMEGA, TIME, TIME, wish, bounds) is not None
+    costs = COSTS.copy()
+    costs[TIME_COST] *= HEIGHT**2
+    costs[SHIFT] += 1e-3 * costs[TIME_COST] / max(size, 1e-6) ** 2
+    rows, held = program._rows, np.eye(17)[:2]
+    matrix = np.block(
+        [[np.diag(costs), np.vstack((rows, held)).T], [np.vstack((rows, held)), np.zeros((8, 8))]]
+    )
+    found = np.linalg.solve(matrix, np.vstack((np.zeros((23, 2)), np.eye(2))))[:17]
+    np.testing.assert_allclose(program.stiffness(), found.T @ np.diag(costs) @ found, rtol=1e-4)
