@@ -324,3 +324,17 @@ def test_the_com_goes_towards_what_a_hand_presses_by_the_moment_over_the_weight(
         hands.update(measurement, reference, 0.005)
     height = float(place.translation[2] - reference.pendulum.zmp[2])
     assert hands.shift[0] == pytest.approx(20.0 * height / (robot.mass * GRAVITY), rel=1e-3)
+
+
+def test_the_force_of_a_hand_is_the_one_that_the_qp_has_chosen_for_its_contact() -> None:
+    hands, hand, _ = held_hand(20.0, ramp=0.1)
+    layout = SimpleNamespace(contacts={hand.contact.name: slice(2, 5)})
+    solution = SimpleNamespace(layout=layout, variables=np.arange(8.0))
+    hands._controller = SimpleNamespace(solution=solution)  # type: ignore[assignment]
+    assert hand.contact.active
+    np.testing.assert_array_equal(hands._chosen(hand), (2.0, 3.0, 4.0))
+    assert hands._chosen(hands.all["right_hand"]) is None, "it does not press"
+    layout.contacts.clear()
+    assert hands._chosen(hand) is None, "the last QP was without it"
+    hands._controller = SimpleNamespace(solution=None)  # type: ignore[assignment]
+    assert hands._chosen(hand) is None
