@@ -156,7 +156,7 @@ def draw_architecture(path: Path) -> None:
 
 
 def draw_tick(path: Path) -> None:
-    """What happens in a tick, in its order."""
+    """Steps of a tick, in their order."""
     path.write_text(tick_svg(), encoding="utf-8")
 
 

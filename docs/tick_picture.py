@@ -48,7 +48,7 @@ SOLES: Mapping[str, str] = {"_with_stiffness": "stiffness of soles"}
 """Call of a walk behind the end of a tick → what the picture says of it."""
 
 VALUES = ("Measurement", "State", "attributes", "Solution", "Command")
-"""What goes from each box to the next, and from the last one to the first."""
+"""Values that go from each box to the next, and from the last one to the first."""
 
 WIDTH, HEIGHT, TOP, BOX = 960, 300, 40, 170
 """Sizes of the picture, and top and height of a box, pixels."""

@@ -58,7 +58,7 @@ _ENDS_OF_LINES = re.compile(rb'\n|(?<=\})(?=(?:\xef\xbb\xbf)?\{"clock":)')
 """Ends of lines, also one that is missing between two entries: in a text of an entry, quotes have a backslash."""
 
 ENDS = b"\r\n\t \xef\xbb\xbf"
-"""What editors, git and other systems put around a line: blanks, another line end, a byte order mark."""
+"""Characters that editors, git and other systems put around a line: blanks, another line end, a byte order mark."""
 
 SYNC_TIME = 1.0
 """Shortest time between two writes that are forced to the disk, where they survive a loss of power, s. A killed process

@@ -93,7 +93,7 @@ def test_the_panel_plots_dcm_and_zmp_of_the_last_seconds() -> None:
 
 
 class Shown(HTMLParser):
-    """What a page shows of some HTML, and the tags in it."""
+    """Text that a page shows of some HTML, and the tags in it."""
 
     def __init__(self, html: str) -> None:
         super().__init__()

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_policies import ARMS, DT, G1, REST, Known, bobbing, control
+from made_policies import ARMS, DT, G1, REST, Known, bobbing, control, resting
 
 import wbc
 from wbc.base.errors import InputError, WbcError
-from wbc.policy import PolicyControl, PolicyDescription, PolicyFilter, Term
+from wbc.policy import PolicyControl, PolicyFilter, Term
 from wbc.tasks import RelativeFrameTask
 
 
@@ -98,12 +98,7 @@ def filtered(
 ) -> tuple[wbc.Plant, PolicyControl]:
     """Return a policy whose joints stay in half-sitting but for those of a wish, rad, with a filter of its arms."""
     n = len(G1.joint_names)
-    servos = G1.robot().servos
-    description = PolicyDescription(
-        joints=tuple(G1.joint_names),
-        default=tuple(REST.values()),
-        kp=tuple(servos.kp),
-        kd=tuple(servos.kd),
+    description = resting(
         observation=(Term("gravity"),),
     )
     action = [wish.get(name, REST[name]) - REST[name] for name in G1.joint_names]

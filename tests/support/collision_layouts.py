@@ -28,7 +28,7 @@ KINDS = ("box", "box", "cylinder", "capsule", "sphere", "hull")
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a layout.
+    """Outcome of a layout.
 
     Attributes:
         seed: Seed of the layout.

@@ -93,6 +93,18 @@ def write_standing(file: Path) -> Path:
     return write_network(file, np.zeros((n, 3)), meta)
 
 
+def resting(**values: Any) -> PolicyDescription:
+    """Return the description of a policy of all joints of g1; its zero action is half-sitting on the servos."""
+    servos = G1.robot().servos
+    return PolicyDescription(
+        joints=tuple(G1.joint_names),
+        default=tuple(REST.values()),
+        kp=tuple(servos.kp),
+        kd=tuple(servos.kd),
+        **values,
+    )
+
+
 def bobbing(**options: Any) -> tuple[wbc.Plant, PolicyControl]:
     """Return a policy that bends the knees by 0.15 rad and stretches them, once in a second, soles level."""
 
@@ -108,12 +120,7 @@ def bobbing(**options: Any) -> tuple[wbc.Plant, PolicyControl]:
                     action[G1.joint_names.index(f"{side}_{part}_joint")] = share * 0.15 * observation[0]
             return action
 
-    servos = G1.robot().servos
-    description = PolicyDescription(
-        joints=tuple(G1.joint_names),
-        default=tuple(REST.values()),
-        kp=tuple(servos.kp),
-        kd=tuple(servos.kd),
+    description = resting(
         observation=(Term("phase_sine"), Term("joint_position")),
         phase=1.0,
     )

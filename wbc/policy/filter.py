@@ -40,7 +40,7 @@ REACH, AHEAD = 0.1, 0.05
 
 
 class PolicyFilter:
-    """What a filter of a policy keeps.
+    """Settings of a filter of a policy.
 
         hands = CollisionLimit("all", shapes=description.collision_shapes(), recovery=100.0, influence=0.5)
         policy = PolicyControl(robot, "policy.onnx", dt, filter=PolicyFilter(robot.joint_names[15:], [hands]))

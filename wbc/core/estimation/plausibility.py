@@ -93,7 +93,7 @@ PULLED, PULL_TIME = 0.25, 0.1
 until it is named, s. In the air a sensor reads the inertia of the sole below it, for a shorter time."""
 
 HINT = "wbc.conformance(loop) finds wrong units, signs and orders"
-"""What the first message about a sensor recommends."""
+"""Advice of the first message about a sensor."""
 
 PACE_RATIO = 1.2
 """Ratio of the period of measurements to that of the controller from which, either way, they do not fit together."""

@@ -18,7 +18,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import ATTAINABLE, Limit
 from wbc.core.limits.facing import CORNERS, Facing
 from wbc.core.limits.heights import Columns
 from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs, urdf_primitives
@@ -50,9 +50,6 @@ DEEP = 1e-3
 
 SUDDEN = 100.0
 """Acceleration up to which a distance may shrink in a tick before its row must be there, m/s²."""
-
-ATTAINABLE = 100.0
-"""Acceleration of a joint up to which a limit asks for it, rad/s² or m/s²; the braking of `JointLimits` at most."""
 
 
 Kept = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
