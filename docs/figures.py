@@ -15,6 +15,9 @@ from matplotlib.patches import Circle, Polygon
 from tick_picture import tick_svg
 
 import wbc
+from wbc.app.view.marks import COM_COLOUR as COM
+from wbc.app.view.marks import DCM_COLOUR as DCM
+from wbc.app.view.marks import ZMP_COLOUR as ZMP
 from wbc.base.numbers import Array
 from wbc.feet.sensing.roughness import RoughnessSettings, low_pass, roughness
 from wbc.feet.sensing.scan import resample
@@ -24,8 +27,11 @@ from wbc.walking.lipm.schedule import schedule
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import walk_distance
+from wbc.walking.stepping.law import Orbit
+from wbc.walking.stepping.program import Bounds, StepProgram, Wish
+from wbc.walking.stepping.settings import SteppingSettings
 
-COM, DCM, ZMP, FOOT = "#1565c0", "#2e7d32", "#c62828", "#90a4ae"
+FOOT = "#90a4ae"
 
 
 def corners(step: Footstep, size: tuple[float, float]) -> Array:
@@ -150,6 +156,51 @@ def draw_kinematics(path: Path) -> None:
     plt.close(figure)
 
 
+def draw_law(path: Path) -> None:
+    """A step of `g1` as the law of free steps decides it: without a push, and after one that moved the DCM aside."""
+    settings, omega, height = SteppingSettings(), 4.05, 0.597
+    time, width, push, at = settings.step_time / omega, settings.width * height, 0.025, 0.15
+    orbit = Orbit.of((0.3, 0.0), 1.0, width, time, time, omega)
+    length = 0.3 * time
+    offsets = (orbit.ahead, -orbit.inwards) * 3
+    wish = Wish((length, width) * 3, offsets, time)
+    bounds = Bounds(
+        ((-0.6, 0.06), (0.6, 0.75)),
+        ((0.0, 0.0), (0.0, 0.0)),
+        (0.0, 0.0),
+        (settings.shortest / omega - at, time),
+    )
+    figure, axes = plt.subplots(1, 2, figsize=(8.4, 3.6), sharey=True, layout="constrained")
+    titles = "no push", f"ξ pushed by {1e3 * push:.0f} mm"
+    for axis, title, moved in zip(axes, titles, (0.0, push), strict=True):
+        start = np.array((orbit.ahead, orbit.inwards))
+        before = start * np.exp(omega * np.linspace(0.0, at, 40))[:, None]
+        now = before[-1] + (0.0, moved)
+        step = StepProgram(height).solve(tuple(now), (0.0, 0.0), omega, time - at, time - at, wish, bounds)
+        assert step is not None
+        after = now * np.exp(omega * np.linspace(0.0, step.left, 60))[:, None]
+        place = np.array(step.place)
+        for foot, colour in (((0.0, 0.0), FOOT), (tuple(place), DCM)):
+            sole = corners(Footstep("left", foot[0] + 0.02, foot[1], 0.0, 0.0), (0.17, 0.06))
+            axis.add_patch(Polygon(sole[:, ::-1], color=colour, alpha=0.35, lw=0))
+        axis.plot(0.0, 0.0, "o", color=ZMP, ms=5)
+        axis.annotate("p", (0.0, 0.0), (5, -11), textcoords="offset points", color=ZMP)
+        axis.plot(before[:, 1], before[:, 0], color=DCM, lw=1.6)
+        axis.plot(after[:, 1], after[:, 0], color=DCM, lw=1.6)
+        if moved:
+            axis.plot([before[-1][1], now[1]], [before[-1][0], now[0]], ":", color=DCM, lw=1.6)
+        axis.annotate("ξ", after[30][::-1], (8, -2), textcoords="offset points", color=DCM)
+        axis.annotate("", after[-1][::-1], place[::-1], arrowprops={"arrowstyle": "->", "color": COM})
+        axis.annotate("b", 0.5 * (after[-1] + place)[::-1], (-8, 4), textcoords="offset points", color=COM)
+        axis.set_title(f"{title}: {at + step.left:.2f} s, {1e3 * place[1]:.0f} mm aside", fontsize=10)
+        axis.set_aspect("equal")
+        axis.set_xlabel("outwards (m)")
+        axis.set_xlim(0.34, -0.08)
+    axes[0].set_ylabel("ahead (m)")
+    figure.savefig(path)
+    plt.close(figure)
+
+
 def draw_architecture(path: Path) -> None:
     """Rooms of the library, and who imports whom."""
     path.write_text(architecture_svg(Path(__file__).resolve().parents[1]), encoding="utf-8")
@@ -175,6 +226,7 @@ def main() -> None:
     pictures = {
         "architecture.svg": draw_architecture,
         "kinematics.svg": draw_kinematics,
+        "law.svg": draw_law,
         "pattern.svg": draw_pattern,
         "roughness.svg": draw_roughness,
         "tick.svg": draw_tick,

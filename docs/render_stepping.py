@@ -15,6 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
 
 import wbc
+from wbc.app.view.marks import DCM_COLOUR as DCM
+from wbc.app.view.marks import ZMP_COLOUR as CONTACT
 from wbc.base.numbers import Array
 from wbc.sim import make_terrain
 from wbc.walking import WalkingControl, WalkingControlSettings
@@ -27,7 +29,7 @@ SEED, AMPLITUDE, SPEED = 7, 0.04, 0.4
 SHOWN = (11, 20)
 """First and last step that are drawn."""
 
-DCM, CONTACT, LANDING, FOOT = "#2e7d32", "#c62828", "#1565c0", "#90a4ae"
+LANDING, FOOT = "#1565c0", "#90a4ae"
 LANDED = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN)
 COLOURS = dict(zip(LANDED, ("#ef6c00", FOOT, "#6a1b9a"), strict=True))
 

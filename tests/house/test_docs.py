@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 import pytest
 
 import wbc
@@ -23,6 +24,7 @@ from wbc.feet import foot
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import FootTest
 from wbc.sim.terrain.spec import terrain
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
@@ -42,6 +44,7 @@ LONG = (
     "seeing.md",
     "stepping.md",
     "studies.md",
+    "tutorial.md",
     "walking.md",
 )
 """Pages whose programs take seconds: they run with -m slow."""
@@ -272,6 +275,19 @@ def test_the_programs_that_draw_pictures_can_be_imported() -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_constants_of_the_law_are_those_of_the_code() -> None:
+    size = RobotSize.of(wbc.load_robot("g1").robot(), SteppingSettings().bend)
+    found = re.findall(
+        r"\| \*?`(\w+)`\*? \| ([\d.]+)[^|]* \| ([\d.]+)[^|]* \|", text_of(ROOT / "docs/stepping_law.md")
+    )
+    assert len(found) > 20
+    for name, value, of_g1 in found:
+        own = SteppingSettings() if name in SteppingSettings.__dataclass_fields__ else SteppingConstants()
+        given, si = (np.atleast_1d(getattr(values, name))[0] for values in (own, in_si(own, size)))
+        assert given == float(value), name
+        assert si == pytest.approx(float(of_g1), rel=0.05, abs=5e-4), name
 
 
 @pytest.mark.slow

@@ -13,12 +13,9 @@ from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
 from wbc.app.log.stances import stances, support_box
 from wbc.app.plot.style import (
-    BLACK,
     BLUE,
-    GREEN,
     ORANGE,
     PUSH,
-    SIDE_COLOURS,
     band,
     grid,
     labels,
@@ -27,18 +24,19 @@ from wbc.app.plot.style import (
     mark_states,
     new_figure,
 )
+from wbc.app.view.marks import COM_COLOUR, DCM_COLOUR, SIDE_COLOURS, ZMP_COLOUR
 from wbc.base.numbers import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LINES = (
-    ("ZMP measured", "zmp/measured", GREEN, "-", 0.8),
-    ("ZMP planned", "zmp/reference", BLACK, ":", 1.0),
-    ("DCM estimated", "dcm/estimated", ORANGE, "-", 1.0),
-    ("DCM planned", "dcm/reference", ORANGE, "--", 0.9),
-    ("CoM estimated", "com/estimated", BLUE, "-", 1.2),
-    ("CoM planned", "com/reference", BLUE, "--", 0.9),
+    ("ZMP measured", "zmp/measured", ZMP_COLOUR, "-", 0.8),
+    ("ZMP planned", "zmp/reference", ZMP_COLOUR, ":", 1.0),
+    ("DCM estimated", "dcm/estimated", DCM_COLOUR, "-", 1.0),
+    ("DCM planned", "dcm/reference", DCM_COLOUR, "--", 0.9),
+    ("CoM estimated", "com/estimated", COM_COLOUR, "-", 1.2),
+    ("CoM planned", "com/reference", COM_COLOUR, "--", 0.9),
 )
 
 

@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
-from wbc.app.plot.style import SIDE_COLOURS, grid, labels, legend, mark_events, new_figure
+from wbc.app.plot.style import grid, labels, legend, mark_events, new_figure
+from wbc.app.view.marks import SIDE_COLOURS
 from wbc.base.numbers import Array
 from wbc.core.robot import SIDES
 

@@ -24,9 +24,6 @@ COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY, AMBER, BLACK)
 """Distinct for the colour-blind: M. Okabe, K. Ito, "Color Universal Design", 2008; orange is its vermillion,
 and its yellow, too light for a line, is left out."""
 
-SIDE_COLOURS = {"left": PINK, "right": AMBER}
-"""Colours of the soles: none of them is that of the CoM, the DCM or the ZMP, which are drawn over the soles."""
-
 LEGEND_ROW = 13.0
 """Height of a row of a legend, points."""
 STYLES = ("-", "--", ":", "-.")

@@ -3,8 +3,8 @@
     standing ── a velocity, a goal ──▶ shifting ── weight on one foot ──▶ stepping ── slow, feet together ──▶ standing
         └───────────────── a push: the DCM leaves both soles ────────────────▲
 
-A step is decided by `wbc.walking.stepping.decision`; `law` and `program` beside it have the equations, docs/stepping.md
-the figures.
+A step is decided by `wbc.walking.stepping.decision`; `law` and `program` beside it have the equations, and
+docs/stepping_law.md the rules.
 """
 
 from __future__ import annotations
