@@ -1,6 +1,6 @@
 """A machine is taken over from an elastic band: it stands by itself whatever its clock, its servos and its mass do.
 
-`python tests/machine/test_takeover.py [SEEDS]` prints the table of docs/measured.md.
+`python tests/machine/test_takeover.py [SEEDS]` prints the table of docs/measured_controller.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Humanoids from their files: each does what its row of the table in docs/measured.md says."""
+"""Humanoids from their files: each does what its row of the table in docs/measured_walks.md says."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import wbc
 from wbc.robots.models.example_robots import share_directory
 from wbc.robots.readers.compile_mjcf import compiled
 
-PAGE = Path(__file__).parents[2] / "docs" / "measured.md"
+PAGE = Path(__file__).parents[2] / "docs" / "measured_walks.md"
 LAWS = {
     "by both laws": {"LIPM", "stepping"},
     "planned steps alone": {"LIPM"},

@@ -15,7 +15,7 @@ drives and from what is asked for:
     torque and hybrid control     free steps; planned ones along footsteps, and for hands that press or grip
 
 It changes between two ticks while the robot stands. Both kinds share robot, controller, drives, estimate, arms and
-body; source, tasks and balance are exchanged. docs/measured.md says what was tried in the middle of a step.
+body; source, tasks and balance are exchanged. docs/measured_pushes.md says what was tried in the middle of a step.
 """
 
 from __future__ import annotations
