@@ -1,0 +1,277 @@
+"""What follows from the spec of a walk: names of earlier versions, delays, times, pushes, seeds, policies, limits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.base.errors import InputError
+from wbc.sim.plant.settings import Machine
+from wbc.sim.terrain.families.patchwork import stretches
+from wbc.sim.terrain.spec import terrain
+from wbc.sim.trial.push import WalkPush
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.settings import without_law
+from wbc.sim.walks.spec import SEED_LIMIT, TOE_GAIT, WalkSpec
+from wbc.sim.walks.stiffness_policy import make_policy
+from wbc.sim.walks.trained import driven, turned
+from wbc.sim.walks.trial import WalkTrial
+from wbc.walking.control import WalkingControl
+from wbc.walking.plans.gait import Gait
+
+FREE, PLANNED = {"step_kind": "free"}, {"step_kind": "planned"}
+SHORT = WalkPlan(distance=0.3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ({"law": "lipm"}, {}),
+        ({"law": "lipm", "changes": {"gains.dcm_p": 3.0}}, {"changes": {"gains.dcm_p": 3.0}}),
+        ({"law": "lipm", "mode": "position"}, {"mode": "position"}),
+        ({"law": "lipm", "mode": "torque"}, {"mode": "torque", "changes": PLANNED}),
+        (
+            {"law": "lipm", "mode": "hybrid", "gains": "default"},
+            {"mode": "hybrid", "gains": "default", "changes": PLANNED},
+        ),
+        ({"law": "lipm", "mode": "torque", "gains": "frizza"}, {"mode": "torque", "gains": "frizza"}),
+        ({"law": "stepping"}, {"mode": "torque"}),
+        ({"law": "stepping", "mode": "hybrid"}, {"mode": "hybrid"}),
+        ({"law": "stepping", "mode": "position"}, {"mode": "position", "changes": FREE}),
+        (
+            {"law": "stepping", "plan": {"footsteps": []}},
+            {"mode": "torque", "plan": {"footsteps": []}, "changes": FREE},
+        ),
+        (
+            {"law": "stepping", "plan": {"stairs": "together"}},
+            {"mode": "torque", "plan": {"stairs": "together"}, "changes": FREE},
+        ),
+        (
+            {"law": "stepping", "gait": {"apex": 0.5}, "changes": {"gait.sway": 1.0, "mpc.rate": 2.0}},
+            {"mode": "torque", "changes": {"stepping.sway": 1.0, "mpc.rate": 2.0}},
+        ),
+        (
+            {
+                "law": "auto",
+                "gait": {"apex": 0.5},
+                "changes": {
+                    "lipm.gains.dcm_p": 3.0,
+                    "stepping.gait.sway": 1.0,
+                    "stepping.tasks": 2,
+                    "falls.drop": 0.1,
+                },
+            },
+            {
+                "mode": "torque",
+                "gait": {"apex": 0.5},
+                "changes": {"gains.dcm_p": 3.0, "stepping.sway": 1.0, "tasks": 2, "falls.drop": 0.1},
+            },
+        ),
+    ],
+)
+def test_settings_of_an_earlier_law_have_their_names_of_today(
+    old: dict[str, Any], new: dict[str, Any]
+) -> None:
+    assert without_law(old) == new
+
+
+def test_delays_of_the_machine_are_known_to_the_observer_unless_it_is_told_others() -> None:
+    machine = Machine(measurement_delay=0.002, command_delay=0.003)
+    for changes, delays in (
+        ({}, (0.002, 0.003)),
+        ({"observer.command_delay": 0.001}, (0.002, 0.001)),
+        ({"observer.measurement_delay": 0.0}, (0.0, 0.003)),
+    ):
+        settings = WalkSpec(plan=SHORT, machine=machine, changes=changes).settings().observer  # type: ignore[arg-type]
+        assert (settings.measurement_delay, settings.command_delay) == delays
+    still = WalkSpec(plan=SHORT, machine=Machine(friction=1.0), changes={"observer.command_delay": 0.001})  # type: ignore[arg-type]
+    assert (still.settings().observer.measurement_delay, still.settings().observer.command_delay) == (
+        0,
+        0.001,
+    )
+
+
+def test_a_push_is_at_a_step_and_a_time_of_the_walk() -> None:
+    """Planned steps are counted; a walk that decides its steps as it goes has any number of them."""
+    planned = WalkSpec(plan=SHORT, mode="position")
+    steps, limit = len(planned.prepare().plan), planned.prepare().time_limit
+
+    def pushed(spec: WalkSpec, **when: Any) -> bool:
+        try:
+            replace(spec, pushes=(WalkPush(impulse=0.1, **when),))
+        except InputError:
+            return False
+        return True
+
+    assert pushed(planned, step=1) and pushed(planned, step=steps) and not pushed(planned, step=steps + 1)
+    assert pushed(planned, time=0.0) and pushed(planned, time=limit - 1e-6)
+    assert not pushed(planned, time=limit) and not pushed(planned, time=limit + 1.0)
+    rows = ((0.0, 0.1, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    for spec in (WalkSpec(plan=SHORT, mode="torque"), WalkSpec(plan=WalkPlan(drive=rows), mode="position")):
+        assert pushed(spec, step=steps + 100)
+    with pytest.raises(InputError):
+        WalkSpec(plan=SHORT, pushes=(WalkPush(impulse=0.1, time=1.0, body="tail"),))
+
+
+def test_seeds_are_below_their_limit_and_sensors_may_have_their_own() -> None:
+    last = SEED_LIMIT - 1
+    assert SEED_LIMIT == 2**63
+    assert WalkSpec(plan=SHORT, seed=last, noise_seed=last).with_seed(last).seed == last
+    for bad in (lambda: WalkSpec(seed=last + 1), lambda: WalkSpec(noise_seed=last + 1)):
+        with pytest.raises(InputError):
+            bad()
+    with pytest.raises(InputError):
+        WalkSpec(plan=SHORT).with_seed(last + 1)
+    read = {}
+    for seed, noise_seed in ((1, None), (1, 1), (1, 2), (3, 2), (3, None)):
+        spec = WalkSpec(plan=SHORT, seed=seed, noise_seed=noise_seed, noise="realistic")
+        read[seed, noise_seed] = tuple(WalkTrial(spec, visuals=False).plant.measure().joint_position.tolist())
+    assert read[1, None] == read[1, 1] and read[1, 2] == read[3, 2]
+    assert len(set(read.values())) == 3
+
+
+def test_free_steps_are_decided_every_two_milliseconds_and_planned_ones_every_five() -> None:
+    periods = {
+        "position": WalkSpec(plan=SHORT, mode="position").period,
+        "free on positions": WalkSpec(plan=SHORT, mode="position", changes=FREE).period,  # type: ignore[arg-type]
+        "torque": WalkSpec(plan=SHORT, mode="torque").period,
+        "given": WalkSpec(plan=SHORT, mode="torque", control_period=0.004).period,
+    }
+    assert list(periods.values()) == [0.005, 0.002, 0.002, 0.004]
+
+
+def test_a_ramp_is_written_and_counts_where_it_is_not_the_usual_one() -> None:
+    usual = terrain("stones", 0.02)
+    for params, stored in (
+        ({}, ()),
+        ({"ramp": usual.ramp}, ()),
+        ({"ramp": 2.0 * usual.ramp}, (("ramp", 2.0 * usual.ramp),)),
+    ):
+        spec = WalkSpec(plan=SHORT, terrain="stones", amplitude=0.02, terrain_params=params)  # type: ignore[arg-type]
+        assert spec.terrain_params == stored
+        assert spec.to_json()["terrain_params"]["ramp"] == spec.ground().ramp
+    assert WalkSpec(plan=SHORT, terrain_params={"ramp": 0.5}).terrain_params == ()  # type: ignore[arg-type]
+
+
+def test_a_walk_with_free_steps_takes_the_time_of_its_way_its_turn_and_its_steps() -> None:
+    """Steps at low speed for landings that are given, 0.7 of the cruise for a way, half of the fastest turn."""
+
+    def prepared(plan: WalkPlan, **fields: Any) -> tuple[float, Any]:
+        made = WalkSpec(plan=plan, mode="torque", **fields).prepare()
+        return made.nominal_time, made
+
+    _, some = prepared(SHORT)
+    source: Any = WalkingControl(some.robot(), some.plan, 0.002, some.settings).source
+    s, shift = source.settings, source.constants.shift_time
+    pause = shift + 8.0 * s.slow_time
+    for distance in (0.4, -1.3):
+        assert prepared(WalkPlan(distance=distance))[0] == pytest.approx(
+            abs(distance) / (0.7 * s.cruise) + pause
+        )
+    for start in (0.0, 2.0):
+        for turn in (0.7, -0.9):
+            time, made = prepared(WalkPlan(turn=turn), start=(0.0, 0.0, start))
+            (x, y), (x_, y_) = made.arrival().track[0], made.arrival().goal[:2]
+            away = math.hypot(x_ - x, y_ - y)
+            assert time == pytest.approx(
+                2.0 * abs(turn) / s.fastest_turn + away / (0.7 * s.cruise) + pause, rel=1e-6
+            )
+    time, made = prepared(WalkPlan(velocity=(0.1, 0.0, 0.1), steps=4))
+    end = shift + 4 * s.slow_time
+    assert made.orders == ((0.0, 0.1, 0.0, 0.1), (pytest.approx(end), 0.0, 0.0, 0.0))
+    assert time == pytest.approx(end + pause)
+    steps = WalkSpec(plan=SHORT, mode="position").prepare().plan.steps
+    time, _ = prepared(WalkPlan(footsteps=steps), changes=FREE)
+    assert time == pytest.approx(len(steps) * s.slow_time + pause)
+
+
+def test_planned_steps_of_a_velocity_take_the_time_of_their_gait() -> None:
+    velocity = (0.2, 0.0, 0.0)
+    made = WalkSpec(plan=WalkPlan(velocity=velocity, steps=5), mode="position").prepare()
+    gait, n = made.plan.gait.full, len(made.plan)
+    assert made.plan.gait.full.cycle == pytest.approx(Gait.for_speed(velocity, Gait()).full.cycle, abs=0.011)
+    assert made.nominal_time == pytest.approx(
+        gait.initial_double_support
+        + n * gait.single_support
+        + (n - 1) * gait.double_support
+        + gait.final_double_support
+    )
+
+
+def test_steps_are_free_in_torque_control_unless_landings_are_given_or_planned_ones_asked_for() -> None:
+    steps = WalkSpec(plan=SHORT, mode="position").prepare().plan.steps
+    given = WalkPlan(footsteps=steps)
+    for plan, mode, changes, free in (
+        (SHORT, "position", {}, False),
+        (SHORT, "torque", {}, True),
+        (SHORT, "torque", PLANNED, False),
+        (given, "torque", {}, False),
+        (given, "torque", FREE, True),
+        (given, "position", {}, False),
+    ):
+        spec = WalkSpec(plan=plan, mode=mode, changes=changes)  # type: ignore[arg-type]
+        assert spec.free == free
+        assert len(spec.prepare().plan) == (len(steps) if plan is given or not free else 0)
+    assert WalkSpec(plan=SHORT, eyes="toes").prepare().plan.gait.full.apex == TOE_GAIT.full.apex
+    own = Gait(apex=0.6)
+    assert WalkSpec(plan=SHORT, eyes="toes", gait=own).prepare().plan.gait.full.apex == 0.6
+    assert WalkSpec(plan=SHORT, gait=own).settings().step_kind == "planned"
+    with pytest.raises(InputError):
+        WalkSpec(plan=SHORT, mode="torque", gait=own, changes=FREE)  # type: ignore[arg-type]
+
+
+def test_the_plan_of_a_trained_policy_is_its_velocity_after_a_second() -> None:
+    """A distance is walked at 0.3 m/s, steps of a velocity take 0.8 s; all take at least 0.1 s."""
+    for plan, rows in (
+        (WalkPlan(distance=0.6), ((1.0, 0.3, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0))),
+        (WalkPlan(distance=-0.9), ((1.0, -0.3, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0))),
+        (WalkPlan(distance=0.003), ((1.0, 0.3, 0.0, 0.0), (1.1, 0.0, 0.0, 0.0))),
+        (
+            WalkPlan(velocity=(0.2, 0.1, -0.3), steps=5, first="left"),
+            ((1.0, 0.2, 0.1, -0.3), (5.0, 0.0, 0.0, 0.0)),
+        ),
+    ):
+        found = driven(plan)
+        assert found.drive is not None and found.first is None
+        np.testing.assert_allclose(found.drive, rows, atol=1e-12)
+        assert turned(found.drive) == pytest.approx(rows[0][3] * (rows[1][0] - rows[0][0]))
+        assert driven(found) is found
+    assert turned(((0.0, 0.0, 0.0, 0.5), (2.0, 0.0, 0.0, -0.1), (5.0, 0.0, 0.0, 0.0))) == pytest.approx(0.7)
+    assert turned(()) == turned(((0.0, 0.0, 0.0, 0.0),)) == 0
+    with pytest.raises(InputError):
+        driven(WalkPlan(turn=1.0))
+
+
+def test_an_oracle_has_the_stiffness_of_the_family_under_a_landing() -> None:
+    ground = terrain("patchwork", seed=3)
+    parts = stretches(ground)
+    values = {name: 3.0 + i for i, name in enumerate(sorted({name for name, *_ in parts}))}
+    known: Any = make_policy("oracle", tuple(values.items()), ground)
+    assert len(values) > 1
+    for name, begin, end in parts:
+        for x in (begin + 1e-6, 0.5 * (begin + end), end - 1e-6):
+            assert known.function(x, 5.0) == values[name]
+    assert known.function(parts[0][1] - 10.0, 0.0) == values[parts[0][0]]
+    assert known.function(parts[-1][2] + 10.0, 0.0) == values[parts[-1][0]]
+    for wrong in (list(values.items())[1:], [*values.items(), ("moon", 3.0)]):
+        with pytest.raises(InputError):
+            make_policy("oracle", tuple(wrong), ground)
+
+
+def test_a_walk_that_goes_down_has_room_for_its_fall_below_its_height() -> None:
+    """The lowest CoM is the drop of a fall below that at the start, or below that of a walk that is lower."""
+    drops = {}
+    for height in (None, 0.75, 0.72):
+        changes = {} if height is None else {"com_height": height}
+        trial = WalkTrial(WalkSpec(plan=SHORT, noise="none", changes=changes), visuals=False)  # type: ignore[arg-type]
+        start = trial.plant.com_height - trial.ground
+        drops[height] = start - trial._falls.limits.height
+        scale = trial.plant.robot.length_scale
+        assert trial._falls.limits.tilt == trial._prepared.settings.falls.tilt
+    least = 0.18 * scale
+    assert drops[0.72] - drops[0.75] == pytest.approx(0.03)
+    assert drops[None] == pytest.approx(least, abs=0.02) and drops[None] >= least - 1e-9
