@@ -315,6 +315,7 @@ def test_a_simulation_that_has_diverged_gives_no_measurement_and_a_reset_leaves_
     assert np.isfinite(loop.data.qpos).all() is np.bool_(by_itself)
     with pytest.raises(MeasurementError, match="simulation diverged before"):
         loop.measure()
+    assert loop.diverged is not None and "mjWARN_BADQ" in loop.diverged
     loop.data.qpos[:], loop.data.qvel[:] = model.qpos0, 0.0
     loop.reset(seed=9)
     assert loop.seed == 9
@@ -463,6 +464,21 @@ def test_a_model_whose_mass_is_another_is_noted(share: float, noted: bool) -> No
         model.body_subtreemass[model.body_rootid[model.jnt_bodyid[joint]]] += share * MASS
 
     assert notes_on(heavier, "kg in the model") == noted
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_joints_without_an_actuator_are_counted_and_the_first_three_are_named(count: int) -> None:
+    bare = re.findall(r'<motor joint="(\w+)"/>', BIPED)[:count]
+    xml = BIPED.replace("</worldbody>", FLOOR)
+    for name in bare:
+        xml = xml.replace(f'<motor joint="{name}"/>', "")
+    loop = MujocoLoop(wbc.RobotDescription.from_mjcf(BIPED), mujoco.MjModel.from_xml_string(xml))
+    (note,) = (note for note in loop.notes if "without an actuator" in note)
+    assert (
+        note.startswith(f"{count} joints")
+        and [name in note for name in bare] == [True, True, True, False][:count]
+    )
+    assert ("…" in note) == (count > 3)
 
 
 def test_an_actuator_without_a_name_is_told_by_its_joint() -> None:
