@@ -160,6 +160,8 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: study(seeds=(100, 101, 100)), "100"),
         (lambda: study().narrowed(seeds=9), "seeds|from 1"),
         (lambda: Journal(Path("/")), "folder"),
+        (lambda: Study.from_json({"name": "s", "cells": [{"name": "a"}]}), "cells of a study"),
+        (lambda: Study.from_json({"name": "s", "cells": {"a": 3}}), "cells of a study"),
     ],
     "an object of another kind": [
         (lambda: study_table(3, {}), "study of study_table must be of class Study"),  # type: ignore[arg-type]

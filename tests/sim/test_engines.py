@@ -277,6 +277,28 @@ def test_drives_of_another_engine_keep_to_their_law_and_limits_and_delays() -> N
     assert 0.0 < np.abs(noisy.measure().joint_position - q).max() < 0.01
 
 
+@pytest.mark.parametrize("gains", [(), ("kp",), ("kd",), ("kp", "kd")])
+@pytest.mark.parametrize("references", [(), ("joint_position",), ("joint_position", "joint_velocity")])
+def test_drives_of_another_engine_take_the_gains_of_a_command(
+    gains: tuple[str, ...], references: tuple[str, ...]
+) -> None:
+    """It is kp (q_ref − q) + kd (q̇_ref − q̇) + τ; without a reference of the position τ − kd q̇ of a kd that is given."""
+    loop, rng = InAir("hrp4_class", control_period=0.001), np.random.default_rng(5)
+    q, v = loop.state()
+    loop._state = q, rng.uniform(-0.5, 0.5, loop.robot.nv)
+    loop.step(limp(loop))
+    q, v, na = loop.joint_position.copy(), loop.joint_velocity.copy(), loop.robot.na
+    values: dict[str, Any] = {name: rng.uniform(0.5, 2.0, na) for name in gains}
+    values |= {name: rng.normal(0.0, 0.1, na) for name in references}
+    torque = rng.normal(size=na)
+    loop.step(Command(torque, **values))
+    kp = values.get("kp", np.array(loop.description.kp)) if references else 0.0
+    kd = values.get("kd", np.array(loop.description.kd) if references else 0.0)
+    law = torque + kp * (values.get("joint_position", q) - q) + kd * (values.get("joint_velocity", 0.0) - v)
+    law = np.clip(law, loop.robot.torque_lower, loop.robot.torque_upper)
+    np.testing.assert_allclose(loop.joint_torque, law, atol=1e-12)
+
+
 def test_what_another_engine_cannot_take_is_refused_and_a_divergence_is_named() -> None:
     own = wbc.Plant("hrp4_class", visuals=False).model
     for machine in (Machine(friction=1.0), Machine(payload=1.0), Machine(hand_sensors=True)):

@@ -68,6 +68,15 @@ def test_frames_come_at_their_rate_after_their_latency_with_noise_and_losses() -
     assert all(np.array_equal(a.points, b.points) for a, b in zip(clouds, after(again, 0.5), strict=True))
 
 
+def test_a_cloud_is_given_once() -> None:
+    camera = DepthCamera(rays=(4, 3), latency=0.0, rate=100.0)
+    plant = Plant("hrp4_class", eyes=[camera, camera], visuals=False)
+    assert [len(plant.clouds()) for _ in range(2)] == [2, 0]
+    for _ in range(2):
+        plant.step(plant.hold())
+    assert [len(plant.clouds()) for _ in range(2)] == [2, 0]
+
+
 def test_eyes_leave_the_other_sensors_as_they_are() -> None:
     blind, seeing = (
         Plant(ROBOT, noise="realistic", eyes=eyes) for eyes in ((), (DepthCamera(), ToeSensors()))

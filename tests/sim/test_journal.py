@@ -135,6 +135,19 @@ def test_damaged_lines_are_passed_over_and_said(tmp_path: Path, caplog: pytest.L
     assert "line 2" in caplog.text
 
 
+def test_a_file_without_an_entry_is_no_journal_but_for_the_beginning_of_one(tmp_path: Path) -> None:
+    path, line = tmp_path / "journal.jsonl", entry(1).line()
+    for content in (b"notes\n", b"notes", b"{}\n", b"notes\n" + line[:20], line[5:20]):
+        path.write_bytes(content)
+        with pytest.raises(JournalError, match="no journal"):
+            read_journal(path)
+    for content in (b"", b"\n", line[:1], line[:20]):
+        path.write_bytes(content)
+        assert read_journal(path) == {}
+    path.write_bytes(b"notes\n" + line)
+    assert len(read_journal(path)) == 1
+
+
 def test_one_writes_at_a_time_and_all_may_read(tmp_path: Path) -> None:
     path = tmp_path / "journal.jsonl"
     with Journal(path) as journal:

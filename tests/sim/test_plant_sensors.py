@@ -22,7 +22,9 @@ from wbc.feet.soles.rigid import FlatFoot
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load
 from wbc.sim import FootTest, Machine, PhysicsSettings, Plant, SensorNoise, SignalNoise
+from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.sensors import REALISTIC, SensorChain
+from wbc.sim.plant.signals import Imu
 from wbc.sim.rig.rig import Rig
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -41,6 +43,28 @@ def swaying(plant: Plant, tick: int) -> Command:
     phase = np.arange(plant.robot.na)
     position = command.joint_position + 0.02 * np.sin(0.05 * tick * (1.0 + 0.1 * phase) + phase)
     return Command(command.joint_torque, position, command.joint_velocity)
+
+
+@pytest.mark.parametrize("name", ["talos", "g1"])
+def test_an_imu_that_is_computed_reads_as_one_of_the_model_that_turns_fast(name: str) -> None:
+    """Beside the origin of its link and, of talos, turned against it: 30 rad/s at 0.1 m are 90 m/s²."""
+    model = Plant(load(name), visuals=False).model
+    data, rng = mujoco.MjData(model), np.random.default_rng(3)
+    robot = load(name).robot()
+    places = RobotPlaces(model, robot)
+    places.set_configuration(robot.half_sitting, data.qpos)
+    data.qpos[places.base_qpos + 2] += 3.0
+    data.qvel[places.base_dof : places.base_dof + 6] = rng.normal(0.0, 1.0, 6) * [1, 1, 1, 20, 20, 20]
+    mujoco.mj_forward(model, data)
+    own = Imu(places, None, None)
+    assert np.linalg.norm(places.imu.translation) > 0.08 and own.gyroscope is not None
+    assert own.accelerometer is not None
+    rates, force = own.rates(data).copy(), own.specific_force(data).copy()
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_SENSOR)
+    computed = Imu(RobotPlaces(model, robot), None, None)
+    assert computed.gyroscope is None and computed.accelerometer is None
+    np.testing.assert_allclose(computed.rates(data), rates, atol=1e-9)
+    np.testing.assert_allclose(computed.specific_force(data), force, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", by_default(ROBOTS, "g1"))

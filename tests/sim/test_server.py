@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import types
 
 import mujoco
@@ -75,6 +76,8 @@ def test_the_band_is_a_damped_spring_that_is_let_down_in_a_second_and_fades_in_a
     top, mass = data.xpos[root].copy() + [0.0, 0.0, 0.05], loop.robot.mass
     rng = np.random.default_rng(0)
     data.qpos[loop.places.base_qpos : loop.places.base_qpos + 3] += [0.02, -0.03, 0.01]
+    lean = np.array([math.cos(0.1), 0.6 * math.sin(0.1), -0.8 * math.sin(0.1), 0.0])  # of 0.2 rad
+    data.qpos[loop.places.base_qpos + 3 : loop.places.base_qpos + 7] = lean
     data.qvel[loop.places.base_dof : loop.places.base_dof + 6] = rng.normal(0.0, 0.1, 6)
     mujoco.mj_forward(loop.model, data)
     own = rng.normal(size=6)

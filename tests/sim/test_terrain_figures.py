@@ -255,6 +255,17 @@ def test_sizes_of_stones_sticks_and_domes_are_within_their_bounds() -> None:
     assert terrain("small_stones", largest=0.06).parameters.largest_amplitude == pytest.approx(0.03)
 
 
+def test_features_that_grow_with_the_amplitude_are_those_of_the_ground() -> None:
+    """Half of the amplitude of sticks whose thinnest is half as high as the highest; the usual one on level ground."""
+    sticks = terrain("sticks").parameters
+    usual = type(sticks).default_amplitude
+    for amplitude, feature in ((0.02, 0.01), (0.05, 0.025), (0.0, 0.5 * usual)):
+        assert sticks.feature_at(amplitude) == pytest.approx(feature)
+    mixed = terrain("patchwork", families="sticks:0.5 boards")
+    assert mixed.parameters.feature_at(0.02) == pytest.approx(0.005)
+    assert terrain("stones").parameters.feature_at(0.5) == pytest.approx(0.036)
+
+
 def test_stretches_of_a_patchwork_are_as_many_as_fit_and_the_last_takes_the_rest() -> None:
     for length, count, last in ((3.0, 5, 0.6), (3.5, 5, 1.1), (3.6, 6, 0.6), (0.5, 1, 0.5)):
         ground = terrain("patchwork", length=length, ramp=0.0)
@@ -291,32 +302,6 @@ def test_an_image_has_its_extent_and_its_grey_from_left_to_right() -> None:
     assert inner.height(inner.start + 0.5, 0.0) == pytest.approx(
         inner.height(inner.start + 1e-9, 0.0), abs=1e-6
     )
-
-
-def test_a_profile_begins_and_ends_where_it_is_asked_for() -> None:
-    ground = terrain("slope", 0.2, direction="up")
-    x, z = ground.profile(1.0, 2.0, y=0.2, step=0.3)
-    np.testing.assert_allclose(x, [1.0, 1.3, 1.6, 1.9])
-    np.testing.assert_allclose(z, ground.height(x, 0.2))
-    x, _ = ground.profile(step=0.5)
-    assert (x[0], x[-1], x.size) == (ground.start, pytest.approx(ground.stop - 0.0), 7)
-    assert ground.profile(0.0, 1.0, step=0.1)[0].size == 11
-    for bad in ((1.0, 1.0), (2.0, 1.0)):
-        with pytest.raises(InputError):
-            ground.profile(*bad)
-    with pytest.raises(InputError):
-        ground.profile(0.0, 1.0, step=1e-9)
-
-
-def test_a_foot_clears_what_it_is_lifted_over() -> None:
-    """One riser of a stair, the amplitude of other grounds; a warning where it hits."""
-    stairs, stones = terrain("steps", 0.12, riser=0.04), terrain("stones", 0.04)
-    for ground in (stairs, stones):
-        assert ground.clears(0.0401) and ground.clears(0.04 + 1e-12)
-        with pytest.warns(UserWarning, match=r"40 mm.*39\.9 mm"):
-            assert not ground.clears(0.0399)
-        with pytest.raises(InputError):
-            ground.clears(-0.01)
 
 
 @pytest.mark.parametrize(("slope_x", "slope_y"), [(0.2, 0.0), (0.0, 0.0)])

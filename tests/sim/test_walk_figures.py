@@ -113,6 +113,13 @@ def test_the_way_of_a_plan_is_that_of_its_velocities() -> None:
         way = WalkPlan(velocity=(0.2, 0.0, 0.0), steps=5).way(start, gait, planned=planned)
         assert len(way) == 6
         np.testing.assert_allclose(way[-1], [1.0, 2.0 + 5 * 0.2 * time], atol=1e-9)
+    turning = WalkPlan(velocity=(0.1, 0.05, 0.3), steps=2).way((0.0, 0.0, 0.0), gait, planned=False)
+    c, s_ = math.cos(0.3 * 0.8), math.sin(0.3 * 0.8)
+    np.testing.assert_allclose(turning[1], [0.08, 0.04], atol=0.006)
+    first, second = np.array(turning[1]), np.subtract(turning[2], turning[1])
+    np.testing.assert_allclose(
+        second, [c * first[0] - s_ * first[1], s_ * first[0] + c * first[1]], atol=1e-9
+    )
     # A circle of radius v / ω, in pieces of at most 0.25 s; a stand goes nowhere.
     rows = ((0.0, 0.3, 0.0, 0.5), (2.0, 0.0, 0.0, 0.0), (3.0, 0.0, 0.1, 0.0), (4.0, 0.0, 0.0, 0.0))
     way = WalkPlan(drive=rows).way((0.0, 0.0, 0.0), gait, planned=False)

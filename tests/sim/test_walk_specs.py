@@ -202,6 +202,19 @@ def test_planned_steps_of_a_velocity_take_the_time_of_their_gait() -> None:
     )
 
 
+def test_a_ground_is_as_long_as_the_way_of_planned_or_of_free_steps() -> None:
+    """Free steps of a velocity take 0.8 s at most, planned ones what their gait says."""
+    plan, ground = WalkPlan(velocity=(0.3, 0.0, 0.0), steps=40), {"terrain": "stones", "amplitude": 0.01}
+    cycle = Gait.for_speed((0.3, 0.0, 0.0), Gait()).full.cycle
+    for mode, time in (("position", cycle), ("torque", 0.8)):
+        spec = WalkSpec(plan=plan, mode=mode, **ground)  # type: ignore[arg-type]
+        assert spec.ground().length == max(3.0, math.ceil(40 * 0.3 * time - 0.3)), mode
+    assert math.ceil(12.0 * cycle - 0.3) != math.ceil(12.0 * 0.8 - 0.3)
+    stairs = {"direction": "up", "tread": 0.3, "length": 1.2}
+    climb = WalkSpec(terrain="steps", terrain_params=stairs, plan=WalkPlan(stairs="together"))  # type: ignore[arg-type]
+    assert climb.ground().length == 1.2
+
+
 def test_steps_are_free_in_torque_control_unless_landings_are_given_or_planned_ones_asked_for() -> None:
     steps = WalkSpec(plan=SHORT, mode="position").prepare().plan.steps
     given = WalkPlan(footsteps=steps)
@@ -260,6 +273,22 @@ def test_an_oracle_has_the_stiffness_of_the_family_under_a_landing() -> None:
     for wrong in (list(values.items())[1:], [*values.items(), ("moon", 3.0)]):
         with pytest.raises(InputError):
             make_policy("oracle", tuple(wrong), ground)
+
+
+@pytest.mark.parametrize("direction", ["up", "down"])
+def test_a_robot_that_starts_high_up_or_deep_down_has_fallen_as_far_from_there(direction: str) -> None:
+    """The height of a fall is that over the soles: behind stairs of 0.3 m as in front of them."""
+    stairs = {"terrain": "steps", "amplitude": 0.3, "terrain_params": {"direction": direction, "length": 3.2}}
+    limits = []
+    for x in (0.0, 3.9):
+        spec = WalkSpec(plan=WalkPlan(turn=0.3), noise="none", start=(x, 0.0, 0.0), **stairs)  # type: ignore[arg-type]
+        trial = WalkTrial(spec, visuals=False)
+        assert trial.ground == pytest.approx(
+            0.0 if x == 0.0 else 0.3 if direction == "up" else -0.3, abs=1e-5
+        )
+        assert trial.true_fall() is None
+        limits.append(trial._falls.limits.height)
+    assert limits[0] == pytest.approx(limits[1], abs=1e-5)
 
 
 def test_a_walk_that_goes_down_has_room_for_its_fall_below_its_height() -> None:
