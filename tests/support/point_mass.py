@@ -15,10 +15,12 @@ import pinocchio as pin
 from pendulum import com_after
 
 from wbc.base.numbers import Array
+from wbc.base.vectors import Vector
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.reach import Extent
 from wbc.walking.source import Reference
-from wbc.walking.stepping.gait import BodyState, SteppingWalk
+from wbc.walking.stepping.felt import BodyState
+from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 SCALE = RobotSize(0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035, stride=0.5, swing=65.0)
@@ -100,10 +102,22 @@ class PointMass:
             (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
             wrenches,
             gait.steering.heading,  # the pelvis turns with the walk
+            self._speeds(),
         )
         reference = gait.advance(state, frames)
         self._move(reference)
         return Tick(self.time, state, frames, reference)
+
+    def _speeds(self) -> tuple[Vector, Vector]:
+        """Return the velocities of the feet, m/s: one that swings moves as its reference."""
+        last = self.ticks[-1].reference if self.ticks else None
+        left, right = (
+            last.feet[side].velocity[:3].tolist()
+            if last is not None and last.swing == side
+            else [0.0, 0.0, 0.0]
+            for side in (0, 1)
+        )
+        return left, right
 
     def pressure(self, side: int) -> tuple[float, float]:
         """Return where a sole carries, m: where its reference says in steps, at its centre in a stand."""
@@ -161,6 +175,7 @@ def moved(tick: Tick, place: pin.SE3) -> tuple[BodyState, Frames]:
         (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
         s.wrenches,
         s.heading + pin.rpy.matrixToRpy(rotation)[2],
+        ((rotation @ s.speeds[0]).tolist(), (rotation @ s.speeds[1]).tolist()),
     ), frames
 
 
@@ -186,6 +201,7 @@ def mirrored_input(tick: Tick) -> tuple[BodyState, Frames]:
         (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
         [(signs * s.wrenches[1]).tolist(), (signs * s.wrenches[0]).tolist()],
         -s.heading,
+        ((MIRROR @ s.speeds[1]).tolist(), (MIRROR @ s.speeds[0]).tolist()),
     ), frames
 
 

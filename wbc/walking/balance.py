@@ -26,7 +26,9 @@ from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference
-from wbc.walking.tasks import WalkTasks
+
+BOTH = True, True
+"""Contacts of a stand."""
 
 
 class Balance:
@@ -50,20 +52,18 @@ class Balance:
     def __init__(
         self,
         control: DriveControl,
-        tasks: WalkTasks,
+        task: StabilizerTask,
         arms: Arms,
         settings: WalkingControlSettings,
         height: float,
     ) -> None:
         """Make all parts for a robot that stands, with the height of the CoM over the soles while walking, m."""
         s, robot = settings, control.controller.robot
-        self._tasks, self._robot = tasks, robot
+        self._task, self._robot = task, robot
         self._dt = control.controller.dt
         omega = natural_frequency(height)
         self._divisor = scalar(omega)  # of velocities in the DCM
         left, _ = robot.soles
-        assert isinstance(tasks.com, StabilizerTask)
-        self._task = tasks.com
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
         self.bias = None if s.bias is None else BiasEstimator(s.bias.sized(robot.length_scale))
         self.hands: Hands | None = None
@@ -77,9 +77,7 @@ class Balance:
         self._feedforward = s.mode == "position"
         if self._feedforward:
             self.wrenches = {}
-        self._contact = (True, True)
-        self._heading = 0.0  # of the last reference
-        self._driven = omega  # natural frequency of the last reference, which has driven the DCM, 1/s
+        self._last: Reference | None = None  # reference of the last tick, which has driven the DCM
         self._bias: Array | None = None
 
     @property
@@ -89,7 +87,7 @@ class Balance:
 
     def begin(self) -> None:
         """Forget what was felt, on both feet."""
-        self._contact, self.output, self.leaning = (True, True), None, UPRIGHT
+        self._last, self.output, self.leaning = None, None, UPRIGHT
         if self.lean is not None:
             self.lean.reset()
         if self.bias is not None:
@@ -117,9 +115,10 @@ class Balance:
     def update(self, reference: Reference, state: State) -> Reference:
         """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""
         measurement, hands, dt = state.measurement, self.hands, self._dt
-        self._heading, self._driven = reference.heading, reference.pendulum.omega
-        if reference.contact != self._contact:
-            self._switch_contacts(reference.contact)
+        before, self._last = BOTH if self._last is None else self._last.contact, reference
+        for side in (0, 1):
+            if reference.contact[side] != before[side]:
+                self.stabilizer.feet.reset(side)
         outside = None
         if hands is not None:
             outside = hands.update(measurement, reference, dt)
@@ -152,21 +151,14 @@ class Balance:
 
     def _estimate_bias(self, estimator: BiasEstimator, robot: Robot) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
-        output = self.output
-        if output is None:
+        output, last = self.output, self._last
+        if output is None or last is None:
             return estimator.bias
         zmp = output.measured_zmp.tolist()
         in_air = output.in_air or not math.isfinite(zmp[0])
         if in_air or (self.load is not None and self.load.changing):
             estimator.pause()
             return estimator.bias
-        omega = self._driven
+        omega = last.pendulum.omega
         (x, y, _), (u, v, _) = robot.com.tolist(), robot.com_velocity.tolist()
-        return estimator.update((x + u / omega, y + v / omega), zmp, self._heading, omega, self._dt)
-
-    def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
-        for side, stands in enumerate(contact):
-            if stands != self._contact[side]:
-                self._tasks.switch(side, stands)
-                self.stabilizer.feet.reset(side)
-        self._contact = contact
+        return estimator.update((x + u / omega, y + v / omega), zmp, last.heading, omega, self._dt)

@@ -283,7 +283,7 @@ class WalkingControl:
         control, now = self.control, self.control.measurement
         if control.failing or control.damped or now is None:
             return replace(command, sole_stiffness=scheduler.command)
-        progress = self.progress
+        progress = self.source.progress(self.reference)
         landing = progress.landing
         soles = scheduler.update(
             progress.swing_side,

@@ -104,6 +104,10 @@ class GroundEstimate:
             landing, x=place.x, y=place.y, z=place.z, pitch=-math.atan(along), roll=math.atan(across)
         )
 
+    def level(self, full: float, none: float) -> float:
+        """Return the share from 1 to 0 by which the ground counts as level, up to `full` and from `none` uneven, m."""
+        return min(max((none - self.uneven) / (none - full), 0.0), 1.0)
+
     @property
     def news(self) -> bool:
         """True if more is seen than when a landing was looked at last."""

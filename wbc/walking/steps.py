@@ -19,6 +19,7 @@ from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
+from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.balance import Balance
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
@@ -127,7 +128,8 @@ def _planned(
     tasks = WalkTasks(
         controller, planned_table(robot, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
     )
-    balance = Balance(control, tasks, arms, s, com_height(robot, source))
+    assert isinstance(tasks.com, StabilizerTask)
+    balance = Balance(control, tasks.com, arms, s, com_height(robot, source))
     tasks.leave()
     return Steps(source, tasks, balance, observer.inertial.settings, FEET_AS_PLANNED)
 

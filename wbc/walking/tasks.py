@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,6 +88,7 @@ class WalkTasks:
         com, contacts, swing, trunk, posture, twist, self._stance, rise, self.reaching, self._torque = table
         self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
         self._urgency, self._swing_scale = 0.0, np.ones(6)
+        self._feet_before: tuple[object, ...] = ()  # state of the feet in the last tick, all but the boxes
         self._swings = [PoseTask(sole.frame, **_named(f"{sole.name} swing", swing)) for sole in robot.soles]
         parts = [("pelvis", robot.base_frame), ("torso", robot.torso_frame)]
         if robot.torso_frame == robot.base_frame:
@@ -142,8 +143,7 @@ class WalkTasks:
             contact.active = True
         for swing in self._swings:
             swing.scale = 0.0
-        if self._stance is not None:
-            self._stance.forget()
+        self._feet_before = ()
         self._trunk_target = (None, UPRIGHT)
         first, *others = self._all
         self._controller.add(first, *others)
@@ -161,7 +161,7 @@ class WalkTasks:
         """Return True if a user has set a gain of a task."""
         return not np.array_equal(getattr(task, gain), self._own_gains[task.name][gain])
 
-    def hold_com(self, scale: Array, stiffness: Array, damping: Array) -> None:
+    def _hold_com(self, scale: Array, stiffness: Array, damping: Array) -> None:
         """Let the weight of the CoM act by a ratio, with gains of this phase where the user has set none."""
         self.com.scale = scale
         set_ = [self._is_set(self.com, gain) for gain in GAINS[1:]]
@@ -170,30 +170,69 @@ class WalkTasks:
                 setattr(self.com, gain, value)
                 self._own_gains[self.com.name][gain] = value
 
-    def switch(self, side: int, contact: bool) -> None:
-        """Put a foot (0 left, 1 right) on the ground, or take it off."""
-        self.contacts[side].active = contact
-        self._swings[side].scale = 0.0 if contact else self._swing_scale
-
-    def swing(self, side: int) -> None:
-        """Let a foot follow its motion in the air that still carries a part of its load."""
-        self._swings[side].scale = self._swing_scale
-
-    def hurry(self, urgency: float, urgent: Array, hurled: float) -> None:
-        """Let the swing foot cost more, by ratios of shape (6,) for an urgency of 1, or less by a ratio for −1."""
+    def _hurry(self, urgency: float, law: StanceContacts) -> None:
+        """Let the swing foot cost more for an urgency from 0 to 1, or less for one of −1."""
         if urgency == self._urgency:
             return
         self._urgency = urgency
-        self._swing_scale = hurled * np.ones(6) if urgency < 0.0 else 1.0 + urgency * (urgent - 1.0)
+        hurled, urgent = law.hurled * np.ones(6), 1.0 + urgency * (law.urgent - 1.0)
+        self._swing_scale = hurled if urgency < 0.0 else urgent
         for swing in self._swings:
             if not swing.idle:
                 swing.scale = self._swing_scale
+
+    def _switch(self, side: int, *, contact: bool, swings: bool) -> None:
+        """Put a foot (0 left, 1 right) on the ground or take it off; one that swings follows its motion."""
+        self.contacts[side].active = contact
+        self._swings[side].scale = self._swing_scale if swings else 0.0
+
+    def _carry(self, reference: Reference, feet: StanceContacts) -> None:
+        """Switch contacts that steps balance, with costs, forces and boxes, where they change."""
+        self._hurry(reference.urgency, feet)
+        phase, law, stance = reference.phase, feet.law, reference.stance
+        before = self._feet_before
+        now = phase, reference.contact, reference.most_force, stance, reference.swing
+        single = phase is GaitPhase.SINGLE
+        if now != before:
+            self._feet_before = now
+            if not before or before[0] is not phase:
+                gains = feet.stand if phase is GaitPhase.STANDING else feet.shift
+                self._hold_com(ONE_FOOT if single else BOTH_FEET, *gains)
+                length, width = law.box if single else law.standing_box
+                ahead = 0.0 if phase is GaitPhase.STANDING else law.carrying
+                for contact in self.contacts:
+                    contact.set_box(length, width, (ahead, 0.0))
+            for side, on in enumerate(reference.contact):
+                self._switch(side, contact=on, swings=not on or side == reference.swing)
+                if on:
+                    self._load(side, reference, feet)
+        if single:
+            ahead, aside = reference.cop
+            self.contacts[stance].centre_box((law.carrying + ahead, aside))
+
+    def _load(self, side: int, reference: Reference, feet: StanceContacts) -> None:
+        """Set what a foot on the ground costs, and the forces that it may have."""
+        contact, law, single = self.contacts[side], feet.law, reference.phase is GaitPhase.SINGLE
+        full = not single or side == reference.stance
+        if not full:
+            contact.centre_box((law.carrying, 0.0))
+        weight = feet.held if single else feet.firm
+        contact.motion_weight = weight if full else feet.yielding * weight
+        contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
+        contact.max_force = max(reference.most_force[side], UNLOADED * law.most_force)
+        if full:
+            contact.min_force = 0.2 * law.least_force if all(reference.contact) else law.carried
 
     def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist = UNTWISTED) -> None:
         """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, `UNTWISTED` no twist."""
         pendulum, body = reference.pendulum, reference.body
         if self._stance is not None:
-            self._stance.switch(self, reference)
+            self._carry(reference, self._stance)
+        elif reference.contact != self._feet_before:
+            self._feet_before = reference.contact
+            for side, on in enumerate(reference.contact):
+                if on != self.contacts[side].active:
+                    self._switch(side, contact=on, swings=not on)
         if self._rise is not None:
             self._rise.height = float(pendulum.com[2])
         for side, (motion, stands) in enumerate(zip(reference.feet, reference.contact, strict=True)):
@@ -273,51 +312,6 @@ class StanceContacts:
     shift: tuple[Array, Array]
     stand: tuple[Array, Array]
     law: SteppingConstants  # boxes of the centre of pressure, their place, and forces
-    _state: list[object] = field(default_factory=list)  # of the last tick
-
-    def forget(self) -> None:
-        """Write all anew in the next tick."""
-        self._state.clear()
-
-    def switch(self, tasks: WalkTasks, reference: Reference) -> None:
-        """Switch contacts, and the weights that go with them, where they change."""
-        tasks.hurry(reference.urgency, self.urgent, self.hurled)
-        phase, law = reference.phase, self.law
-        balanced, standing = phase is not GaitPhase.SINGLE, phase is GaitPhase.STANDING
-        stance = reference.stance
-        state = [balanced, standing, reference.contact, reference.most_force, stance, reference.swing]
-        if state != self._state:
-            self._write(tasks, reference, balanced, standing)
-            self._state[:] = state
-        if not balanced:
-            ahead, aside = reference.cop
-            tasks.contacts[stance].centre_box((law.carrying + ahead, aside))
-
-    def _write(self, tasks: WalkTasks, reference: Reference, balanced: bool, standing: bool) -> None:
-        """Write all of a state of the feet, with the boxes about their carrying points."""
-        most, stance, law = reference.most_force, reference.stance, self.law
-        if self._state[:2] != [balanced, standing]:
-            tasks.hold_com(BOTH_FEET if balanced else ONE_FOOT, *(self.stand if standing else self.shift))
-            length, width = law.standing_box if balanced else law.box
-            for contact in tasks.contacts:
-                contact.set_box(length, width, (0.0 if standing else law.carrying, 0.0))
-        both = all(reference.contact)
-        for side, contact in enumerate(tasks.contacts):
-            on = reference.contact[side]
-            tasks.switch(side, on)
-            if side == reference.swing:
-                tasks.swing(side)
-            if not on:
-                continue
-            full = balanced or side == stance
-            if not full:
-                contact.centre_box((law.carrying, 0.0))
-            weight = self.firm if balanced else self.held
-            contact.motion_weight = weight if full else self.yielding * weight
-            contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
-            contact.max_force = max(most[side], UNLOADED * law.most_force)
-            if full:
-                contact.min_force = 0.2 * law.least_force if both else law.carried
 
 
 def _named(name: str, gains: GainOptions) -> GainOptions:

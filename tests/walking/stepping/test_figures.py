@@ -21,7 +21,9 @@ from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.steering import StepVelocity
 from wbc.walking.stepping.area import HeldArea
-from wbc.walking.stepping.gait import BodyState, SteppingWalk
+from wbc.walking.stepping.course import Course
+from wbc.walking.stepping.felt import BodyState
+from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.law import Divergent, Orbit, Pace, takes_over, viability
 from wbc.walking.stepping.rise import RiseLimit
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
@@ -54,7 +56,7 @@ def gait_on(
     gait = SteppingWalk(SteppingSettings(), SCALE, heading, DT)
     half = [0.0, 0.0, 0.5 * SCALE.weight, 0.0, 0.0, 0.0]
     left, right = frames
-    gait._state = BodyState(
+    gait.felt.state = BodyState(
         com,
         speed,
         POINT,
@@ -90,17 +92,18 @@ def test_a_force_on_a_sole_acts_where_its_moments_say_and_within_its_edges(
     length, width = SCALE.sole
     points = frames[0].act(np.array([x, y, 0.0])), frames[1].act(np.array([length, -width, 0.0]))
     for side in (0, 1):
-        np.testing.assert_allclose(gait._centre_of_pressure(side), points[side], atol=1e-12)
+        np.testing.assert_allclose(gait.felt.centre_of_pressure(side), points[side], atol=1e-12)
     np.testing.assert_allclose(
-        gait._contact_point(), share * points[0] + (1.0 - share) * points[1], atol=1e-12
+        gait.felt.contact_point(), share * points[0] + (1.0 - share) * points[1], atol=1e-12
     )
-    for gait.phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.carrying)):
-        gait._state = gait._state._replace(wrenches=[[0.0] * 6] * 2)
+    for phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.carrying)):
+        gait._enter(phase, 0.4)
+        gait.felt.state = gait.felt.state._replace(wrenches=[[0.0] * 6] * 2)
         carrying = [frame.act(np.array([ahead, 0.0, 0.0])) for frame in frames]
         for side in (0, 1):
-            np.testing.assert_allclose(gait._centre_of_pressure(side), carrying[side], atol=1e-12)
+            np.testing.assert_allclose(gait.felt.centre_of_pressure(side), carrying[side], atol=1e-12)
         expected = carrying[gait.stance] if gait.phase is GaitPhase.SINGLE else 0.5 * sum(carrying)
-        np.testing.assert_allclose(gait._contact_point(), expected, atol=1e-12)
+        np.testing.assert_allclose(gait.felt.contact_point(), expected, atol=1e-12)
 
 
 @examples(20)
@@ -114,7 +117,7 @@ def test_the_dcm_is_as_far_outside_the_standing_boxes_as_its_parts_along_the_lin
     dcm = Divergent(0.3 + ahead * c - aside * s, -0.2 + ahead * s + aside * c, OMEGA)
     length, width = CONSTANTS.standing_box
     expected = max(abs(ahead) - 0.5 * share * length, abs(aside) - 0.5 * spacing - 0.5 * share * width)
-    assert gait_on((left, right))._outside(dcm, share) == pytest.approx(expected, abs=1e-8)
+    assert gait_on((left, right)).felt.outside(dcm, share) == pytest.approx(expected, abs=1e-8)
 
 
 @examples(20)
@@ -141,7 +144,20 @@ def test_the_dcm_of_a_stand_is_that_of_its_height_over_the_ground(height: float)
     """ξ = c + ċ √(h/g), of half the usual height at least."""
     gait = gait_on(LEVEL, (0.1, -0.2, height + 0.05), (0.3, -0.4, 9.0))
     root = math.sqrt(max(height, 0.5 * SCALE.height) / GRAVITY)
-    assert gait._own_dcm(0.05) == pytest.approx((0.1 + 0.3 * root, -0.2 - 0.4 * root, 1.0 / root))
+    assert gait.felt.own_dcm(0.05) == pytest.approx((0.1 + 0.3 * root, -0.2 - 0.4 * root, 1.0 / root))
+
+
+@examples(10)
+@given(places, st.tuples(angles, angles, angles))
+def test_a_sole_tilts_at_the_rates_at_which_the_ends_of_its_axes_rise(
+    place: tuple[float, ...], rate: tuple[float, float, float]
+) -> None:
+    frame, dt = frame_of(place), 1e-6
+    gait = gait_on((frame, frame))
+    state = gait.felt.state._replace(rates=(rate, rate))
+    turned = pin.exp3(dt * np.array(rate)) @ frame.rotation
+    rises = (turned[2, :2] - frame.rotation[2, :2]) / dt
+    np.testing.assert_allclose(state.tilting(0), rises, atol=1e-4)
 
 
 # ---- times, widths and forces ---------------------------------------------------------------------------------------
@@ -173,28 +189,26 @@ def test_feet_of_a_walk_to_the_side_come_together_by_no_more_than_they_may(speed
 def test_a_foot_gives_up_its_load_in_a_straight_line_and_one_that_waits_bears_its_share() -> None:
     gait = gait_on(LEVEL)
     for gait.stance in (0, 1):
-        gait._enter(GaitPhase.SINGLE, 0.4)
-        gait._since_stand = 1
         stands, swings = gait.stance, 1 - gait.stance
-        for gait.elapsed, share in (
+        for elapsed, share in (
             (0.0, 2.0),
             (0.25 * CONSTANTS.unload, 1.5),
             (1.1 * CONSTANTS.unload, 0.0),
         ):
-            most = gait._most_forces()
+            most = gait.touch.most_forces(gait.stance, elapsed, met=False, stepped=True)
             assert most[stands] == CONSTANTS.most_force
             assert most[swings] == pytest.approx(share * CONSTANTS.share)
-        gait.elapsed, gait._since_stand = 0.0, 0
-        assert gait._most_forces()[swings] == 0.0, "the first step begins without a load"
-        gait.met = 0.1
-        assert gait._most_forces()[swings] == CONSTANTS.share
+        first = gait.touch.most_forces(gait.stance, 0.0, met=False, stepped=False)
+        assert first[swings] == 0.0, "the first step begins without a load"
+        waits = gait.touch.most_forces(gait.stance, 0.1, met=True, stepped=False)
+        assert waits[swings] == CONSTANTS.share
 
 
 def test_ground_is_level_rough_or_between_by_the_height_between_the_feet() -> None:
     gait, (full, none) = gait_on(LEVEL), CONSTANTS.even
     for part, share in ((-1.0, 1.0), (0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (3.0, 0.0)):
         gait.ground.uneven = full + part * (none - full)
-        assert gait._levelness() == pytest.approx(share)
+        assert gait.ground.level(*CONSTANTS.even) == pytest.approx(share)
 
 
 def test_a_foot_comes_straight_down_as_quickly_as_a_quintic_of_its_greatest_acceleration() -> None:
@@ -218,19 +232,19 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
             gait.stance = stance
             landing = Footstep(SIDES[swing_side], 0.2, LEVEL[swing_side].translation[1])
             swing = SwingFoot(LEVEL[swing_side], landing, 0.4, gait._shape)
-            gait.elapsed = 0.2 + DT
             place, speed = (np.array(each) for each in swing.motion(0.2))
             way = np.array([0.48, -0.6, 0.64]) * share * CONSTANTS.swing_push
             here = place - (1.0 - part) / stiffness * way
-            before = here - DT * (speed - part / damping * way)
-            spots, last = [list(f.translation) for f in LEVEL], [list(f.translation) for f in LEVEL]
-            spots[swing_side], last[swing_side] = here.tolist(), before.tolist()
-            gait._before = gait._state._replace(places=(last[0], last[1]))
-            gait._state, gait._passed = gait._state._replace(places=(spots[0], spots[1])), DT
-            thrown = gait._thrown(swing)
+            moved = speed - part / damping * way
+            spots, speeds = [list(f.translation) for f in LEVEL], [POINT, POINT]
+            spots[swing_side], speeds[swing_side] = here.tolist(), tuple(moved.tolist())
+            gait.felt.state = gait.felt.state._replace(
+                places=(spots[0], spots[1]), speeds=(speeds[0], speeds[1])
+            )
+            thrown = gait.touch.thrown(swing_side, swing, 0.2)
             assert (thrown is not None) == (share > 1.0)
             if thrown is not None:
-                np.testing.assert_allclose(thrown, (here - before) / DT, atol=1e-9)
+                np.testing.assert_allclose(thrown, moved, atol=1e-9)
 
 
 def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stand() -> None:
@@ -239,10 +253,10 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
         turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.array([0.3, -0.1, 0.0]))
         frames = turn * LEVEL[0], turn * LEVEL[1]
         gait = gait_on(frames, tuple(turn.act(np.array([0.01, 0.0, 0.6])).tolist()), heading=heading)
-        gait._contact = POINT
-        gait._follow_pendulum()
+        gait.felt._contact = POINT
+        gait.felt.follow()
         gait._enter(GaitPhase.DOUBLE, 1.0)
-        gait._contact, gait.stance, gait._from = POINT, stance, gait._state.com
+        gait.felt._contact, gait.stance, gait._from = POINT, stance, gait.felt.state.com
         ways = []
         for gait.elapsed in np.linspace(0.0, CONSTANTS.shift_time, 201).tolist():
             pendulum = gait._on_both_feet(()).pendulum
@@ -269,7 +283,7 @@ def test_the_height_of_the_com_comes_to_that_of_the_steps_as_a_critically_damped
     """Less h − h₀ by (1 + ωt) e^{−ωt}."""
     gait, low = SteppingWalk(SteppingSettings(), SCALE, 0.0, 1e-4), SCALE.height - 0.05
     times = np.arange(1, 5001) * 1e-4
-    found = np.array([gait._com_height(low) for _ in times])
+    found = np.array([gait.course.rise(low) for _ in times])
     falls = OMEGA * times
     np.testing.assert_allclose(SCALE.height - found[:, 0], 0.05 * (1.0 + falls) * np.exp(-falls), atol=1e-4)
     np.testing.assert_allclose(found[:, 1], 0.05 * OMEGA * falls * np.exp(-falls), atol=1e-3)
@@ -277,11 +291,12 @@ def test_the_height_of_the_com_comes_to_that_of_the_steps_as_a_critically_damped
 
 def test_the_com_is_planned_as_the_pendulum_about_the_commanded_centre_of_pressure() -> None:
     gait = gait_on(LEVEL, (0.02, -0.03, SCALE.height), (0.3, 0.1, 0.0))
-    gait.dt, gait.decision.cop = 1e-4, (0.01, -0.005)
+    gait.course = Course(SCALE, 1e-4)
     for gait.stance in (0, 1):
-        gait._planned = None
+        gait.course.decide()
         for _ in range(2001):
-            x, y, u, v, a, b = gait._course()
+            zmp = gait.felt.state.on_sole(gait.stance, CONSTANTS.carrying + 0.01, -0.005)
+            x, y, u, v, a, b = gait.course.fall(gait.felt.state, zmp)
         zmp = LEVEL[gait.stance].translation[:2] + (CONSTANTS.carrying + 0.01, -0.005)
         com, speed = com_after(np.array([0.02, -0.03]), np.array([0.3, 0.1]), zmp, OMEGA, 0.2)
         np.testing.assert_allclose((x, y), com, atol=1e-4)
@@ -307,7 +322,7 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
         gait.elapsed, before, done = 0.36, gait.stance, gait.steps_done
         gait.decision.area.aside = aside
         gait._frames = LEVEL
-        gait.dcm = Divergent(0.0, 0.0, OMEGA)
+        gait.felt.dcm = Divergent(0.0, 0.0, OMEGA)
         assert gait._change_feet(True) == (Event.LIFT_OFF,)
         assert (gait.stance, gait.steps_done) == (1 - before, done + 1)
         off = [off[0] * (1.0 - CONSTANTS.pace_gain), off[1] * (1.0 - CONSTANTS.held_gain[1])]
@@ -319,9 +334,9 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
 def test_a_fast_walk_asks_for_steps_of_the_time_that_its_last_steps_have_taken(speed: float) -> None:
     """Forward v T, of a fast walk v T̄ with their mean time; what offsets of ξ make up is asked of no step."""
     gait, asked = gait_on(LEVEL), []
-    gait._contact = POINT
+    gait.felt._contact = POINT
     gait._enter(GaitPhase.SINGLE, 0.4)
-    gait._contact, gait.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
+    gait.felt._contact, gait.felt.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
     gait.steering.velocity, gait._pace = (speed * CONSTANTS.quick, 0.0), 0.5
     gait.decision.decide = lambda stance, wish, *_: asked.append(wish)  # type: ignore[method-assign, assignment]
     gait._solve(StepVelocity((0.25, 0.05), True, 0.05))
@@ -334,9 +349,9 @@ def test_a_fast_walk_asks_for_steps_of_the_time_that_its_last_steps_have_taken(s
 def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None:
     """On seen ground, from the second step on; three footsteps and more lie ahead, and the next is not fixed."""
     gait, asked = gait_on(LEVEL), []
-    gait._contact = POINT
+    gait.felt._contact = POINT
     gait._enter(GaitPhase.SINGLE, 0.4)
-    gait._contact, gait.dcm, gait.elapsed = POINT, Divergent(0.0, 0.0, OMEGA), 0.1
+    gait.felt._contact, gait.felt.dcm, gait.elapsed = POINT, Divergent(0.0, 0.0, OMEGA), 0.1
     gait.decision.decide = lambda *arguments: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
     swing = 1 - gait.stance
     landing = Footstep(SIDES[swing], *LEVEL[swing].translation[:2])
@@ -402,20 +417,20 @@ def test_a_foot_that_rubs_goes_on_where_the_dcm_runs_away_from_it(
     gait = gait_on(LEVEL)
     gait.stance, side = (1, 1.0) if sign > 0.0 else (0, -1.0)
     gait._enter(GaitPhase.SINGLE, 0.4)
-    gait._contact, gait.dcm = POINT, Divergent(dcm[0], side * dcm[1], OMEGA)
+    gait.felt._contact, gait.felt.dcm = POINT, Divergent(dcm[0], side * dcm[1], OMEGA)
     gait.elapsed = gait._touch - 0.1
     spots = [POINT, POINT]
     spots[1 - gait.stance] = (foot[0], side * foot[1], 0.0)
-    gait._state = gait._state._replace(places=(spots[0], spots[1]))
+    gait.felt.state = gait.felt.state._replace(places=(spots[0], spots[1]))
     grown, still = math.exp(0.1 * OMEGA), gait._orbit(StepVelocity((0.0, 0.0), True))
     there = Footstep(SIDES[1 - gait.stance], grown * dcm[0], side * (grown * dcm[1] + still.inwards))
     steps = StepVelocity((0.0, 0.0), True)
-    assert gait._rubs(steps, there) == goes_on
+    assert gait.touch.rubs(gait._now(steps), there) == goes_on
     gait.elapsed = gait._touch + 1e-6
-    assert not gait._rubs(steps, there), "it is to have landed"
+    assert not gait.touch.rubs(gait._now(steps), there), "it is to have landed"
     gait.elapsed = gait._touch - 0.1
     far = dataclasses.replace(there, x=there.x + 9.0)
-    assert not gait._rubs(steps, far), "its landing does not catch the robot"
+    assert not gait.touch.rubs(gait._now(steps), far), "its landing does not catch the robot"
 
 
 @pytest.mark.parametrize(("height", "lands"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)])
@@ -504,10 +519,9 @@ def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole()
         assert area.widest == pytest.approx(trust * max(half - CONSTANTS.margin, 0.0))
     force, roomy = SCALE.weight, (0.2, 0.15)
     for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
-        area, heights = HeldArea(roomy, CONSTANTS, DT), [0.0, 0.0, 1.0]
-        flat = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        area, rates = HeldArea(roomy, CONSTANTS, DT), [0.0, 0.0]
         for _ in range(3000):
-            area.update(flat, (0.0, 0.0, force, 0.0, 0.0, 0.0), DT)
+            area.update((0.0, 0.0), (0.0, 0.0, force, 0.0, 0.0, 0.0))
         most = (roomy[0] - CONSTANTS.margin - CONSTANTS.carrying, roomy[1] - CONSTANTS.margin)
         assert area.ahead[1] == pytest.approx(most[0]) and area.aside[1] == pytest.approx(most[1])
         assert area.ahead[0] == pytest.approx(CONSTANTS.margin - roomy[0] - CONSTANTS.carrying)
@@ -515,16 +529,15 @@ def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole()
         cop = sign * 0.04 + (CONSTANTS.carrying if axis == 0 else 0.0)  # 40 mm from the carrying point
         at = [0.0, 0.0]
         at[axis] = cop
+        rates[axis] = -sign * 1.5 * CONSTANTS.turning  # the end where it presses goes down
         for _ in range(60):
-            heights[axis] -= sign * 1.5 * CONSTANTS.turning * DT  # the end where it presses goes down
-            turn = (flat[0], flat[1], tuple(heights))
-            area.update(turn, tuple(pressed(at[0], at[1], force)), DT)
+            area.update((rates[0], rates[1]), tuple(pressed(at[0], at[1], force)))
         found = [area.ahead, area.aside]
         end = 1 if sign > 0.0 else 0
         assert found[axis][end] == pytest.approx(sign * (0.04 - CONSTANTS.inside), abs=1e-9)
         assert found[axis][1 - end] == edges[axis][1 - end] and found[1 - axis] == edges[1 - axis]
         light = (0.0, 0.0, 0.9 * CONSTANTS.carries, 0.0, 0.0, 0.0)
-        area.update((flat[0], flat[1], tuple(heights)), light, DT)
+        area.update((rates[0], rates[1]), light)
         assert found == [area.ahead, area.aside], "a foot that hardly carries says nothing"
 
 

@@ -15,7 +15,8 @@ from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.walking.body import Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
-from wbc.walking.stepping.gait import BodyState, SteppingWalk
+from wbc.walking.stepping.felt import BodyState
+from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 from wbc.walking.table import free_table
 from wbc.walking.tasks import WalkTasks

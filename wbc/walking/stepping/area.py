@@ -8,7 +8,7 @@ there than a wrong estimate costs. On ground that has been level in the last ste
 from __future__ import annotations
 
 from wbc.base.lag import lag_gain
-from wbc.base.vectors import Rotation, Vector
+from wbc.base.vectors import Point, Vector
 from wbc.walking.stepping.settings import SteppingConstants
 
 
@@ -39,8 +39,7 @@ class HeldArea:
     def forget(self) -> None:
         """Begin with a point: nothing is known of the ground under the foot."""
         self.ahead, self.aside = [0.0, 0.0], [0.0, 0.0]
-        self._heights: Vector | None = None  # of the ends of the sole's axes
-        self._spin = [0.0, 0.0]  # their rates, rad/s
+        self._spin = [0.0, 0.0]  # rates at which the ends of the sole's axes rise, low-passed, rad/s
 
     @property
     def width(self) -> float:
@@ -52,17 +51,10 @@ class HeldArea:
         """The greatest `width`, m."""
         return self._trust * self._most[1]
 
-    def update(self, turn: Rotation, wrench: Vector, passed: float) -> None:
-        """Take in a tick: the rotation of the sole, row by row, and the wrench on it in its frame, N and Nm.
-
-        A time has passed since the tick before, s.
-        """
-        heights, c, dt = turn[2], self._c, self._dt
-        if self._heights is not None:
-            for i in (0, 1):
-                rate = (heights[i] - self._heights[i]) / passed
-                self._spin[i] += self._spin_gain * (rate - self._spin[i])
-        self._heights = heights
+    def update(self, tilting: Point, wrench: Vector) -> None:
+        """Take in a tick: the rates at which the far and the left end of the sole rise, rad/s, and the wrench on it."""
+        c, dt, gain = self._c, self._dt, self._spin_gain
+        self._spin = [spin + gain * (rate - spin) for spin, rate in zip(self._spin, tilting, strict=True)]
         _, _, force, roll, pitch, _ = wrench
         if force < c.carries:
             return

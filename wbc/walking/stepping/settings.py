@@ -17,6 +17,7 @@ from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.base.vectors import Point
 from wbc.core.robot import GRAVITY, Robot
+from wbc.walking.plans.gait import SwingShape
 from wbc.walking.plans.reach import SPANS, Leg
 
 LONGEST = 1.1
@@ -315,3 +316,25 @@ def in_si(values: T, scale: RobotSize) -> T:
         "sole": (2.0 * half_length, 2.0 * half_width),
     }
     return in_units(values, units)
+
+
+def swing_shape(settings: SteppingSettings, constants: SteppingConstants) -> SwingShape:
+    """Return the shape of a swing on level ground, by settings and constants in SI units."""
+    c = constants
+    return SwingShape(
+        settings.swing_height,
+        apex=c.apex / c.touch,
+        takeoff_time=0.0,
+        landing_time=0.0,
+        landing_speed=c.landing_speed,
+        landing_height=0.0,
+        search_depth=c.search,
+        search_time=c.search_time,
+        lift_speed=c.lift_speed,
+        edge=0.0,
+        heel=0.0,
+        quickest=0.5,
+        level=c.level,
+        lift=c.lift,
+        piece=c.piece,
+    )

@@ -1,0 +1,67 @@
+"""Course of the centre of mass in free steps: as the weight shifts, and as the pendulum falls from where it is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from wbc.base.vectors import Point, Vector
+from wbc.core.trajectories import Follower
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.stepping.felt import BodyState
+from wbc.walking.stepping.settings import RobotSize
+from wbc.walking.swing import REST
+
+Motion = tuple[float, float, float, float, float, float]
+"""Place, m, velocity, m/s, and acceleration, m/s², over the ground."""
+
+
+class Course:
+    """Planned motion of the centre of mass of one walk."""
+
+    def __init__(self, scale: RobotSize, dt: float) -> None:
+        """Begin in a stand."""
+        self._height, self._omega, self._square, self._dt = scale.height, scale.omega, scale.omega**2, dt
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew, from the height that the robot has."""
+        self._high: Follower[float] | None = None  # height over the feet, m
+        self._planned: Motion | None = None  # None until the step is decided
+
+    def rise(self, now: float) -> Point:
+        """Return the height over the feet and its rate: from that now, m, it moves to that of the steps."""
+        if self._high is None:
+            self._high = Follower(1.0 / self._omega, now)
+        self._high.follow(self._height - self._high.value, self._dt)
+        return self._high.value, self._high.velocity
+
+    def decide(self) -> None:
+        """Go on from what is measured: the step has been decided."""
+        self._planned = None
+
+    def fall(self, state: BodyState, zmp: Vector) -> Motion:
+        """Return the motion as planned: from the state in which the step was decided that of the pendulum."""
+        square, dt, (zx, zy, _) = self._square, self._dt, zmp
+        if self._planned is None:
+            (x, y, _), (u, v, _) = state.com, state.velocity
+        else:
+            x, y, u, v, a, b = self._planned
+            x, y, u, v = x + dt * (u + 0.5 * dt * a), y + dt * (v + 0.5 * dt * b), u + dt * a, v + dt * b
+        self._planned = x, y, u, v, square * (x - zx), square * (y - zy)
+        return self._planned
+
+    def pendulum(self, motion: Motion, height: Point, ground: float) -> Pendulum:
+        """Return the pendulum of a motion, with the height of the CoM and its rate, over a ground at a height, m."""
+        x, y, u, v, a, b = motion
+        arm = 1.0 / self._square
+        # One array and its parts: making an array costs more than a slice.
+        parts = np.array((x, y, height[0], u, v, height[1], a, b, 0.0, x - arm * a, y - arm * b, ground))
+        return Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self._omega)
+
+
+def shifted(start: Vector, goal: Point, elapsed: float, duration: float) -> Motion:
+    """Return the motion of a weight that shifts from rest to rest; its acceleration is left to the feedback."""
+    share = min(1.0, elapsed / duration)
+    rise, rate = share * share * (3.0 - 2.0 * share), 6.0 * (share - share * share) / duration
+    u, v = goal[0] - start[0], goal[1] - start[1]
+    return start[0] + rise * u, start[1] + rise * v, rate * u, rate * v, 0.0, 0.0

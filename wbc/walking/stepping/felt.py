@@ -1,0 +1,182 @@
+"""What a stepping walk feels: the state of the robot, where its feet carry, and the DCM about there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import pinocchio as pin
+
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import ROUNDING
+from wbc.base.vectors import Point, Rotation, Vector, along, part_way
+from wbc.core.drive.control import State
+from wbc.core.robot import GRAVITY, Robot
+from wbc.walking.plans.footsteps import heading
+from wbc.walking.stepping.law import Divergent, divergent_component
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants
+
+Frames = tuple[pin.SE3, pin.SE3]
+"""Placements of the left and of the right sole."""
+
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+
+WORLD = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+class BodyState(NamedTuple):
+    """State of the robot, as far as the gait reads it, in plain numbers."""
+
+    com: Vector  # centre of mass in the world, m
+    velocity: Vector  # its velocity, m/s
+    spin: Vector  # angular momentum about the centre of mass, kg m²/s
+    places: tuple[Vector, Vector]  # centres of the left and of the right sole, m
+    turns: tuple[Rotation, Rotation]  # rotations of the soles, row by row
+    wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
+    heading: float  # heading of the pelvis less what it is to be turned against that of the walk, rad
+    speeds: tuple[Vector, Vector] = (ORIGIN, ORIGIN)  # velocities of the soles in the world, m/s
+    rates: tuple[Vector, Vector] = (ORIGIN, ORIGIN)  # their angular velocities in the world, rad/s
+
+    def on_sole(self, side: int, x: float, y: float) -> Vector:
+        """Return a point of a sole in the world, m."""
+        (px, py, pz), ((a, b, _), (c, d, _), (e, f, _)) = self.places[side], self.turns[side]
+        return px + a * x + b * y, py + c * x + d * y, pz + e * x + f * y
+
+    def tilting(self, side: int) -> Point:
+        """Return the rates at which the far and the left end of a sole rise, over their distance, rad/s."""
+        (u, v, _), ((a, b, _), (c, d, _), _) = self.rates[side], self.turns[side]
+        return u * c - v * a, u * d - v * b
+
+    def middle(self, direction: Point) -> Point:
+        """Return the place that is at the CoM along a direction, and across it in the middle of the feet, m."""
+        (x, y, _), (left, right), (cos, sin) = self.com, self.places, direction
+        _, aside = along(direction, 0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y)
+        return x - sin * aside, y + cos * aside
+
+    def apart(self) -> float:
+        """Return the distance between the feet, m."""
+        left, right = self.places
+        return math.hypot(left[0] - right[0], left[1] - right[1])
+
+
+class BodyReader:
+    """Reader of one robot's state; the placements of its soles are looked up once."""
+
+    def __init__(self, robot: Robot) -> None:
+        """Look up the soles."""
+        left, right = robot.soles
+        self.robot = robot
+        self.frames: Frames = robot.placement(left.frame), robot.placement(right.frame)
+        self._soles = robot.frame_id(left.frame), robot.frame_id(right.frame)
+        self._places = self.frames[0].translation, self.frames[1].translation  # views, as the next ones
+        self._turns = self.frames[0].rotation, self.frames[1].rotation
+        self._pelvis = robot.placement(robot.base_frame).rotation
+
+    def read(self, state: State, hip_turn: float) -> BodyState:
+        """Return the state, with a pelvis that is turned against the heading by an angle, rad."""
+        robot = self.robot
+        left, right = (pin.getFrameVelocity(robot.model, robot.data, sole, WORLD) for sole in self._soles)
+        return BodyState(
+            robot.com.tolist(),
+            robot.com_velocity.tolist(),
+            robot.data.hg.angular.tolist(),
+            (self._places[0].tolist(), self._places[1].tolist()),
+            (self._turns[0].tolist(), self._turns[1].tolist()),
+            state.measurement.wrenches.tolist(),
+            heading(self._pelvis) - hip_turn,
+            (left.linear.tolist(), right.linear.tolist()),
+            (left.angular.tolist(), right.angular.tolist()),
+        )
+
+
+class Felt:
+    """Contact point and DCM of a robot on both feet, or on one.
+
+    Attributes:
+        state: State of the robot in this tick.
+        dcm: Divergent component of motion: on one foot by the angular momentum about the contact point.
+    """
+
+    state: BodyState
+    dcm: Divergent
+
+    def __init__(self, scale: RobotSize, constants: SteppingConstants, dt: float) -> None:
+        """Begin on both feet."""
+        self._scale, self._c, self._gain = scale, constants, lag_gain(dt, constants.cop_lag)
+        self.begin(None, 0.0)
+
+    def begin(self, stance: int | None, ahead: float) -> None:
+        """Feel anew on one foot, 0 left and 1 right, or on both; soles carry so far ahead of their centres, m."""
+        self._stance, self._ahead, self._contact = stance, ahead, None
+
+    _contact: Vector | None
+
+    @property
+    def contact(self) -> Vector:
+        """Measured centre of pressure of the feet that carry, low-passed, in the world, m."""
+        assert self._contact is not None
+        return self._contact
+
+    def take(self, state: BodyState) -> None:
+        """Take in the state of a tick."""
+        self.state = state
+        self.follow()
+
+    def follow(self) -> None:
+        """Low-pass the contact point and find the DCM about it."""
+        now, state, scale = self.contact_point(), self.state, self._scale
+        contact = now if self._contact is None else part_way(self._contact, now, self._gain)
+        self._contact = contact
+        if self._stance is None:
+            self.dcm = self.own_dcm(contact[2])
+            return
+        self.dcm = divergent_component(
+            state.com, state.velocity, state.spin, contact, scale.mass, 0.5 * scale.height
+        )
+
+    def own_dcm(self, ground: float) -> Divergent:
+        """Return the DCM by the CoM's own velocity, ξ = c + ċ/ω, over a ground at a height, m."""
+        (x, y, z), (u, v, _) = self.state.com, self.state.velocity
+        omega = math.sqrt(GRAVITY / max(z - ground, 0.5 * self._scale.height))
+        return Divergent(x + u / omega, y + v / omega, omega)
+
+    def contact_point(self) -> Vector:
+        """Return the measured centre of pressure of the feet that carry, in the world, m."""
+        if self._stance is not None:
+            return self.centre_of_pressure(self._stance)
+        (ax, ay, az), (bx, by, bz) = (self.centre_of_pressure(side) for side in (0, 1))
+        left, right = (max(row[2], 0.0) for row in self.state.wrenches)
+        share = left / (left + right) if left + right > self._c.least_force else 0.5
+        return bx + share * (ax - bx), by + share * (ay - by), bz + share * (az - bz)
+
+    def centre_of_pressure(self, side: int) -> Vector:
+        """Return the centre of pressure of a sole within its edges, m; where it carries nothing, where it would."""
+        _, _, force, roll, pitch, _ = self.state.wrenches[side]
+        if force < self._c.least_force:
+            return self.carrying_point(side)
+        length, width = self._scale.sole
+        x, y = min(max(-pitch / force, -length), length), min(max(roll / force, -width), width)
+        return self.state.on_sole(side, x, y)
+
+    def carrying_point(self, side: int) -> Vector:
+        """Return the point of a sole that carries, m."""
+        return self.state.on_sole(side, self._ahead, 0.0)
+
+    def outside(self, dcm: Divergent, share: float) -> float:
+        """Return the distance of the DCM outside the standing boxes scaled by `share`, m; negative within them."""
+        left, right = self.state.places
+        half_length, half_width = (0.5 * share * size for size in self._c.standing_box)
+        across = left[0] - right[0], left[1] - right[1]
+        spacing = math.hypot(*across) + ROUNDING
+        ux, uy = across[0] / spacing, across[1] / spacing
+        dx, dy = dcm.x - 0.5 * (left[0] + right[0]), dcm.y - 0.5 * (left[1] + right[1])
+        return max(abs(dx * uy - dy * ux) - half_length, abs(dx * ux + dy * uy) - 0.5 * spacing - half_width)
+
+    def kicked(self) -> int | None:
+        """Return the foot that a push has thrown off the ground while the other one holds, else None."""
+        c, loads, speeds = self._c, [row[2] for row in self.state.wrenches], self.state.speeds
+        for side in (0, 1):
+            if loads[side] < c.lost and loads[1 - side] > c.held and math.hypot(*speeds[side]) > c.kicked:
+                return side
+        return None

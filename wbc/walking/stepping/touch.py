@@ -1,0 +1,197 @@
+"""Contact of the foot in the air: whether it has met the ground, is to carry, or is hurled by a push."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from wbc.base.lag import lag_gain
+from wbc.base.vectors import Point, Vector, along, part_way
+from wbc.walking.ground import GroundEstimate
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.stepping.felt import ORIGIN, Felt
+from wbc.walking.stepping.law import Orbit, takes_over, viability
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
+from wbc.walking.swing import SwingFoot
+
+CALM, UNHURRIED = 0.5, 0.8
+"""Urgency of the swing foot up to which a push may have hurled it, and time of the step over T from which on."""
+
+
+class SwingStep(NamedTuple):
+    """Step of a tick, as its gait has it.
+
+    Attributes:
+        stance: Foot that stands: 0 left, 1 right.
+        direction: Cosine and sine of the heading.
+        orbit: Orbit of the steps that are asked for.
+        elapsed: Time since lift-off, s.
+        duration: Time of the step, s.
+        touch: Time at which the foot meets the expected ground, s.
+        longest: Time since lift-off from which on a foot in contact waits no longer, s.
+        haste: Share from 0 to 1 by which the walk is a fast one.
+        patience: Offset of ξ over that of the orbit up to which the foot in contact takes over.
+    """
+
+    stance: int
+    direction: Point
+    orbit: Orbit
+    elapsed: float
+    duration: float
+    touch: float
+    longest: float
+    haste: float
+    patience: float
+
+    @property
+    def side(self) -> float:
+        """1 if the left foot swings, −1 if the right one does."""
+        return 1.0 if self.stance == 1 else -1.0
+
+    def outwards(self, x: float, y: float) -> Point:
+        """Return the parts of a vector along the heading and outwards, to the side of the foot that swings."""
+        ahead, left = along(self.direction, x, y)
+        return ahead, self.side * left
+
+
+class SwingTouch:
+    """Contact of the swing foot of one walk."""
+
+    def __init__(
+        self,
+        felt: Felt,
+        ground: GroundEstimate,
+        settings: SteppingSettings,
+        constants: SteppingConstants,
+        dt: float,
+    ) -> None:
+        """Begin a step."""
+        self._felt, self._ground, self._s, self._c, self._dt = felt, ground, settings, constants, dt
+        self._gain = lag_gain(dt, constants.cop_lag)
+        self._carrying: Vector = ORIGIN  # low-passed centre of pressure of the swing foot in contact, m
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a step: no push has hurled its foot."""
+        self._hurled = -math.inf  # when a push hurled the swing foot, s
+        # Time for which the foot that stands has carried nothing and the other one does, s.
+        self._unloaded = 0.0
+
+    def hurl(self, time: float) -> None:
+        """Take note of a push that has hurled the swing foot at a time, s."""
+        self._hurled = time
+
+    def is_hurled(self, time: float) -> bool:
+        """Return True for a swing foot that was hurled: a force on it is that of a push, or of its inertia."""
+        return time - self._hurled < self._c.hurled_time
+
+    def fly(self, side: int, time: float, urgency: float, paced: float, speed: float) -> None:
+        """Find whether a push hurls the swing foot.
+
+        It is faster then, in the world and past the CoM, than any step without hurry: the ground stops a foot, and only
+        a push makes it faster. It is hurled once in a step: a foot that comes back is as fast, and meets the ground.
+
+        Args:
+            side: Foot that swings: 0 left, 1 right.
+            time: Time now, s.
+            urgency: Share by which the swing foot goes before the trunk.
+            paced: Time of this step over T.
+            speed: Speed of the steps, m/s.
+        """
+        calm = urgency < CALM and paced > UNHURRIED
+        if not calm or not (self.is_hurled(time) or self._hurled == -math.inf):
+            return
+        state = self._felt.state
+        moved = state.speeds[side]
+        if min(math.hypot(*moved), math.dist(moved, state.velocity)) > self._c.hurled + 2.0 * speed:
+            self._hurled = time
+
+    def thrown(self, side: int, swing: SwingFoot, time: float) -> Vector | None:
+        """Return the velocity of a swing foot so far off its motion that legs cannot bring it back, m/s, else None.
+
+        That is where the feedback of its task asks for more than the greatest acceleration of a swing: the trunk would
+        pay for it. The motion is that of the last tick, whose `time` since lift-off is given, s.
+        """
+        state, (stiffness, damping) = self._felt.state, self._c.swing_gains
+        here, moved = state.places[side], state.speeds[side]
+        asked = (
+            stiffness * (q - p) + damping * (speed - now)
+            for p, now, q, speed in zip(here, moved, *swing.motion(time), strict=True)
+        )
+        return moved if math.hypot(*asked) > self._c.swing_push else None
+
+    def meets(self, step: SwingStep, landing: Footstep, time: float) -> bool:
+        """Return True if the swing foot bears the load of a contact in this tick."""
+        c, side = self._c, 1 - step.stance
+        may = step.elapsed > c.early * step.duration and not self.is_hurled(time)
+        if not (may and self._felt.state.wrenches[side][2] > c.met and self._is_low(step.stance)):
+            return False
+        return not self.rubs(step, landing)
+
+    def loses(self, stance: int, since: float, time: float) -> bool:
+        """Return True if a foot that has been in contact since some time, s, has lost the ground again."""
+        c, loads = self._c, self._felt.state.wrenches
+        lost = loads[1 - stance][2] < c.lost and since > c.lost_time and loads[stance][2] > c.held
+        return lost or self.is_hurled(time)
+
+    def rubs(self, step: SwingStep, landing: Footstep) -> bool:
+        """Return True if the swing foot is to go on over what it has met: waiting would not help there.
+
+        That is where ξ runs away from the foot that stands, aside or ahead, and is caught from the landing at its time,
+        and not from here.
+        """
+        c, felt, orbit = self._c, self._felt, step.orbit
+        dcm, left = felt.dcm, step.touch - step.elapsed
+        (x, y, _), (p, q, _) = felt.state.places[1 - step.stance], felt.contact
+        ahead, beyond = step.outwards(dcm.x - x, dcm.y - y)
+        on, out = step.outwards(dcm.x - p, dcm.y - q)
+        ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
+        if left <= 0.0 or not (ahead_of_orbit or out < 0.0):
+            return False
+        grown = math.exp(dcm.omega * left)
+        there = step.outwards(p + grown * (dcm.x - p) - landing.x, q + grown * (dcm.y - q) - landing.y)
+        now = viability(ahead, -beyond, orbit, c.stretch)
+        return c.rubs * now < viability(there[0], -there[1], orbit, c.stretch)
+
+    def _is_low(self, stance: int) -> bool:
+        """Return True if the swing foot is no higher than the way over the ground asks for."""
+        places = self._felt.state.places
+        ground = max(places[stance][2], self._ground.height)
+        return places[1 - stance][2] < ground + self._c.low * self._s.swing_height
+
+    def carry(self, side: int, *, met: bool) -> None:
+        """Low-pass the place where the foot in contact carries, from its carrying point on: it meets with an edge."""
+        felt = self._felt
+        if met:
+            self._carrying = part_way(self._carrying, felt.centre_of_pressure(side), self._gain)
+        else:
+            self._carrying = felt.carrying_point(side)
+
+    def is_to_carry(self, step: SwingStep) -> bool:
+        """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
+        felt, c = self._felt, self._c
+        loads, dcm = felt.state.wrenches, felt.dcm
+        unloaded = loads[step.stance][2] < c.held < loads[1 - step.stance][2]
+        self._unloaded = self._unloaded + self._dt if unloaded else 0.0
+        if self._unloaded > step.haste * c.lost_time:
+            return True  # it has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long
+        if step.elapsed > step.longest:
+            return True
+        (x, y, _), (p, q, _) = self._carrying, felt.contact
+        ahead, beyond = step.outwards(dcm.x - x, dcm.y - y)
+        there, here = (ahead, -beyond), step.outwards(dcm.x - p, dcm.y - q)
+        return takes_over(there, here, step.orbit, c.stretch, c.wait, step.patience)
+
+    def most_forces(self, stance: int, elapsed: float, *, met: bool, stepped: bool) -> tuple[float, float]:
+        """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`.
+
+        A robot that has `stepped` before has an old one.
+        """
+        c, swing = self._c, 1 - stance
+        most = [c.most_force, c.most_force]
+        most[swing] = 0.0
+        if met:
+            most[swing] = c.share
+        elif elapsed < c.unload and stepped and self._felt.state.wrenches[swing][2] > c.lost:
+            most[swing] = 2.0 * c.share * (1.0 - elapsed / c.unload)
+        return most[0], most[1]
