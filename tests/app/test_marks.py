@@ -1,0 +1,534 @@
+"""Marks and shapes: where each stands, how large it is, and from which value on it is drawn."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any, Literal
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.app.drift import Drift
+from wbc.app.view import stage, walk_marks
+from wbc.app.view.marks import (
+    COM_COLOUR,
+    DCM_COLOUR,
+    GROUND_COLOUR,
+    LIFT,
+    LINE,
+    NOTICED,
+    POINT,
+    SCAN_COLOUR,
+    SIDE_COLOURS,
+    SOFT_COLOUR,
+    STIFF_COLOUR,
+    Force,
+    Instant,
+    Mark,
+    Picture,
+    Scale,
+    Walking,
+    balance_marks,
+    changes,
+    css,
+    draw,
+    force_marks,
+    ground_mark,
+    legend,
+    mark_mesh,
+    planned_step,
+    real_step,
+    ring,
+    scan_mark,
+    sole_force,
+    stiffness_colour,
+)
+from wbc.app.view.meshes import ENDLESS, PLANE_DEPTH, SHADES, ball, body_meshes, box, geom_mesh, merged
+from wbc.app.view.stage import DescribedStage, SimulatedStage, zmp_of
+from wbc.app.view.walk_marks import MAP_PERIOD, MAX_STEPS, WalkMarks, outside_force, sole_corners
+from wbc.core.robot import GRAVITY
+from wbc.feet.soles.actuator import STIFFEST
+from wbc.robots import load
+from wbc.sim import Plant
+from wbc.walking.plans.footsteps import Footstep
+
+SCALE = Scale(0.8, 400.0)
+RED = (1.0, 0.0, 0.0, 1.0)
+UP = np.array([0.0, 0.0, LIFT])
+
+
+def by_name(marks: list[Mark]) -> dict[str, Mark]:
+    return {mark.name: mark for mark in marks}
+
+
+# ---- balance --------------------------------------------------------------------------------------------------------
+
+
+def test_points_of_balance_stand_where_they_are_and_their_shadow_on_the_ground() -> None:
+    com, zmp, dcm = np.array([1.0, 2.0, 3.0]), np.array([1.1, 2.1, 0.3]), np.array([1.2, 2.2])
+    area = np.array([(0.0, 0.0, 0.1), (1.0, 0.0, 0.2), (0.0, 1.0, 0.3), (0.2, 0.2, 0.4)])
+    marks = by_name(balance_marks(SCALE, com, zmp, dcm, 0.25, area))
+    assert set(marks) == {"com", "com shadow", "zmp", "dcm", "support"}
+    assert marks["com"].points.tolist() == [[1.0, 2.0, 3.0]]
+    assert marks["com shadow"].points.tolist() == [[1.0, 2.0, 0.25]]
+    assert marks["zmp"].points.tolist() == [[1.1, 2.1, 0.3]]
+    np.testing.assert_allclose(marks["dcm"].points, [[1.2, 2.2, 0.25 + LIFT]])
+    sizes = {name: mark.size / (0.8 * POINT) for name, mark in marks.items() if name != "support"}
+    assert sizes == pytest.approx({"com": 1.0, "com shadow": 0.6, "zmp": 1.0, "dcm": 1.0})
+    np.testing.assert_allclose(
+        marks["support"].points, [(x, y, 0.25 + LIFT) for x, y in ((0, 0), (1, 0), (0, 1))]
+    )
+
+
+@pytest.mark.parametrize("unknown", [None, np.array([0.0, np.nan, 0.0])])
+def test_points_that_are_not_known_and_supports_without_an_area_are_not_drawn(unknown: Any) -> None:
+    line = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)])
+    for support in (None, line[:2], line):
+        marks = balance_marks(SCALE, np.ones(3), unknown, unknown, 0.0, support)
+        assert set(by_name(marks)) == {"com", "com shadow"}
+
+
+def test_a_picture_has_the_texts_and_marks_of_its_instant() -> None:
+    own = Mark("own", "ball", np.zeros((1, 3)), RED)
+    now = Instant(2.0, np.array([1.0, 2.0, 3.0]), 0.0, forces=[Force("push", np.ones(3), np.ones(3))])
+    now.planned = {"ZMP": np.array([0.5, 0.0, 0.1]), "DCM": np.array([np.nan, 0.0, 0.0])}
+    now.marks, now.text = [own], ["more"]
+    now.program, now.walking = "demo/wait", Walking("single support", "left", 3)
+    now.soles, now.stiffness = [[4, 5], [7]], [STIFFEST, math.nan]
+    picture = draw(SCALE, now)
+    assert picture.time == 2.0 and picture.target is now.com
+    assert set(by_name(picture.marks)) == {"com", "com shadow", "push force 0", "ZMP planned", "own"}
+    assert picture.text[:3] == ["demo/wait", "single support, left foot swings, 3 steps done", "more"]
+    assert picture.colours == {4: STIFF_COLOUR, 5: STIFF_COLOUR}
+    now.walking, now.stiffness = Walking("double support", "left", 0), [math.nan, math.nan]
+    now.target = np.array([9.0, 9.0, 9.0])
+    picture = draw(SCALE, now)
+    assert picture.target is now.target and not picture.colours
+    assert picture.text == ["demo/wait", "double support, 0 steps done", "more"]
+    now.walking = Walking("single support", None, 1)
+    assert draw(SCALE, now).text[1] == "single support, 1 steps done"
+
+
+def test_the_force_of_a_sole_acts_at_its_centre_of_pressure_in_the_world() -> None:
+    """F = R f at p + R (−my/fz, mx/fz, 0); a sole that bears less than 1 N, or is not measured, has none."""
+    turn = pin.rpy.rpyToMatrix(0.2, -0.3, 0.7)
+    place, wrench = np.array([1.0, -2.0, 0.5]), np.array([10.0, -5.0, 100.0, 4.0, -3.0, 1.0])
+    (force,) = sole_force(place, turn, wrench)
+    assert force.kind == "ground"
+    np.testing.assert_allclose(force.point, place + turn @ (0.03, 0.04, 0.0))
+    np.testing.assert_allclose(force.force, turn @ (10.0, -5.0, 100.0))
+    assert sole_force(place, turn, wrench * (1, 1, 0.0101, 1, 1, 1))
+    assert not sole_force(place, turn, wrench * (1, 1, 0.0099, 1, 1, 1))
+    assert not sole_force(place, turn, wrench * (np.nan, 1, 1, 1, 1, 1))
+
+
+def test_arrows_are_thin_and_a_force_of_nothing_has_no_length() -> None:
+    (mark,) = force_marks(SCALE, [Force("ground", np.ones(3), np.zeros(3))])
+    assert mark.size == pytest.approx(0.008) and (mark.points == 1.0).all()
+
+
+# ---- footsteps and the ground ---------------------------------------------------------------------------------------
+
+
+def test_what_lies_on_the_ground_is_lifted_above_it() -> None:
+    corners = np.array([(0.0, 0.0, 0.1), (1.0, 0.0, 0.1), (1.0, 1.0, 0.1), (0.0, 1.0, 0.2)])
+    planned, real = planned_step(3, "left", corners), real_step(4, "right", corners)
+    np.testing.assert_allclose(planned.points, np.concatenate([corners, corners[:1]]) + UP)
+    np.testing.assert_allclose(real.points, corners + UP)
+    assert (planned.kind, real.kind) == ("line", "area")
+    assert planned.colour == SIDE_COLOURS["left"] and real.colour[:3] == SIDE_COLOURS["right"][:3]
+    assert real.colour[3] < 1.0, "what is below is seen"
+    scan, ground = scan_mark(2, corners), ground_mark(corners)
+    np.testing.assert_allclose(scan.points, corners + UP)
+    np.testing.assert_allclose(ground.points, corners + UP)
+    assert (scan.kind, scan.size, scan.colour) == ("line", pytest.approx(2.0 * LINE), SCAN_COLOUR)
+    assert (ground.kind, ground.size, ground.colour) == ("cloud", pytest.approx(0.5 * LINE), GROUND_COLOUR)
+
+
+def test_a_ring_is_a_level_circle_around_its_point() -> None:
+    centre = np.array([0.3, -0.2, 0.5])
+    mark = ring("DCM", DCM_COLOUR, centre, SCALE)
+    away = mark.points - centre
+    np.testing.assert_allclose(away[:, 2], LIFT)
+    np.testing.assert_allclose(np.hypot(*away[:, :2].T), 1.6 * POINT * 0.8)
+    np.testing.assert_allclose(away[0], away[-1], atol=1e-12)
+    assert mark.name == "DCM planned" and mark.colour == DCM_COLOUR
+
+
+def test_corners_of_a_sole_are_half_its_size_from_its_centre() -> None:
+    turn, place = pin.rpy.rpyToMatrix(0.1, 0.2, 0.5), np.array([1.0, 2.0, 0.3])
+    found = sole_corners(0.2, 0.1, pin.SE3(turn, place).homogeneous)
+    wanted = [turn @ (x, y, 0.0) + place for x, y in ((0.1, 0.05), (-0.1, 0.05), (-0.1, -0.05), (0.1, -0.05))]
+    np.testing.assert_allclose(found, wanted)
+
+
+# ---- colours --------------------------------------------------------------------------------------------------------
+
+
+def test_soles_go_from_soft_to_stiff_on_a_logarithmic_scale() -> None:
+    """Half of the way at √(1 + stiffest) − 1: share = ln(1 + k) / ln(1 + stiffest)."""
+    assert stiffness_colour(0.0) == SOFT_COLOUR == stiffness_colour(-5.0)
+    assert stiffness_colour(STIFFEST) == pytest.approx(STIFF_COLOUR) == stiffness_colour(10.0 * STIFFEST)
+    middle = 0.5 * (np.array(SOFT_COLOUR) + STIFF_COLOUR)
+    np.testing.assert_allclose(stiffness_colour(math.sqrt(1.0 + STIFFEST) - 1.0), middle, atol=1e-4)
+
+
+def test_a_legend_has_each_meaning_once_and_that_of_coloured_soles() -> None:
+    marks = [
+        Mark("a", "ball", np.zeros((1, 3)), RED, meaning="point"),
+        Mark("b", "ball", np.zeros((1, 3)), RED),
+    ]
+    assert legend(Picture(0.0, marks)) == {"point": RED}
+    soles = legend(Picture(0.0, marks, colours={1: RED}))
+    assert list(soles.values()) == [RED, SOFT_COLOUR, STIFF_COLOUR]
+    assert css((0.0, 0.5, 1.0, 0.3)) == "rgb(0, 128, 255)"
+
+
+def test_a_mark_is_drawn_anew_when_it_is_another_one() -> None:
+    """Each is compared with what is shown, so that a slow motion is seen, too."""
+    points = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+    mark = Mark("m", "line", points, RED)
+    for size, same in (
+        (0.8 * NOTICED, True),
+        (-0.8 * NOTICED, True),
+        (1.2 * NOTICED, False),
+        (-1.2 * NOTICED, False),
+    ):
+        moved = points.copy()
+        moved[1, 1] += size
+        assert mark.looks_like(Mark("m", "line", moved, RED)) is same
+    assert not mark.looks_like(Mark("m", "line", points, DCM_COLOUR))
+    assert not mark.looks_like(Mark("m", "line", points[:1], RED))
+    shown: dict[str, Mark] = {}
+    told = [
+        [(name, each and each.name) for name, each in changes(shown, marks)] for marks in ([mark], [mark], [])
+    ]
+    assert told == [[("m", "m")], [], [("m", None)]] and not shown
+    list(changes(shown, [mark]))
+    drawn = 0
+    for step in range(1, 9):
+        drawn += len(list(changes(shown, [Mark("m", "line", points + 0.4 * step * NOTICED, RED)])))
+    assert drawn == 2, "at 1.2 and at 2.4 of what is noticed"
+
+
+# ---- triangles ------------------------------------------------------------------------------------------------------
+
+
+def mesh_of(kind: Literal["ball", "arrow", "line", "area", "cloud"], points: Any, size: float) -> Any:
+    return mark_mesh(Mark("m", kind, np.array(points, dtype=float), RED, size))
+
+
+def test_balls_are_as_large_as_they_say_around_their_point() -> None:
+    vertices, _ = mesh_of("ball", [(1.0, 2.0, 3.0)], 0.1)
+    np.testing.assert_allclose(np.linalg.norm(vertices - (1.0, 2.0, 3.0), axis=1), 0.1)
+
+
+def test_an_arrow_has_a_shaft_of_three_quarters_and_a_head_that_ends_at_its_end() -> None:
+    vertices, _ = mesh_of("arrow", [(1.0, 0.0, 0.0), (1.0, 4.0, 0.0)], 0.1)
+    along, across = vertices[:, 1], np.hypot(vertices[:, 0] - 1.0, vertices[:, 2])
+    assert (along.min(), along.max()) == (pytest.approx(0.0, abs=1e-9), pytest.approx(4.0))
+    assert across[np.isclose(along, 3.0)] == pytest.approx(np.repeat([0.1, 0.25], 20)), (
+        "the neck: shaft, then head"
+    )
+    assert across[np.isclose(along, 4.0)] == pytest.approx(np.zeros(20), abs=1e-9)
+    nothing, _ = mesh_of("arrow", [(1.0, 0.0, 0.0)] * 2, 0.0)
+    assert np.isfinite(nothing).all()
+
+
+def test_lines_are_level_bands_of_their_width_and_clouds_level_squares() -> None:
+    vertices, faces = mesh_of("line", [(0.0, 0.0, 1.0), (3.0, 4.0, 1.0), (3.0, 9.0, 1.0)], 0.2)
+    aside = np.array([-0.08, 0.06, 0.0])  # 0.1 to the left of (3, 4) / 5
+    first = [
+        (0.0, 0.0, 1.0) - aside,
+        (3.0, 4.0, 1.0) - aside,
+        (3.0, 4.0, 1.0) + aside,
+        (0.0, 0.0, 1.0) + aside,
+    ]
+    np.testing.assert_allclose(vertices[:4], first)
+    np.testing.assert_allclose(vertices[4:], [(3.1, 4, 1), (3.1, 9, 1), (2.9, 9, 1), (2.9, 4, 1)])
+    assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
+    vertices, faces = mesh_of("line", [(0.0, 0.0, 0.0)] * 2, 0.2)
+    assert np.isfinite(vertices).all(), "a line of no length"
+    vertices, faces = mesh_of("cloud", [(1.0, 2.0, 0.5), (5.0, 5.0, 0.0)], 0.1)
+    np.testing.assert_allclose(
+        vertices[:4], [(1.1, 2.1, 0.5), (0.9, 2.1, 0.5), (0.9, 1.9, 0.5), (1.1, 1.9, 0.5)]
+    )
+    assert faces.max() == 7 and len(faces) == 4
+
+
+def test_an_area_is_a_fan_of_triangles() -> None:
+    _, faces = mesh_of("area", np.zeros((5, 3)), 0.0)
+    assert faces.tolist() == [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+
+
+# ---- the model ------------------------------------------------------------------------------------------------------
+
+WORLD = """<mujoco><asset>
+<material name="blue" rgba="0 0 1 1"/>
+<hfield name="low" nrow="2" ncol="2" size="1 1 .1 .1" elevation="0 0 0 1"/>
+<hfield name="high" nrow="2" ncol="3" size="3 2 .6 .1" elevation="0 1 2 3 4 4"/>
+<mesh name="one" vertex="0 0 0 1 0 0 0 1 0 0 0 1"/><mesh name="two" vertex="0 0 0 3 0 0 0 3 0 0 0 3"/>
+</asset><worldbody>
+<geom name="plain" type="box" size=".1 .1 .1" pos="1 0 0" rgba=".3 .3 .3 1"/>
+<geom name="clear" type="box" size=".1 .1 .1" rgba="1 0 0 0"/>
+<geom name="hidden" type="box" size=".1 .1 .1" group="3"/>
+<geom name="floor" type="plane" size="0 0 1" material="blue"/>
+<geom name="painted" type="box" size=".1 .1 .1" material="blue" rgba="1 1 0 1"/>
+<geom name="low" type="hfield" hfield="low"/><geom name="high" type="hfield" hfield="high"/>
+<body name="held" mocap="true" pos="0 0 5"><geom name="mocap" size=".1" rgba=".3 .3 .3 1"/></body>
+<body name="moving" pos="0 0 2" euler="0 0 90"><freejoint/>
+<geom name="arm" type="box" size=".1 .2 .3" pos="1 0 0" rgba=".3 .3 .3 1"/>
+<geom name="one" type="mesh" mesh="one"/><geom name="two" type="mesh" mesh="two"/></body>
+</worldbody></mujoco>"""
+
+
+def test_bodies_have_their_colours_and_what_is_not_seen_is_not_drawn() -> None:
+    model = mujoco.MjModel.from_xml_string(WORLD)
+    drawn = {(each.body, each.colour): each.mesh for each in body_meshes(model)}
+    held, moving = model.body("held").id, model.body("moving").id
+    grey = round(0.3 * SHADES) / SHADES
+    assert {colour for body, colour in drawn if body == 0} == {
+        (grey, grey, grey, 1.0),
+        (0.0, 0.0, 1.0, 1.0),
+        (1.0, 1.0, 0.0, 1.0),
+        (0.5, 0.5, 0.5, 1.0),
+    }
+    plain = drawn[0, (grey, grey, grey, 1.0)].vertices
+    np.testing.assert_allclose([plain.min(axis=0), plain.max(axis=0)], [(0.9, -0.1, -0.1), (1.1, 0.1, 0.1)])
+    own = pytest.approx((0.3, 0.3, 0.3, 1.0))
+    assert [colour for body, colour in drawn if body == held] == [own], "moved by a program, it is no ground"
+    arm = next(mesh.vertices for (body, colour), mesh in drawn.items() if body == moving and colour == own)
+    np.testing.assert_allclose([arm.min(axis=0), arm.max(axis=0)], [(0.9, -0.2, -0.3), (1.1, 0.2, 0.3)])
+    assert {body for body, _ in drawn} == {0, held, moving}
+
+
+def test_a_plane_without_an_end_has_one_and_lies_a_little_low() -> None:
+    model = mujoco.MjModel.from_xml_string(WORLD)
+    mesh = geom_mesh(model, model.geom("floor").id)
+    assert mesh is not None and np.abs(mesh.vertices).max(axis=0) == pytest.approx(
+        [ENDLESS, ENDLESS, PLANE_DEPTH]
+    )
+    assert (mesh.vertices[:, 2] < 0.0).all()
+
+
+def test_height_fields_and_meshes_are_those_of_their_geoms() -> None:
+    model = mujoco.MjModel.from_xml_string(WORLD)
+    field = geom_mesh(model, model.geom("high").id)
+    assert field is not None
+    heights = {(round(x), round(y)): z for x, y, z in field.vertices}
+    rows = {2: (0.0, 1.0, 2.0), -2: (3.0, 4.0, 4.0)}  # as in a picture, the first row is the far one
+    assert heights == pytest.approx(
+        {(x, y): 0.6 * z / 4.0 for y, row in rows.items() for x, z in zip((-3, 0, 3), row, strict=True)}
+    )
+    for name, size in (("one", 1.0), ("two", 3.0)):
+        mesh = geom_mesh(model, model.geom(name).id)
+        assert mesh is not None and len(mesh.faces) == 4 and len(mesh.vertices) == 12, "edges are sharp"
+        a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+        assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0 == pytest.approx(size**3 / 6.0)
+
+
+def test_merged_meshes_keep_their_triangles() -> None:
+    parts = [box(1.0, 2.0, 3.0), ball(0.5, 0.5, 0.5), box(0.1, 0.1, 0.1)]
+    whole = merged(parts)
+    np.testing.assert_array_equal(
+        whole.vertices[whole.faces], np.concatenate([part.vertices[part.faces] for part in parts])
+    )
+
+
+# ---- stages ---------------------------------------------------------------------------------------------------------
+
+
+def test_the_zmp_of_a_wrench_lies_on_the_level_that_is_asked_for() -> None:
+    """A force F at a point p: where its line crosses the level."""
+    point, force = np.array([0.3, -0.2, 0.1]), np.array([20.0, -10.0, 100.0])
+    wrench = np.concatenate([force, np.cross(point, force)])
+    np.testing.assert_allclose(zmp_of(wrench, 0.6), point + 0.005 * force)
+    assert zmp_of(np.zeros(6), 0.6) is None
+
+
+def test_contacts_with_hardly_a_load_are_no_corners_and_a_robot_in_the_air_has_no_support(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    plant = Plant(load("hrp4_class"))
+    shown, truth = SimulatedStage(plant, None), plant.truth()
+    places = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-9.0, 0.0, 0.0)])
+    weight = plant.robot.mass * GRAVITY
+    assert shown.scale.weight == pytest.approx(weight)
+    assert shown.scale.height == pytest.approx(truth.com[2] - plant.terrain.surface.floor)
+    forces = np.zeros((4, 3))
+    forces[:, 2] = weight * np.array([0.0051, 0.5, 0.4, 0.0049])
+
+    def with_contacts(count: int, velocity: tuple[float, ...] = (0.0, 0.0, 0.0)) -> dict[str, Mark]:
+        values = {"contact_position": places[:count], "contact_force": forces[:count]}
+        values |= {"contact_sole": np.zeros(count, dtype=int), "com_velocity": np.array(velocity)}
+        changed = SimpleNamespace(**{name: getattr(truth, name) for name in ("com", "q", "v")} | values)
+        monkeypatch.setattr(type(plant), "truth", lambda self: changed)
+        return by_name(shown.picture().marks)
+
+    marks = with_contacts(4)
+    assert sorted(map(tuple, marks["support"].points[:, :2].tolist())) == [(0.0, 0.0), (0.0, 1.0), (1.0, 0.0)]
+    air = with_contacts(0, (0.3, -0.6, 0.0))
+    assert not {"support", "zmp", "ground force 0"} & set(air)
+    omega = math.sqrt(GRAVITY / shown.scale.height)
+    np.testing.assert_allclose(
+        air["dcm"].points[0],
+        [*(truth.com[:2] + np.array([0.3, -0.6]) / omega), plant.terrain.surface.floor + LIFT],
+    )
+    np.testing.assert_allclose(air["com shadow"].points[0], [*truth.com[:2], plant.terrain.surface.floor])
+
+
+def test_only_pushes_on_the_robot_are_shown() -> None:
+    cup = '<mujoco><worldbody><body name="cup" pos="2 0 1"><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+    plant = Plant(load("hrp4_class"), scene=cup)
+    shown = SimulatedStage(plant, None)
+    plant.data.xfrc_applied[plant.model.body("scene/cup").id, 0] = 5.0
+    assert "push force 0" not in by_name(shown.picture().marks)
+
+
+def test_a_described_robot_has_the_zmp_of_what_its_soles_feel() -> None:
+    """Both soles bear the weight straight from below: the ZMP is between them, on the level of the lower one."""
+    robot = load("hrp4_class").robot()
+    shown = DescribedStage(load("hrp4_class"))
+    weight = robot.mass * GRAVITY
+    assert shown.scale == pytest.approx((robot.com[2], weight))
+    left, right = (robot.placement(sole.frame).translation for sole in robot.soles)
+    wrenches = np.zeros((2, 6))
+    wrenches[:, 2] = 0.25 * weight, 0.75 * weight
+    read: Any = SimpleNamespace(time=3.5, sole_wrench=wrenches)
+    picture = shown.picture(robot, read)
+    marks = by_name(picture.marks)
+    assert picture.time == 3.5
+    np.testing.assert_allclose(marks["zmp"].points[0], 0.25 * left + 0.75 * right, atol=1e-9)
+    np.testing.assert_allclose(marks["ground force 1"].points[0], right, atol=1e-9)
+    assert marks["com shadow"].points[0, 2] == pytest.approx(min(left[2], right[2]), abs=1e-9)
+    without = shown.picture(robot.half_sitting, SimpleNamespace(time=1.0, sole_wrench=None))  # type: ignore[arg-type]
+    assert set(by_name(without.marks)) == {"com", "com shadow"} and without.time == 1.0
+    assert shown.picture(robot, None).time == 0.0
+    other = load("g1").robot()
+    with pytest.raises(stage.InputError, match="hrp4_class"):
+        shown.picture(other, None)
+
+
+# ---- walks ----------------------------------------------------------------------------------------------------------
+
+
+def walk_of(plant: Plant, **values: Any) -> Any:
+    """A walk that stands, as its marks see it."""
+    robot = plant.robot
+    pendulum = SimpleNamespace(zmp=np.array([0.1, 0.2, 0.3]), dcm=np.array([0.4, 0.5, 0.0]), omega=3.0)
+    progress = SimpleNamespace(
+        phase=SimpleNamespace(value="double support"), swing_side=None, steps_done=0, upcoming=[]
+    )
+    observer = SimpleNamespace(robot=robot, outside=None)
+    parts = {
+        "reference": SimpleNamespace(pendulum=pendulum),
+        "control": SimpleNamespace(observer=observer),
+        "progress": progress,
+        "stiffness": None,
+        "ground": None,
+        "load": None,
+    }
+    return SimpleNamespace(**parts | values)
+
+
+def test_planned_points_and_steps_lie_where_the_estimate_is_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = Plant(load("hrp4_class"))
+    walking = walk_of(plant)
+    shift = np.array([[0.5, -0.25, 0.1]])
+    monkeypatch.setattr(walk_marks, "drift_of", lambda *_: Drift(np.zeros(1), np.zeros((1, 3)), shift))
+    marks = WalkMarks(plant, walking)
+    walking.progress.upcoming = [Footstep("left", 0.1 * i, 0.05) for i in range(MAX_STEPS + 3)]
+    now = Instant(0.0, np.zeros(3), 0.0)
+    marks.add(now)
+    np.testing.assert_allclose(now.planned["ZMP"], [0.6, -0.05, 0.4])
+    np.testing.assert_allclose(now.planned["DCM"], [0.9, 0.25, 0.4])
+    assert now.walking == Walking("double support", None, 0) and now.text == [
+        Drift(np.zeros(1), shift, 0 * shift).text(0)
+    ]
+    drawn = by_name(now.marks)
+    assert sum(name.startswith("planned step") for name in drawn) == MAX_STEPS
+    np.testing.assert_allclose(drawn["planned step 2"].points[:4].mean(axis=0), [0.7, -0.2, 0.1 + LIFT])
+
+
+def test_steps_that_were_done_stay_for_a_while_and_each_stance_has_its_own_area() -> None:
+    plant = Plant(load("hrp4_class"))
+    walking = walk_of(plant)
+    marks, progress = WalkMarks(plant, walking), walking.progress
+    shown: dict[str, Mark] = {}
+    for done in range(MAX_STEPS + 6):
+        progress.steps_done, progress.upcoming = done, [Footstep("left", 0.1 * done, 0.05)]
+        for side in ("left" if done % 2 else "right", None):
+            progress.swing_side = side
+            marks.add(now := Instant(0.0, np.zeros(3), 0.0))
+            shown = by_name(now.marks)
+    steps = MAX_STEPS + 6
+    planned = {int(name.split()[-1]) for name in shown if name.startswith("planned")}
+    assert planned == set(range(steps - 1 - MAX_STEPS, steps)), "those of the last steps, and the next one"
+    real = {int(name.split()[-1]) for name in shown if name.startswith("real")}
+    assert real == set(range(steps + 1 - MAX_STEPS, steps + 1)), (
+        "one for each stance; the first had only one foot"
+    )
+
+
+def test_the_known_ground_is_drawn_anew_when_it_is_another_and_not_too_often() -> None:
+    plant = Plant(load("hrp4_class"))
+    cells = [np.array([(0.0, 0.0, 0.1)])]
+    ground = SimpleNamespace(version=0, map=SimpleNamespace(known=lambda: (cells[-1], None)))
+    marks = WalkMarks(plant, walk_of(plant, ground=ground))
+
+    def height(time: float) -> float | None:
+        marks.add(now := Instant(time, np.zeros(3), 0.0))
+        found = by_name(now.marks).get("known ground")
+        return None if found is None else round(float(found.points[0, 2]) - LIFT, 4)
+
+    assert height(1.0) == 0.1
+    cells.append(np.array([(0.0, 0.0, 0.2)]))
+    assert height(3.0) == 0.1, "its version is the same"
+    ground.version = 1
+    assert height(3.0) == 0.2
+    cells.append(np.array([(0.0, 0.0, 0.3)]))
+    ground.version = 2
+    assert height(3.0 + 0.9 * MAP_PERIOD) == 0.2 and height(3.0 + 1.1 * MAP_PERIOD) == 0.3
+    ground.version = 3
+    cells.append(np.empty((0, 3)))
+    assert height(0.0) is None, "a run that has begun anew; nothing is known"
+
+
+def test_scans_are_kept_and_the_last_ones_are_drawn() -> None:
+    plant = Plant(load("hrp4_class"))
+    soles = SimpleNamespace(steps=[])
+    marks = WalkMarks(plant, walk_of(plant, stiffness=soles))
+    for number in range(MAX_STEPS + 2):
+        profile = SimpleNamespace(points=np.full((3, 3), float(number)))
+        soles.steps = [SimpleNamespace(profile=None if number == 1 else profile)]
+        for _ in range(2):
+            marks.add(now := Instant(0.0, np.zeros(3), 0.0))
+    scans = [name for name in by_name(now.marks) if name.startswith("scan")]
+    assert scans == [f"scan {i}" for i in range(1, MAX_STEPS + 1)]
+
+
+def test_the_force_on_the_hands_is_that_of_the_surroundings_with_the_weight_of_the_load() -> None:
+    plant = Plant(load("hrp4_class"))
+    walking, robot = walk_of(plant), plant.robot
+    assert outside_force(walking)[0] is None
+    walking.control.observer.outside = SimpleNamespace(wrench=np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))
+    force, place = outside_force(walking)
+    assert force is not None and force.tolist() == [1.0, 2.0, 3.0]
+    hands = [robot.placement(frame).translation for frame in robot.frames.values()]
+    np.testing.assert_allclose(place, np.mean(hands, axis=0))
+    walking.load = SimpleNamespace(applied=2.0, place=np.array([0.3, 0.0, 1.0]))
+    force, place = outside_force(walking)
+    assert force is not None and force == pytest.approx([1.0, 2.0, 3.0 - 2.0 * GRAVITY])
+    assert place.tolist() == [0.3, 0.0, 1.0]
+    marks = WalkMarks(plant, walking)
+    marks.add(now := Instant(0.0, np.zeros(3), 0.0))
+    (arrow,) = now.forces
+    assert arrow.kind == "outside"
+    np.testing.assert_allclose(arrow.force, force, atol=0.1)  # turned by what the estimate is off
+
+
+def test_colours_of_what_is_measured_differ() -> None:
+    assert len({COM_COLOUR, DCM_COLOUR, *SIDE_COLOURS.values(), SCAN_COLOUR, GROUND_COLOUR}) == 6
