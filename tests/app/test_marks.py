@@ -473,10 +473,11 @@ def test_steps_that_were_done_stay_for_a_while_and_each_stance_has_its_own_area(
     )
 
 
-def test_the_known_ground_is_drawn_anew_when_it_is_another_and_not_too_often() -> None:
+@pytest.mark.parametrize("version", [0, 1, 2])
+def test_the_known_ground_is_drawn_anew_when_it_is_another_and_not_too_often(version: int) -> None:
     plant = Plant(load("hrp4_class"))
     cells = [np.array([(0.0, 0.0, 0.1)])]
-    ground = SimpleNamespace(version=0, map=SimpleNamespace(known=lambda: (cells[-1], None)))
+    ground = SimpleNamespace(version=version, map=SimpleNamespace(known=lambda: (cells[-1], None)))
     marks = WalkMarks(plant, walk_of(plant, ground=ground))
 
     def height(time: float) -> float | None:
@@ -487,12 +488,12 @@ def test_the_known_ground_is_drawn_anew_when_it_is_another_and_not_too_often() -
     assert height(1.0) == 0.1
     cells.append(np.array([(0.0, 0.0, 0.2)]))
     assert height(3.0) == 0.1, "its version is the same"
-    ground.version = 1
+    ground.version = version + 1
     assert height(3.0) == 0.2
     cells.append(np.array([(0.0, 0.0, 0.3)]))
-    ground.version = 2
+    ground.version = version + 2
     assert height(3.0 + 0.9 * MAP_PERIOD) == 0.2 and height(3.0 + 1.1 * MAP_PERIOD) == 0.3
-    ground.version = 3
+    ground.version = version + 3
     cells.append(np.empty((0, 3)))
     assert height(0.0) is None, "a run that has begun anew; nothing is known"
 
