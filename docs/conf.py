@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import inspect
 import json
 import re
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+from docutils import nodes
 from docutils.nodes import Element, SkipNode
 from docutils.utils.math.latex2mathml import tex2mathml
 from numpy.typing import ArrayLike
@@ -35,7 +37,8 @@ project, author = "wbc", "The wbc developers"
 copyright = f"2026, {author}"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+copybutton_exclude = ".linenos, .gp, .go"
 exclude_patterns = ["README.md"]
 suppress_warnings = ["ref.python"]  # a type that two modules have
 
@@ -187,6 +190,66 @@ def skip_described(app: Sphinx, what: str, name: str, obj: Any, skip: bool, opti
     return True if here and not getattr(obj, "__module__", "").startswith("wbc.core") else None
 
 
+NAME = re.compile(r"(wbc(?:\.\w+)+|[A-Z]\w*[a-z]\w*(?:\.\w+)?)(?:\(.*\))?")
+"""Name of the library in the text of a page, or of a class, perhaps with what it is called with."""
+
+
+def link_names(app: Sphinx, doctree: nodes.document, docname: str) -> None:
+    """Link each name of the library in a page to its entry in the reference, where just one entry has this name."""
+    if docname.startswith("api/"):
+        return
+    entries: dict[str, set[str]] = {}
+    domain: Any = app.env.get_domain("py")
+    for entry in domain.objects:
+        words = entry.split(".")
+        for k in range(len(words)):
+            entries.setdefault(".".join(words[k:]), set()).add(entry)
+    for literal in list(doctree.findall(nodes.literal)):
+        if isinstance(literal.parent, nodes.reference) or not (found := NAME.fullmatch(literal.astext())):
+            continue
+        name = (
+            found[1]
+            if found[1] in domain.objects
+            else found[1].rpartition(".")[2]
+            if "wbc." in found[1]
+            else found[1]
+        )
+        same = {
+            (domain.objects[entry].docname, domain.objects[entry].node_id) for entry in entries.get(name, ())
+        }
+        if len(same) == 1:
+            page, place = same.pop()
+            address = app.builder.get_relative_uri(docname, page)
+            link = nodes.reference("", "", internal=True, refuri=f"{address}#{place}")
+            literal.replace_self(link)
+            link += literal
+
+
+def name_columns(
+    app: Sphinx, pagename: str, templatename: str, context: dict[str, Any], doctree: Any
+) -> None:
+    """Give each cell of a table the head of its column, which a phone shows in front of the cell."""
+    if "body" in context:
+        context["body"] = TABLE.sub(_named, context["body"])
+
+
+TABLE = re.compile(r"<table.*?</table>", re.DOTALL)
+ROW, CELL = re.compile(r"<tr.*?</tr>", re.DOTALL), re.compile(r"<td\b")
+
+
+def _named(table: re.Match[str]) -> str:
+    heads = [
+        html.escape(html.unescape(re.sub(r"<[^>]+>", "", head)).strip())
+        for head in re.findall(r"<th\b[^>]*>(.*?)</th>", table[0], re.DOTALL)
+    ]
+
+    def row(match: re.Match[str]) -> str:
+        columns = iter(heads)
+        return CELL.sub(lambda _: f'<td data-head="{next(columns, "")}"', match[0])
+
+    return ROW.sub(row, table[0])
+
+
 ACCENTED = re.compile(
     r"<munderover>\s*(<mi>[^<]*</mi>)\s*(.*?)\s*(<mo[^>]*>[˙¨ˉˆ˜]</mo>)\s*</munderover>", re.DOTALL
 )
@@ -218,6 +281,8 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("autodoc-process-docstring", mark_blocks, priority=400)
     app.connect("autodoc-process-signature", name_types)
     app.connect("doctree-read", shorten)
+    app.connect("doctree-resolved", link_names)
+    app.connect("html-page-context", name_columns)
     app.connect("autodoc-skip-member", skip_described)
     app.connect("build-finished", check_links)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
