@@ -1,0 +1,564 @@
+"""Options of commands, exit codes and walks of the command line: which values are taken, and which come first."""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import math
+import os
+import signal
+import sys
+import threading
+import typing
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.app import cli
+from wbc.app.arguments import Fields, attribute_docs, made_of, prepare
+from wbc.app.cli import BAD_INPUT, FAILED, INTERRUPTED, LONGEST_LINE, RAN, main
+from wbc.app.commands import robots as robots_command
+from wbc.app.commands.robots import RobotFileOptions
+from wbc.app.commands.study import run as run_command
+from wbc.app.commands.terrain import TerrainOptions, describe_terrain, list_terrains
+from wbc.app.commands.view_log import ViewOptions
+from wbc.app.commands.walk import DEFAULTS, DRIVE_TIME, WalkOptions, place_of, read_spec, walk_spec
+from wbc.app.live import ended_by_interrupt
+from wbc.base.errors import InputError, WbcError
+from wbc.base.settings import Positive
+from wbc.sim import WalkSpec
+from wbc.sim.studies.journal import Journal
+from wbc.sim.studies.study import Study
+
+Said = pytest.CaptureFixture[str]
+
+
+@dataclass(frozen=True)
+class Inner:
+    """Inner settings.
+
+    Attributes:
+        size: Its size, m.
+        tags: Its tags.
+    """
+
+    size: float = 2.0
+    tags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Base:
+    """Base settings.
+
+    Attributes:
+        need: What has no default.
+    """
+
+    need: int
+
+
+@dataclass(frozen=True)
+class Outer(Base):
+    """Outer settings.
+
+    Attributes:
+        inner: Inner ones.
+        pair: Two numbers,
+            over two lines.
+        on: A switch.
+        name: A name.
+        changes: Names and values.
+        several: Inner ones, any number.
+    """
+
+    inner: Inner = field(default_factory=Inner)
+    pair: tuple[float, float] = (1.0, 2.5)
+    on: bool = False
+    name: str | None = None
+    changes: tuple[tuple[str, Any], ...] = ()
+    several: tuple[Inner, ...] = ()
+
+
+def test_documentation_of_fields_comes_from_all_classes() -> None:
+    found = attribute_docs(Outer)
+    assert found["need"] == "What has no default." and found["pair"] == "Two numbers, over two lines."
+    assert list(found) == ["need", "inner", "pair", "on", "name", "changes", "several"]
+
+
+def test_a_whole_spec_is_an_option_for_each_of_its_fields() -> None:
+    options = Fields(Outer)
+    assert options.options == {
+        "need": "need",
+        "inner.size": "inner.size",
+        "inner.tags": "inner.tags",
+        "pair": "pair",
+        "on": "on",
+        "name": "name",
+        "changes": "changes",
+        "several": "several",
+    }
+    found = {each.name: each for each in options.parameters()}
+    assert found["need"].default is found["need"].empty, "it must be given"
+    assert (
+        found["inner_size"].default is None and found["inner_tags"].default == () == found["several"].default
+    )
+    help_of = {name: typing.get_args(each.annotation)[1].help for name, each in found.items()}
+    assert help_of["inner_size"] == "Its size, m. [default: 2.0]" and "[default: 1.0, 2.5]" in help_of["pair"]
+    assert not any("[default" in help_of[name] for name in ("need", "on", "name", "inner_tags", "changes"))
+    kinds = {name: typing.get_args(each.annotation)[0] for name, each in found.items()}
+    assert kinds["several"] == kinds["changes"] == kinds["inner_tags"] == tuple[str, ...]
+    assert kinds["name"] == str | None and kinds["inner_size"] == float | None
+
+
+def test_chosen_fields_have_their_names_defaults_and_help() -> None:
+    options = Fields(Outer, "need size-of=inner.size on", defaults={"need": 7}, help={"on": "Switch it on."})
+    assert options.options == {"need": "need", "size-of": "inner.size", "on": "on"}
+    found = {each.name: each for each in options.parameters()}
+    assert found["need"].default is None, "what is chosen may be left out"
+    texts = [typing.get_args(each.annotation)[1] for each in found.values()]
+    assert [text.help for text in texts] == [
+        "What has no default. [default: 7]",
+        "Its size, m. [default: 2.0]",
+        "Switch it on.",
+    ]
+    assert [text.name for text in texts] == [("--need",), ("--size-of",), ("--on",)]
+
+
+def test_what_is_given_is_taken_and_made_into_settings() -> None:
+    words = {
+        "need": 1,
+        "inner_size": None,
+        "inner_tags": (),
+        "pair": None,
+        "on": False,
+        "name": "n",
+        "changes": ("a=1", "b=x"),
+        "several": ("size=3", "size=4,tags=t"),
+        "other": 5,
+    }
+    given = Fields(Outer).take(words)
+    assert words == {"other": 5}
+    assert given == {
+        "need": 1,
+        "on": False,
+        "name": "n",
+        "changes": {"a": 1, "b": "x"},
+        "several": [{"size": 3}, {"size": 4, "tags": "t"}],
+    }
+    given = Fields(Outer, "size=inner.size").take({"size": 9.0})
+    assert given == {"inner": {"size": 9.0}}
+    assert made_of(Outer, {"need": 1, "inner": {"size": 9.0}}) == Outer(1, Inner(9.0))
+
+
+@pytest.mark.parametrize(
+    ("hint", "text", "fits"),
+    [
+        (int, "3", True),
+        (int, "3.0", True),
+        (int, "3.5", False),
+        (int, "many", True),
+        (float, "3.5", True),
+        (int | None, "2.5", False),
+    ],
+)
+def test_whole_numbers_are_whole(hint: Any, text: str, fits: bool) -> None:
+    argument: Any = SimpleNamespace(hint=hint, name="--n", tokens=[SimpleNamespace(value=text)])
+    if fits:
+        prepare(None, (), [argument])  # type: ignore[arg-type]
+    else:
+        with pytest.raises(InputError, match="--n must be a whole number"):
+            prepare(None, (), [argument])  # type: ignore[arg-type]
+
+
+# ---- exit codes -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "said"),
+    [
+        (InputError("bad"), BAD_INPUT, "wbc: bad"),
+        (WbcError("failed"), FAILED, "wbc: failed"),
+        (MemoryError(), FAILED, "out of memory"),
+        (BrokenPipeError(), RAN, ""),
+        (OSError(errno.ENOSPC, "No space"), FAILED, "No space"),
+        (OSError(errno.ENAMETOOLONG, "too long"), BAD_INPUT, "too long"),
+        (KeyboardInterrupt(), INTERRUPTED, "wbc: interrupted\n"),
+        (KeyboardInterrupt("3 of 4 kept"), INTERRUPTED, "wbc: interrupted; 3 of 4 kept"),
+        (ZeroDivisionError("ours"), FAILED, "internal failure"),
+    ],
+)
+def test_errors_have_their_exit_codes(
+    error: BaseException, code: int, said: str, monkeypatch: pytest.MonkeyPatch, capfd: Said
+) -> None:
+    def run(*_: Any, **__: Any) -> None:
+        raise error
+
+    monkeypatch.setattr(cli, "make_app", lambda words: run)
+    kept = os.dup(1)
+    try:
+        assert main([]) == code
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+    assert said in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("length", [LONGEST_LINE, LONGEST_LINE + 1])
+def test_a_long_reason_is_cut_off(length: int, monkeypatch: pytest.MonkeyPatch, capsys: Said) -> None:
+    def run(*_: Any, **__: Any) -> None:
+        raise InputError("x" * length)
+
+    monkeypatch.setattr(cli, "make_app", lambda words: run)
+    main([])
+    line = capsys.readouterr().err.removeprefix("wbc: ").rstrip("\n")
+    assert len(line) == LONGEST_LINE and line.endswith("...") is (length > LONGEST_LINE)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_leaves_all_blocks_and_ends_as_a_program_that_it_ends(
+    number: signal.Signals, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left: list[int] = []
+
+    def run(*_: Any, **__: Any) -> None:
+        try:
+            signal.raise_signal(number)
+        finally:
+            left.append(1)
+
+    monkeypatch.setattr(cli, "make_app", lambda words: run)
+    with pytest.raises(SystemExit) as end:
+        main([])
+    assert end.value.code == 128 + number and left
+    assert signal.getsignal(number) is signal.SIG_DFL, "as it was before"
+    own = signal.signal(number, lambda *_: left.append(2))
+    try:
+        assert main([]) == RAN
+        assert left == [1, 2, 1], "a program of one's own has its own"
+    finally:
+        signal.signal(number, own)
+
+
+def test_commands_run_in_other_threads_and_with_words_of_the_process(
+    monkeypatch: pytest.MonkeyPatch, capsys: Said
+) -> None:
+    codes: list[int] = []
+    monkeypatch.setattr(sys, "argv", ["wbc", "settings", "nothing_of_this_name"])
+    thread = threading.Thread(target=lambda: codes.append(main()))
+    thread.start()
+    thread.join()
+    assert codes == [BAD_INPUT] and "nothing_of_this_name" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_a_trial_and_a_second_one_interrupts() -> None:
+    stops: list[int] = []
+    trial: Any = SimpleNamespace(stop=lambda: stops.append(1))
+    before = signal.getsignal(signal.SIGINT)
+    with ended_by_interrupt(trial):
+        signal.raise_signal(signal.SIGINT)
+        assert stops == [1]
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+
+    def elsewhere() -> None:
+        with ended_by_interrupt(trial):
+            stops.append(2)
+
+    thread = threading.Thread(target=elsewhere)
+    thread.start()
+    thread.join()
+    assert stops == [1, 2]
+
+
+# ---- walks ----------------------------------------------------------------------------------------------------------
+
+
+def options(**values: Any) -> WalkOptions:
+    return WalkOptions(**values)
+
+
+def test_the_command_has_defaults_of_its_own_unless_a_spec_a_loop_or_a_policy_is_given(
+    tmp_path: Path,
+) -> None:
+    def of(given: dict[str, Any], **values: Any) -> dict[str, Any]:
+        spec = walk_spec({"plan": {"distance": 0.2}} | given, options(**values))
+        return {name: getattr(spec, name) for name in DEFAULTS}
+
+    assert of({}) == DEFAULTS
+    (tmp_path / "a.toml").write_text("seed = 3")
+    plain = {name: getattr(WalkSpec(), name) for name in ("foot", "terrain", "eyes")}
+    part = of({}, spec=str(tmp_path / "a.toml"))
+    assert {name: part[name] for name in plain} == plain
+    assert (
+        of({"terrain": "flat"})["foot"] == DEFAULTS["foot"]
+        and of({"terrain": "flat"})["amplitude"] != DEFAULTS["amplitude"]
+    )
+    assert (
+        of({"policy": "fixed"})["foot"] == "variable"
+        and of({"policy": "fixed", "foot": "variable"})["foot"] == "variable"
+    )
+
+
+def test_what_belongs_to_a_value_goes_with_it(tmp_path: Path) -> None:
+    """Another foot drops the stiffness of the file's, the same one keeps it; so does a ground."""
+    (tmp_path / "a.toml").write_text(
+        'foot = "soft"\nstiffness = 30.0\nterrain = "stones"\namplitude = 0.03\nfoot_changes = { phalanges = 8 }\n'
+        'changes = { "gains.dcm_p" = 4, "gains.dcm_i" = 0.5 }\n[plan]\ndistance = 0.2\n'
+    )
+    file = str(tmp_path / "a.toml")
+    same = walk_spec({"foot": "soft"}, options(spec=file))
+    assert same.stiffness == 30.0 and same.amplitude == 0.03 and dict(same.foot_changes) == {"phalanges": 8}
+    other = walk_spec({"foot": "flat"}, options(spec=file))
+    assert other.stiffness is None and other.amplitude == 0.03 and not other.foot_changes
+    ground = walk_spec({"terrain": "flat"}, options(spec=file))
+    assert ground.stiffness == 30.0 and ground.amplitude != 0.03
+    changed = walk_spec({}, options(spec=file, set=("dcm_p=9",)))
+    assert dict(changed.changes)["gains.dcm_p"] == (9.0, 9.0) and dict(changed.changes)["gains.dcm_i"] == (
+        0.5,
+        0.5,
+    )
+    more = walk_spec({"foot_changes": {"contact.radius": 0.006}}, options(spec=file))
+    assert dict(more.foot_changes) == {"phalanges": 8, "contact.radius": 0.006}
+
+
+def test_angles_of_the_command_line_are_degrees(tmp_path: Path) -> None:
+    spec = walk_spec({"plan": {"turn": 90.0}, "terrain": "flat", "eyes": "none"}, options())
+    assert spec.plan.turn == pytest.approx(math.pi / 2.0)
+    pushes = [{"impulse": 0.05, "direction": 180.0, "step": 1}, {"impulse": 0.05, "step": 2}]
+    spec = walk_spec({"plan": {"distance": 0.2}, "pushes": pushes}, options())
+    assert [push.direction for push in spec.pushes][0] == pytest.approx(math.pi)
+    assert pushes[0]["direction"] in (180.0, pytest.approx(math.pi))
+
+
+def test_a_drive_from_the_page_has_its_time(tmp_path: Path) -> None:
+    assert walk_spec({}, options(), drive=True).plan.drive == ((DRIVE_TIME, 0.0, 0.0, 0.0),)
+    assert walk_spec({}, options(seconds=12.0), drive=True).plan.drive == ((12.0, 0.0, 0.0, 0.0),)
+    with pytest.raises(InputError, match="--drive"):
+        walk_spec({"plan": {"distance": 0.2}}, options(seconds=5.0))
+    for last, fits in ((DRIVE_TIME, True), (1.01 * DRIVE_TIME, False)):
+        (tmp_path / "d.toml").write_text(f"plan.drive = [[0, 0.1, 0, 0], [{last}, 0, 0, 0]]")
+        if fits:
+            assert walk_spec({}, options(spec=str(tmp_path / "d.toml"))).plan.drive is not None
+        else:
+            with pytest.raises(InputError, match=f"{last:g} s takes longer"):
+                walk_spec({}, options(spec=str(tmp_path / "d.toml")))
+
+
+def test_names_of_set_are_those_of_the_spec_its_parts_or_its_settings() -> None:
+    assert place_of("seed") == "seed" and place_of("plan.distance") == "plan.distance"
+    assert place_of("stairs") == "plan.stairs" and place_of("single_support") == "gait.single_support"
+    with pytest.raises(InputError, match=r"plan\.distance or ground\.footprint\.distance"):
+        place_of("distance")
+    assert place_of("dcm_p") == "changes.dcm_p" and place_of("gains.dcm_p") == "changes.gains.dcm_p"
+    assert place_of("foot_changes.phalanges") == "foot_changes.phalanges"
+    with pytest.raises(InputError, match="dcm_p"):
+        place_of("dcm_q")
+
+
+def test_a_spec_is_a_preset_a_file_or_the_output_of_a_walk(tmp_path: Path) -> None:
+    (tmp_path / "a.JSON").write_text('{"spec": {"seed": 4}, "other": 1}')
+    (tmp_path / "b").write_text('{"seed": 5}')
+    (tmp_path / "c.TOML").write_text("seed = 6")
+    assert [read_spec(str(tmp_path / name))["seed"] for name in ("a.JSON", "b", "c.TOML")] == [4, 5, 6]
+    assert read_spec("frizza")
+    (tmp_path / "d.json").write_text('{"spec": 3}')
+    with pytest.raises(InputError, match="must be an object"):
+        read_spec(str(tmp_path / "d.json"))
+
+
+@pytest.mark.parametrize(
+    "words", [["--seed", "3"], ["--set", "dcm_p=3"], ["--seconds", "3", "--drive"], ["--spec", "frizza"]]
+)
+def test_a_repeated_walk_takes_no_other_options(words: list[str], tmp_path: Path, capsys: Said) -> None:
+    assert main(["walk", "--repeat", str(tmp_path / "none.arrow"), *words]) == BAD_INPUT
+    assert "--repeat takes the walk from its log" in capsys.readouterr().err
+    assert main(["walk", "--repeat", str(tmp_path / "none.arrow")]) == BAD_INPUT
+    assert "none.arrow" in capsys.readouterr().err
+
+
+# ---- other commands -------------------------------------------------------------------------------------------------
+
+
+def test_options_of_a_file_are_parameters_of_its_reader(tmp_path: Path) -> None:
+    assert RobotFileOptions().parameters() == {}
+    given = RobotFileOptions(
+        left="l",
+        right="r",
+        sole_size=(0.2, 0.1),
+        root="b",
+        lock=("a=0.5", "c=-1"),
+        without_meshes=True,
+        derive_gains=True,
+        repair=True,
+        package_dir=(tmp_path,),
+    )
+    assert given.parameters() == {
+        "left_sole": "l",
+        "right_sole": "r",
+        "sole_size": [0.2, 0.1],
+        "root": "b",
+        "lock": {"a": 0.5, "c": -1.0},
+        "meshes": False,
+        "use_gains": False,
+        "repair": True,
+        "package_dirs": [str(tmp_path.resolve())],
+    }
+    for text in ("a", "a=much", "a=nan"):
+        with pytest.raises(InputError, match="locked joint"):
+            robots_command._locked(text)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["check"], "takes one file, got 0"),
+        (["check", "a", "b"], "takes one file, got 2"),
+        (["g1", "talos"], "need a check"),
+        (["g1", "--root", "b"], "need a check"),
+        (["check", "own.toml", "--root", "b"], "options in itself"),
+        (["check", "own.toml", "-o", "b.toml"], "options in itself"),
+    ],
+)
+def test_robots_are_checked_one_at_a_time(
+    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("own.toml").write_text("file = 'a.xml'")
+    assert main(["robots", *words]) == BAD_INPUT
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"out": "a.avi"}, "end in one of"),
+        ({"out": "a.rrd", "speed": 2.0}, "film"),
+        ({"size": (96, 72)}, "film"),
+        ({"speed": 2.0}, "film"),
+        ({"out": "a.mp4", "port": 7000}, "port"),
+        ({"out": "a.mp4", "speed": 2.0, "size": (96, 72)}, ""),
+        ({"port": 7000}, ""),
+        ({"out": "A.RRD"}, ""),
+    ],
+)
+def test_options_of_a_film_belong_to_films_and_ports_to_pages(values: dict[str, Any], said: str) -> None:
+    values = values | ({"out": Path(values["out"])} if "out" in values else {})
+    if not said:
+        ViewOptions(**values)
+    else:
+        with pytest.raises(InputError, match=said):
+            ViewOptions(**values)
+
+
+def test_grounds_and_scenes_are_listed_with_units_and_choices(capsys: Said) -> None:
+    assert main(["terrain"]) == RAN
+    text = capsys.readouterr().out
+    listed = list_terrains()
+    for each in (*listed["terrains"], *listed["scenes"]):
+        for parameter in each["parameters"]:
+            unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
+            choices = f" ({', '.join(parameter['choices'])})" if parameter["choices"] else ""
+            assert (
+                f"    {parameter['name']} = {parameter['default']}{unit}  {parameter['about']}{choices}\n"
+                in f"{text}\n"
+            )
+    for words in (["--seed", "3"], ["--clearance", "0.1"], ["--param", "a=1"]):
+        assert main(["terrain", *words]) == BAD_INPUT
+        assert words[0] in capsys.readouterr().err
+
+
+def test_roughness_of_a_ground_is_named_with_its_units(capsys: Said) -> None:
+    assert main(["terrain", "flat", "--json"]) == RAN
+    facts = json.loads(capsys.readouterr().out)
+    assert "Sq_m" in facts["roughness"] and "K" in facts["roughness"] and facts["clears"]
+    with pytest.warns(UserWarning, match="50 mm"):
+        facts = describe_terrain("stones", TerrainOptions(clearance=0.01), {"amplitude": 0.05, "seed": 1})
+    assert not facts["clears"]
+
+
+PLAIN = {"name": "s", "cells": {"a": {}}, "arms": {"b": {}}, "seeds": [0, 1, 2], "metric": "steps_done"}
+
+
+def test_a_sweep_tells_how_far_it_has_come(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[dict[str, Any]] = []
+
+    class Bar:
+        get_default_columns = staticmethod(lambda: ())
+
+        def __init__(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def __enter__(self) -> Any:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def add_task(self, name: str, **how: Any) -> int:
+            told.append(how)
+            return 0
+
+        def update(self, task: int, **how: Any) -> None:
+            told.append(how)
+
+    def sweep(specs: Any, journal: Any, progress: Any, **how: Any) -> Any:
+        for run, rate in ((0, None), (2, 36.4)):
+            progress(SimpleNamespace(found=1, run=run, total=3, per_hour=rate))
+        assert how["workers"] == 1 and not how["retry"]
+        return "summary"
+
+    monkeypatch.setattr(run_command, "Progress", Bar)
+    monkeypatch.setattr(run_command, "sweep", sweep)
+    study = Study.from_json(PLAIN)
+    made = run_command.RunOptions(journal=tmp_path / "j.jsonl")
+    assert run_command.run_trials(study, made) == "summary"  # type: ignore[comparison-overlap]
+    assert told[0]["total"] == 3
+    assert [(each["completed"], each["rate"]) for each in told[1:]] == [(1, ""), (3, "36 an hour")]
+
+
+def test_an_interrupted_sweep_says_what_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+) -> None:
+    from wbc.sim.studies.journal import Entry  # noqa: PLC0415
+    from wbc.sim.studies.provenance import provenance  # noqa: PLC0415
+
+    (tmp_path / "s.json").write_text(json.dumps(PLAIN))
+    with Journal(tmp_path / "j.jsonl") as journal:
+        for trial in list(Study.from_json(PLAIN).trials())[:2]:
+            journal.add(Entry(dict(trial.plain), "done", {"steps_done": 1}, None, None, provenance()))
+
+    def stop(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run_command, "run_trials", stop)
+    assert (
+        main(["study", "run", str(tmp_path / "s.json"), "--journal", str(tmp_path / "j.jsonl")])
+        == INTERRUPTED
+    )
+    assert "2 of 3 trials are kept" in capsys.readouterr().err
+
+
+def test_a_text_that_would_be_a_formula_is_none_in_a_spreadsheet() -> None:
+    from wbc.app.commands.study.show import _cell  # noqa: PLC0415
+
+    assert [_cell(value) for value in ("=1", " +1", "-1", "@a", "a=1", 3.5, None)] == [
+        "'=1",
+        "' +1",
+        "'-1",
+        "'@a",
+        "a=1",
+        3.5,
+        None,
+    ]
+
+
+def test_streams_that_are_no_terminals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    assert main(["settings", "nothing_of_this_name"]) == BAD_INPUT
+    assert typing.get_args(Positive) and np.isfinite(DRIVE_TIME)
