@@ -21,8 +21,8 @@ from typing import Any
 
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.studies.intervals import rate_interval
-from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
+from wbc.sim.trial.trial import TrialHook, TrialTick
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking import FootstepPlan, turn_in_place, walk_distance
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.qp.task import Task
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial

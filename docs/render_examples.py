@@ -19,7 +19,7 @@ from PIL import Image, ImageDraw, ImageFont
 from wbc.app.replay.film import renderer
 from wbc.app.view.stage import SimulatedStage
 from wbc.sim import Plant
-from wbc.sim.trial.loop import TrialHook, TrialTick
+from wbc.sim.trial.trial import TrialHook, TrialTick
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

@@ -25,7 +25,7 @@ from wbc.app.view.stage import SimulatedStage
 from wbc.motion import SkeletonClip, make_feasible, read_motion, retarget
 from wbc.sim import TrackSpec
 from wbc.sim.balance.tracking import TrackTrial
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.trial import TrialHook
 
 ROBOT, MOTION, SEED = "g1", "one_leg", 0
 """Robot, and motion that is filmed without a clip."""

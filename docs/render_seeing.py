@@ -10,7 +10,7 @@ import matplotlib as mpl
 import numpy as np
 
 from wbc.sim import WalkPlan, WalkSpec
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.trial import WalkTrial
 
 mpl.use("Agg")

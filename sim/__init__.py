@@ -9,26 +9,27 @@ from typing import TYPE_CHECKING
 from wbc.base.errors import missing_from
 from wbc.sim.balance.standing import stand
 from wbc.sim.balance.tracking import TrackSpec, track_motion
-from wbc.sim.loop.engine import EngineContacts, EngineLoop, EnginePush
-from wbc.sim.loop.mujoco_loop import MujocoLoop
-from wbc.sim.loop.server import RobotServer
-from wbc.sim.loop.shared import SharedPlant
+from wbc.sim.foreign.engine import EngineContacts, EngineLoop, EnginePush
+from wbc.sim.foreign.mujoco_model import MujocoLoop
+from wbc.sim.foreign.server import RobotServer
+from wbc.sim.foreign.shared import SharedPlant
 from wbc.sim.plant.eyes import DepthCamera, DepthView
-from wbc.sim.plant.feet import with_feet
+from wbc.sim.plant.fitting import with_feet
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.robot import DivergedError
-from wbc.sim.plant.sensors import SensorNoise, SignalNoise
-from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import FootTest
 from wbc.sim.scenes.base import Scene, make_scene, scene_kind
+from wbc.sim.simulation.machine import Machine
+from wbc.sim.simulation.sensors import SensorNoise, SignalNoise
+from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, param
 from wbc.sim.terrain.families.solids import dome
 from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.sim.trial.falls import TrueFallDetector
-from wbc.sim.trial.loop import Trial, TrialHook
-from wbc.sim.trial.loops import TrialLoop, register_loop, trial_loop
 from wbc.sim.trial.push import WalkPush
+from wbc.sim.trial.simulations import TrialLoop, register_loop, trial_loop
+from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk

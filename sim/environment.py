@@ -26,9 +26,9 @@ from wbc.base.settings import Positive
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
-from wbc.sim.trial.loop import TrialHook
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
+from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial

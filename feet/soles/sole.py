@@ -36,7 +36,7 @@ class AnkleSole:
     """A rectangular sole seen from its ankle: all that a foot needs to be fitted and built.
 
     It names no robot, so that a test rig has one too. A robot's `wbc.core.frames.Sole` is a named frame in any link of
-    its model; `wbc.sim.plant.feet.ankle_soles` makes these from it.
+    its model; `wbc.sim.plant.fitting.ankle_soles` makes these from it.
 
     The sole frame has its origin at the centre of the rectangle, x forward, y left, z away from the ground.
     The ankle is the origin of the ankle link, on the axis of the last joint.

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wbc.sim.balance.standing import StandSpec, StandTrial
-from wbc.sim.trial.loop import TrialHook
 from wbc.sim.trial.push import PushSchedule, WalkPush
+from wbc.sim.trial.trial import TrialHook
 
 REST_SPEED = 0.1
 """Horizontal speed of the centre of mass below which a robot is at rest, m/s: above the sway of a standing robot with

@@ -17,9 +17,9 @@ from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.falls import FallReason
-from wbc.sim.plant.truth import GroundTruth
-from wbc.sim.trial.loop import Trial, TrialHook
+from wbc.sim.simulation.simulation import GroundTruth
 from wbc.sim.trial.spec import TrialResult, TrialSpec
+from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.walking.control import WalkingControl
 from wbc.walking.settings import WalkingControlSettings

@@ -19,8 +19,8 @@ from wbc.core.robot import GRAVITY
 from wbc.motion import MotionClip, MotionSource, read_motion, tracking_settings
 from wbc.robots import load
 from wbc.sim.trial.falls import BodyLimits, FallSettings
-from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.spec import RobotName, TrialResult, TrialSpec
+from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.walking.control import WalkingControl
 
 LOADED = 0.05

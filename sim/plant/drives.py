@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import copy
 import math
-from collections import deque
 
 import mujoco
 import numpy as np
@@ -13,41 +11,9 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.core.signals import Command
 from wbc.robots.description import RobotDescription
-from wbc.sim.plant.settings import Machine, whole_steps
 
 Gains = tuple[Array, Array]
 """kp and kd of all joints."""
-
-
-class DelayLine:
-    """Commands that act some physics steps after they were given."""
-
-    def __init__(self, steps: int) -> None:
-        self._delay, self._now = steps, 0
-        self._waiting: deque[tuple[int, Command]] = deque()
-
-    def clear(self) -> None:
-        """Forget all commands."""
-        self._waiting.clear()
-
-    def push(self, command: Command) -> None:
-        """Put a command in before the coming physics step; a copy, as arrays of a controller may change."""
-        self._waiting.append((self._now + self._delay, copy.deepcopy(command)))
-
-    def advance(self) -> Command | None:
-        """Return the newest command that is due at the coming physics step or None. Called at each step."""
-        due = None
-        while self._waiting and self._waiting[0][0] <= self._now:
-            due = self._waiting.popleft()[1]
-        self._now += 1
-        return due
-
-
-def delays(machine: Machine, timestep: float) -> tuple[float, DelayLine | None]:
-    """Return the age of each measurement, s, and the line of late commands, None without one; physics steps in s."""
-    delay = whole_steps(machine.command_delay, timestep)
-    age = whole_steps(machine.measurement_delay, timestep) * timestep
-    return age, DelayLine(delay) if delay > 0 else None
 
 
 class Drives:

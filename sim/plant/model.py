@@ -16,11 +16,12 @@ from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
 from wbc.robots.readers.compile_mjcf import read_spec, refuse_pipes
-from wbc.sim.plant.feet import ankle_soles
+from wbc.sim.plant.fitting import ankle_soles
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
-from wbc.sim.plant.settings import Machine, PhysicsSettings
-from wbc.sim.plant.shapes import add_body_shapes, add_stage, add_visuals, drop_meshes
+from wbc.sim.plant.link_geoms import add_body_shapes, add_stage, add_visuals, drop_meshes
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.scenes.base import Scene, make_scene
+from wbc.sim.simulation.machine import Machine
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain
 

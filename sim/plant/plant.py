@@ -21,9 +21,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Seed, Triple
-from wbc.core.conventions import velocity_to_mujoco
 from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command
 from wbc.feet import Foot, RangeSensor
@@ -34,16 +33,17 @@ from wbc.robots.registry import as_description
 from wbc.sim.plant.drives import Drives
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.eyes.eyes import Eyes
-from wbc.sim.plant.feet import FootDevices
+from wbc.sim.plant.fitting import FootDevices
 from wbc.sim.plant.hands import HandSensor, check_clear
+from wbc.sim.plant.loads import Loads
 from wbc.sim.plant.model import build_model, furniture
+from wbc.sim.plant.mujoco_robot import MujocoRobot
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.plant.places import RobotPlaces
-from wbc.sim.plant.pushes import Loads
-from wbc.sim.plant.robot import DivergedError, SimulatedRobot, advance, check_period
-from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
-from wbc.sim.plant.settings import Machine, PhysicsSettings, SoleIndex, Step, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import Imu
 from wbc.sim.scenes.base import Scene
+from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
+from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 
@@ -51,7 +51,7 @@ INITIAL_PRESS = 1e-6
 """Depth of the soles in the ground at the start, m, so that all of their spheres are in contact at once."""
 
 
-class Plant(SimulatedRobot):
+class Plant(MujocoRobot):
     """A simulated robot.
 
     In position control the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ. This is computed in every physics step
@@ -69,8 +69,6 @@ class Plant(SimulatedRobot):
         terrain: The ground.
         scene: MJCF of the furniture; None without a scene.
         physics: Settings of the physics.
-        joint_torque: Torques of the servos in the last physics step, shape (na,), Nm; overwritten by the next step.
-        ticks: Number of control periods since the start.
         eyes: Sensors that see the ground; None if there are none.
     """
 
@@ -153,7 +151,6 @@ class Plant(SimulatedRobot):
         self._loads = Loads(model)
         self._devices = FootDevices(model, self.feet, self.foot, range_sensor)
         self._drives = Drives(model, description)
-        self.joint_torque = np.zeros(robot.na)
         self._initial = None
         if initial_configuration is not None:
             self._initial = checked_configuration("initial_configuration", initial_configuration, robot.nq)
@@ -176,74 +173,44 @@ class Plant(SimulatedRobot):
         return f"{type(self).__name__}('{self.description.name}', {foot}, {ground}, t={self.time:.3f} s)"
 
     @property
-    def time(self) -> float:
-        """Simulated time since the start, s."""
-        return self.ticks * self.control_period
-
-    @property
     def start(self) -> Array:
         """Configuration of the last reset, shape (nq,); a copy."""
         return self._start.copy()
 
-    @checked
-    def reset(
-        self,
-        configuration: ArrayLike | None = None,
-        seed: Seed | None = None,
-        *,
-        velocity: ArrayLike | None = None,
-    ) -> None:
-        """Restart at time zero without pushes; the servos hold the configuration.
+    def _usual_start(self) -> Array:
+        return super()._usual_start() if self._initial is None else self._initial
 
-        Args:
-            configuration: Start of the robot, shape (nq,), used as it is. When None, it is the `initial_configuration`
-                of the plant, or half-sitting on the ground if there is none.
-            seed: New seed; the same as before when None.
-            velocity: Velocity at the start, shape (nv,), with that of the base in the base frame; zero when None.
-
-        Raises:
-            InputError: A configuration or velocity has a wrong shape, is not finite or has no unit quaternion, or the
-                robot is inside the furniture. The plant stays as it is.
-        """
+    def _place(self, q: Array, v: Array | None) -> None:
         data = self.data
-        v = None if velocity is None else finite_array("velocity", velocity, (self.robot.nv,))
-        if configuration is None:
-            configuration = self._initial
-        if configuration is None:
-            q = self.on_ground(self.robot.half_sitting)
-        else:
-            q = checked_configuration("configuration", configuration, self.robot.nq)
-            self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
-            q[3:7] /= np.linalg.norm(q[3:7])
         if self.scene is not None:
             start = mujoco.MjData(self.model)
             self.places.set_configuration(q, start.qpos)
             mujoco.mj_fwdPosition(self.model, start)
             check_clear(self.model, start, self._contacts.geom_robot)
-        if seed is not None:
-            self._seed = seed
         self._start = q
-        self._pushes.clear(data)
+        self._pushed.clear()  # with the forces in the data
         mujoco.mj_resetData(self.model, data)
-        self.places.set_configuration(q, data.qpos)
-        if v is not None:
-            velocity_to_mujoco(q, v, self.places.joint_dof, out=data.qvel)
-            self.places.couple_velocities(data.qvel)
-        sensor_seed, *range_seeds = (
-            np.random.SeedSequence(self.seed).generate_state(1 + len(self.feet)).tolist()
-        )
-        self._devices.reset(range_seeds)
+        self._set_state(q, v)
         self._loads.clear()
         self._drives.reset(q[7:])
         data.ctrl[:] = self._drives.target
         self._late_feet.clear()
-        self.ticks = 0
-        self._begin(sensor_seed)
+
+    def _begin(self) -> None:
+        self._devices.reset(self._seeds()[1:])
+        super()._begin()
         self._begun = True
-        self._note_step()
         if self.eyes is not None:
             self.eyes.reset(self.seed)
-            self.eyes.look(self.time)
+        self._end_period()
+
+    def _seeds(self) -> list[int]:
+        """Return the seed of the sensor errors, and that of the range sensor of each sole."""
+        seeds: list[int] = np.random.SeedSequence(self.seed).generate_state(1 + len(self.feet)).tolist()
+        return seeds
+
+    def _sensor_seed(self) -> int:
+        return self._seeds()[0]
 
     def on_ground(self, configuration: ArrayLike) -> Array:
         """Return a configuration moved up or down until its lowest sole point touches the ground.
@@ -274,7 +241,7 @@ class Plant(SimulatedRobot):
 
     @checked
     def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
-        """See `SimulatedRobot`."""
+        """See `Simulation`."""
         site = self.sole_sites[side]
         return self.data.site_xpos[site], self.data.site_xmat[site].reshape(3, 3)
 
@@ -285,34 +252,17 @@ class Plant(SimulatedRobot):
         """Return the readings of the range sensors and of the stiffness actuators now, both of shape (soles,)."""
         return self._devices.ranges(self.data), self._devices.stiffness()
 
-    def step(self, command: Command) -> None:
-        """Advance by one control period under a command.
-
-        In position control a command without a velocity reference counts as one with zero velocity.
-
-        Args:
-            command: References of the servos and feed-forward torque, or, in torque control, only the torque.
-
-        Raises:
-            InputError: The command has a wrong shape, is not finite, or cannot be followed by this robot. The
-                simulation has not advanced.
-            DivergedError: The simulation has diverged before; `diverged` says why.
-        """
-        if self.diverged is not None:
-            raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
+    def _readable(self, command: Command) -> Command:
         self._drives.read(command)
-        check_period(command, self.control_period)
         self._devices.check(command.sole_stiffness)
+        return command
+
+    def _take(self, command: Command) -> None:
         if self._until_due:
             self._set_soles(None, self._until_due)
-        self._take(command)
+        super()._take(command)
         if self._loads.changing:
             self._loads.advance(self.control_period)
-        advance((self,))
-        self.ticks += 1
-        self._note_step()
-        if self.eyes is not None:
-            self.eyes.look(self.time)
 
     def clouds(self) -> list[PointCloud]:
         """Return the clouds of points that have arrived from all eyes since the last call; empty without eyes."""
@@ -367,9 +317,9 @@ class Plant(SimulatedRobot):
         )  # contacts are those of the coming step, whose forces nobody knows yet
         self._begun = True
 
-    def _note_step(self) -> None:
-        """Keep what is read once a control period."""
-        self.data.qfrc_actuator.take(self.places.joint_dof, out=self.joint_torque, mode="clip")
+    def _end_period(self) -> None:
         if self._late_feet.maxlen:
             self._late_feet.append(self._feet_now())
         self._find_divergence()
+        if self.eyes is not None:
+            self.eyes.look(self.time)

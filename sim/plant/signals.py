@@ -1,19 +1,19 @@
-"""True signals of all sensors of a robot in MuJoCo, in one vector, before the sensor errors."""
+"""True signals of all sensors of a robot in MuJoCo, before the sensor errors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.base.numbers import Array, scalar
-from wbc.core.signals import Measurement
+from wbc.sim.plant.contacts import Contacts
 from wbc.sim.plant.hands import HandSensor
 from wbc.sim.plant.places import RobotPlaces
-from wbc.sim.plant.settings import Machine
-from wbc.sim.plant.truth import Contacts
+from wbc.sim.simulation.machine import Machine
+from wbc.sim.simulation.sensors import Signals
 
 
 class Imu:
@@ -59,15 +59,14 @@ def _reading(data: mujoco.MjData, sensor: tuple[int, Array | None]) -> Array:
     return reading if turn is None else turn @ reading
 
 
-class TrueSignals:
-    """Joint positions and velocities, gyroscope, accelerometer, wrenches of soles, torques, wrenches of hands.
+class MujocoSignals(Signals):
+    """Signals of a robot in MuJoCo.
 
     Accelerometer and wrenches measure forces that exist only during a physics step; they are the mean over the rows of
     `window`, one for each step of a control period. Torques are those of the drives at the beginning of the last step:
     under an implicit integrator a joint gets less while it accelerates.
 
     Attributes:
-        values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles [+ na torques, + 6 × hands],).
         window: Specific force, and reactions to the wrenches on soles and hands as MuJoCo's force sensors have them, in
             the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands).
         of_contacts: True if wrenches are sums of contacts, which must be captured in each step. Without force sensors
@@ -79,16 +78,15 @@ class TrueSignals:
         places: RobotPlaces,
         imu: Imu,
         contacts: Contacts,
-        torque: Callable[[mujoco.MjData], Array],
         steps: int,
         machine: Machine,
         *,
         soles: Sequence[str] = (),
         hands: Sequence[HandSensor] = (),
     ) -> None:
-        """Lay out the vector; `soles` are force and torque sensor of each sole, when empty contacts are summed."""
-        self._places, self._imu, self._contacts, self._torque = places, imu, contacts, torque
-        na, n, model = len(places.joints), len(places.feet), places.model
+        """Find the sensors; `soles` are force and torque sensor of each sole, when empty contacts are summed."""
+        super().__init__(len(places.joints), len(places.feet), machine, len(hands))
+        self._places, self._imu, self._contacts, model = places, imu, contacts, places.model
         sensors: list[int] = []
         if soles:
             assert imu.accelerometer is not None and imu.accelerometer[1] is None, "not in the IMU frame"
@@ -97,16 +95,9 @@ class TrueSignals:
             sensors = [place for first in firsts for place in range(first, first + 3)]
         self._sensors = np.array(sensors, dtype=np.intp) if sensors else None
         self.of_contacts = self._sensors is None and machine.force_sensors
-        self.window = np.zeros((steps, 3 + 6 * (n + len(hands))))
+        self._forces = self.values[self._ends[2] : self._ends[4]]  # specific force and wrenches of soles
+        self.window = np.zeros((steps, self._forces.size + 6 * len(hands)))
         self._samples = scalar(steps)
-        end = 2 * na + 6 + 6 * n
-        self.values = np.empty(end + (na if machine.torque_sensors else 0) + 6 * len(hands))
-        self._parts = np.split(self.values, [na, 2 * na, 2 * na + 3, 2 * na + 6, end])[:5]
-        self._forces = self.values[2 * na + 3 : end]
-        self._na = na
-        self._soles = slice(2 * na + 6, end) if machine.force_sensors else None
-        self._torques = slice(end, end + na) if machine.torque_sensors else None
-        self._hand_part = slice(self.values.size - 6 * len(hands), self.values.size) if hands else None
         self._mean = np.empty(self.window.shape[1]) if hands else self._forces
         self._hands = [(hand.site, *_subtree(model, hand.body)) for hand in hands]
 
@@ -127,29 +118,25 @@ class TrueSignals:
             np.negative(self._contacts.wrenches().ravel(), out=row[3:])
 
     def sample(self, data: mujoco.MjData) -> None:
-        """Write the present signals into `values`; positions and velocities are up to date."""
-        positions, velocities, rates, _, wrenches = self._parts
+        """Write the present signals, without torques, into `values`; positions and velocities are up to date."""
         # With the default mode NumPy writes into a buffer first.
-        data.qpos.take(self._places.joint_qpos, out=positions, mode="clip")
-        data.qvel.take(self._places.joint_dof, out=velocities, mode="clip")
-        rates[:] = self._imu.rates(data)
+        data.qpos.take(self._places.joint_qpos, out=self.joint_position, mode="clip")
+        data.qvel.take(self._places.joint_dof, out=self.joint_velocity, mode="clip")
+        self.angular_velocity[:] = self._imu.rates(data)
         mean = self._mean
         np.add.reduce(self.window, axis=0, out=mean)  # the mean, without the overhead of np.mean
         np.divide(mean, self._samples, out=mean)
-        if self._hand_part is not None:
+        if self._hands:
             self._forces[:] = mean[: self._forces.size]
             self._sample_hands(data, mean[self._forces.size :].reshape(-1, 6))
         # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
-        np.negative(wrenches, out=wrenches)
-        if self._torques is not None:
-            self.values[self._torques] = self._torque(data)
+        np.negative(self.sole_wrench, out=self.sole_wrench)
 
     def _sample_hands(self, data: mujoco.MjData, reactions: Array) -> None:
         """Write the wrenches on the hands: what the wrists feel, less the weight of the hands without their loads."""
         gravity = self._places.model.opt.gravity
-        wrenches = self.values[self._hand_part].reshape(-1, 6)
-        np.negative(reactions, out=wrenches)
-        for (site, bodies, masses, centres), wrench in zip(self._hands, wrenches, strict=True):
+        np.negative(reactions, out=self.hand_wrenches)
+        for (site, bodies, masses, centres), wrench in zip(self._hands, self.hand_wrenches, strict=True):
             rotation, mass = data.site_xmat[site].reshape(3, 3), masses.sum()
             frames = data.xmat[bodies].reshape(-1, 3, 3)
             places = data.xpos[bodies] + np.einsum("bij,bj->bi", frames, centres)
@@ -157,22 +144,6 @@ class TrueSignals:
             lever = (masses @ places / mass - data.site_xpos[site]) @ rotation
             wrench[:3] -= weight
             wrench[3:] -= np.cross(lever, weight)
-
-    def measurement(self, reading: Array, time: float, ranges: Array, stiffness: Array) -> Measurement:
-        """Return a reading, shape of `values`, with ranges (m) and stiffness (Nm/rad) of soles, as a measurement."""
-        na = self._na
-        return Measurement(
-            time,
-            reading[:na],
-            reading[na : 2 * na],
-            reading[2 * na : 2 * na + 3],
-            reading[2 * na + 3 : 2 * na + 6],
-            None if self._soles is None else reading[self._soles].reshape(-1, 6),
-            ranges,
-            stiffness,
-            None if self._torques is None else reading[self._torques],
-            hand_wrenches=None if self._hand_part is None else reading[self._hand_part].reshape(-1, 6),
-        )
 
 
 def _subtree(model: mujoco.MjModel, root: int) -> tuple[NDArray[np.intp], Array, Array]:

@@ -11,8 +11,8 @@ import numpy as np
 from wbc.base.checked import checked
 from wbc.base.hull import hull_and_area
 from wbc.base.numbers import Array
-from wbc.sim.plant.robot import DivergedError
 from wbc.sim.rig.rig import MIN_CONTACT_SHARE, FootTest, Rig
+from wbc.sim.simulation.simulation import DivergedError
 
 REBOUND_TIME = 0.3
 """Time after the first contact in which the rebound is measured, s."""

@@ -19,8 +19,8 @@ from wbc.feet.soles.catalog import foot_name
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
 from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
 from wbc.feet.soles.sole import AnkleSole
-from wbc.sim.plant.robot import DivergedError
-from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.plant.physics import PhysicsSettings
+from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.terrain.render import add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain
 

@@ -12,7 +12,7 @@ from wbc.base.errors import InputError
 from wbc.base.settings import Positive, from_json, json_object, settings, to_json, units
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import StandSpec
-from wbc.sim.plant.robot import DivergedError
+from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.studies.trials import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.spec import WalkSpec

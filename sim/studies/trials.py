@@ -23,7 +23,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import plain
 from wbc.base.registry import Registry, in_file, reading_data
 from wbc.base.settings import Positive
-from wbc.sim.trial.loop import TrialHook, TrialTick
+from wbc.sim.trial.trial import TrialHook, TrialTick
 
 Status = Literal["done", "diverged", "timeout", "crashed"]
 """End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""

@@ -11,7 +11,7 @@ import numpy as np
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Angle, Count, NonNegative, Positive, Share, settings
-from wbc.sim.trial.loop import TrialHook, TrialTick
+from wbc.sim.trial.trial import TrialHook, TrialTick
 from wbc.walking.contact import LIFT_OFFS
 
 PUSH_DURATION = 0.1

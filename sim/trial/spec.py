@@ -23,10 +23,10 @@ from wbc.core.robot import Robot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import RobotDescription, load
 from wbc.robots.registry import name_of
-from wbc.sim.plant.feet import with_feet
-from wbc.sim.plant.sensors import NOISE_PRESETS
-from wbc.sim.plant.settings import Machine, Step, steps_per_tick
-from wbc.sim.trial.loops import PLANT, TrialLoop, trial_loop
+from wbc.sim.plant.fitting import with_feet
+from wbc.sim.simulation.machine import Machine, Step, steps_per_tick
+from wbc.sim.simulation.sensors import NOISE_PRESETS
+from wbc.sim.trial.simulations import PLANT, TrialLoop, trial_loop
 
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.base.numbers import Array, finite_array
-from wbc.sim.trial.loop import Trial, TrialHook
-from wbc.sim.trial.loops import TrialLoop
+from wbc.sim.trial.simulations import TrialLoop
+from wbc.sim.trial.trial import Trial, TrialHook
 
 GOAL_DISTANCE = 0.5
 """Greatest distance of the middle of the feet from the goal, and from the track on the way, m: beyond, the robot stands

@@ -13,8 +13,8 @@ from wbc.core.drive.control import DriveControl
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.policy.control import PolicyControl
-from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
-from wbc.sim.trial.loops import TrialLoop
+from wbc.sim.trial.simulations import TrialLoop
+from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import Event, GaitPhase

@@ -15,7 +15,7 @@ from wbc.base.settings import Angle, Count, Number, settings
 from wbc.policy.control import PolicyControl
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
-from wbc.sim.trial.loop import Trial, TrialHook
+from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, Place, mean_heading, moved
 from wbc.walking.plans.gait import Gait

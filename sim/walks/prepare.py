@@ -14,7 +14,7 @@ from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.robots.description import RobotDescription
-from wbc.sim.plant.feet import with_feet
+from wbc.sim.plant.fitting import with_feet
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival

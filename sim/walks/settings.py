@@ -14,7 +14,7 @@ from wbc.core.estimation.observer import ObserverSettings
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.ground.known import GroundSettings
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
-from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.trial.falls import FallSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
 from wbc.tasks.stabilizer.bias import BiasSettings

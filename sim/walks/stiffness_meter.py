@@ -10,7 +10,7 @@ from wbc.base.numbers import Array
 from wbc.core.robot import SIDES
 from wbc.feet.sensing.scan import Profile
 from wbc.sim.plant.plant import Plant
-from wbc.sim.trial.loop import TrialHook, TrialTick
+from wbc.sim.trial.trial import TrialHook, TrialTick
 from wbc.tasks.scheduling.record import StepStiffness
 from wbc.walking.control import WalkingControl
 

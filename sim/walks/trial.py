@@ -26,10 +26,10 @@ from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.trial.falls import BodyLimits
-from wbc.sim.trial.loop import Trial, TrialHook
-from wbc.sim.trial.loops import TrialLoop, trial_loop
 from wbc.sim.trial.push import PushSchedule
+from wbc.sim.trial.simulations import TrialLoop, trial_loop
 from wbc.sim.trial.threads import one_thread
+from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.arrival import Arrival, middle
 from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.plans import Drive, WalkPlan, plan_over

@@ -20,7 +20,7 @@ from wbc.app.repeat import first_difference, interventions_of, recorded_walk
 from wbc.base.errors import InputError
 from wbc.robots import load
 from wbc.sim import WalkPlan, WalkSpec
-from wbc.sim.trial.loop import Trial
+from wbc.sim.trial.trial import Trial
 
 LEVEL = ["--terrain", "flat", "--foot", "flat", "--noise", "none"]
 

@@ -15,7 +15,7 @@ from wbc.feet.soles.common_mjcf import RANGE_OFFSET
 from wbc.feet.soles.contact import LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw, solver_parameters
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
 from wbc.feet.soles.sole import AnkleSole
-from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain
 

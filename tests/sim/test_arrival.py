@@ -9,7 +9,7 @@ import pytest
 
 from wbc.core.drive.control import Mode
 from wbc.sim import WalkPlan, WalkSpec, WalkTrial, walk
-from wbc.sim.trial.loop import TrialHook, TrialTick
+from wbc.sim.trial.trial import TrialHook, TrialTick
 from wbc.sim.walks.arrival import GOAL_DISTANCE, GOAL_TURN, Arrival
 from wbc.walking.plans.footsteps import mean_heading
 from wbc.walking.plans.gait import Gait

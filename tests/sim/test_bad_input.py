@@ -36,7 +36,7 @@ from wbc.sim import (
     walk,
 )
 from wbc.sim import make_terrain as ground
-from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.studies import (
     Cell,
     Journal,
@@ -50,8 +50,8 @@ from wbc.sim.studies import (
 )
 from wbc.sim.studies.trials import trial_from_json
 from wbc.sim.terrain.spec import terrain
-from wbc.sim.trial.loop import Trial
-from wbc.sim.trial.loops import trial_loop
+from wbc.sim.trial.simulations import trial_loop
+from wbc.sim.trial.trial import Trial
 from wbc.tasks import Behaviour, PostureTask, Program, StateMachine, reached
 from wbc.tasks.balance import balance_controller
 from wbc.walking import Gait

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from in_air import InAir
 
 import wbc
 from wbc.base.errors import InputError, MeasurementError
@@ -19,7 +19,6 @@ from wbc.sim import (
     DivergedError,
     EngineContacts,
     EngineLoop,
-    EnginePush,
     Machine,
     MujocoLoop,
     WalkPlan,
@@ -30,7 +29,7 @@ from wbc.sim import (
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.studies import Journal, sweep
 from wbc.sim.studies.trials import trial_from_json
-from wbc.sim.trial.loops import LOOPS, MEMBERS, trial_loop
+from wbc.sim.trial.simulations import LOOPS, trial_loop
 
 OWN_MODEL = '''
 import mujoco
@@ -50,38 +49,6 @@ def hollow(description, *, control_period, timestep, noise, seed, machine):
 '''
 
 
-class InAir(EngineLoop):
-    """A robot on which nothing acts but drives, pushes and gravity: Pinocchio's forward dynamics."""
-
-    def __init__(self, description: Any, **options: Any) -> None:
-        super().__init__(description, **options)
-        self._other = self.robot.model.createData()
-        self.reset()
-
-    def place(self, q: np.ndarray) -> None:
-        self._state = q, np.zeros(self.robot.nv)
-
-    def state(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._state
-
-    def advance(self, torque: np.ndarray, pushes: Sequence[EnginePush]) -> None:
-        (q, v), model = self._state, self.robot.model
-        tau = np.concatenate([np.zeros(6), torque])
-        for link, force, point in pushes:
-            pin.computeJointJacobians(model, self._other, q)
-            frame = model.getFrameId(link)
-            place = pin.updateFramePlacement(model, self._other, frame)
-            jacobian = pin.getFrameJacobian(model, self._other, frame, pin.LOCAL_WORLD_ALIGNED)
-            lever = place.rotation @ point
-            tau += jacobian[:3].T @ force + jacobian[3:].T @ np.cross(lever, force)
-        acceleration = pin.aba(model, self._other, q, v, tau)
-        v = v + self.timestep * acceleration
-        self._state = pin.integrate(model, q, self.timestep * v), v
-
-    def contacts(self) -> EngineContacts:
-        return EngineContacts([], [], [])
-
-
 def limp(loop: EngineLoop) -> Command:
     return Command(np.zeros(loop.robot.na))
 
@@ -91,62 +58,6 @@ def file(tmp_path: Path) -> str:
     path = tmp_path / "theirs.py"
     path.write_text(OWN_MODEL, encoding="utf-8")
     return str(path)
-
-
-def any_loop(kind: str) -> Any:
-    if kind == "engine":
-        return InAir("hrp4_class")
-    plant = wbc.Plant("hrp4_class", control_period=0.002)
-    return plant if kind == "plant" else MujocoLoop(plant.description, plant.model)
-
-
-@pytest.mark.parametrize("kind", ["plant", "engine", "mujoco"])
-def test_hold_and_reset_mean_the_same_in_every_loop(kind: str) -> None:
-    """`hold` is the posture of the last reset wherever the joints are; `reset` restarts time, motion and pushes."""
-    loop = any_loop(kind)
-    q = loop.on_ground(loop.robot.half_sitting)
-    np.testing.assert_allclose(loop.hold().joint_position, q[7:], atol=1e-12)
-    q[7:] += 0.05
-    q[2] += 0.3  # in the air, where no force but that of a push moves the centre of mass aside
-    q[3:7] *= 1.0 + 1e-7  # within what counts as a unit quaternion
-    loop.reset(q)
-    np.testing.assert_array_equal(loop.hold().joint_position, q[7:])
-    loop.push("torso", [300.0, 0.0, 0.0], 1.0)
-    for _ in range(30):
-        loop.step(Command(np.zeros(loop.robot.na)))
-    assert loop.time == pytest.approx(0.06) and np.abs(loop.joint_position - q[7:]).max() > 1e-3
-    np.testing.assert_array_equal(loop.hold().joint_position, q[7:])
-    loop.hold().joint_position[0] = 9.0
-    np.testing.assert_array_equal(loop.hold().joint_position, q[7:])
-    loop.reset(q)
-    assert loop.time == loop.measure().time == loop.truth().time == 0.0
-    first = loop.truth()
-    assert not first.v.any() and np.linalg.norm(first.q[3:7]) == pytest.approx(1.0, abs=1e-12)
-    loop.step(loop.hold())
-    assert loop.time == pytest.approx(0.002)
-    assert abs(loop.truth().com_velocity[0]) < 1e-4, "the push is over: it would give 0.015 m/s"
-
-
-@pytest.mark.parametrize("kind", ["plant", "engine", "mujoco"])
-def test_a_loop_that_has_diverged_goes_on_after_a_reset_alone(kind: str) -> None:
-    loop = any_loop(kind)
-    loop.diverged = "made up"
-    with pytest.raises(DivergedError, match="made up"):
-        loop.step(loop.hold())
-    with pytest.raises(MeasurementError, match="made up"):
-        loop.measure()
-    loop.reset()
-    loop.step(loop.hold())
-    assert loop.diverged is None and loop.measure().time == pytest.approx(0.002)
-
-
-@pytest.mark.parametrize("period", [float("nan"), float("inf"), 0.0, -0.002, "x", 0.003])
-@pytest.mark.parametrize("kind", ["plant", "engine", "mujoco"])
-def test_a_command_for_another_period_is_refused_by_every_loop(kind: str, period: Any) -> None:
-    loop = any_loop(kind)
-    with pytest.raises(InputError, match="period"):
-        loop.step(replace(loop.hold(), period=period))
-    assert loop.time == 0.0
 
 
 def test_sensors_of_another_engine_are_what_a_falling_robot_feels() -> None:
@@ -438,17 +349,6 @@ def test_a_file_that_cannot_be_run_is_named(tmp_path: Path) -> None:
     path.write_text("import no_such_module\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"broken\.py cannot be run: ModuleNotFoundError"):
         trial_loop(f"{path}:Loop")
-
-
-def test_members_of_a_loop_are_those_of_all_that_the_library_has() -> None:
-    plant = wbc.Plant("hrp4_class")
-    for loop in (plant, wbc.sim.MujocoLoop("hrp4_class", plant.model), InAir("hrp4_class")):
-        assert [name for name in MEMBERS if not hasattr(loop, name)] == []
-        q = loop.robot.half_sitting.copy()
-        q[2] += 0.3
-        loop.reset(loop.on_ground(q))  # type: ignore[arg-type]
-        lowest = min(float(loop.sole_pose(side)[0][2]) for side in (0, 1))
-        assert abs(lowest) < 1e-5 and loop.base_pose[:3] == pytest.approx(loop.truth().q[:3])
 
 
 def test_a_registered_loop_is_found_by_its_name() -> None:

@@ -17,8 +17,8 @@ from wbc.robots import load
 from wbc.sim import DepthCamera, DepthView, Plant, WalkPlan, WalkSpec, make_terrain
 from wbc.sim.plant.eyes import ToeSensors
 from wbc.sim.plant.eyes.depth import visible_model
-from wbc.sim.plant.shapes import SHAPE_GROUP
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.plant.link_geoms import SHAPE_GROUP
+from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.trial import WalkTrial
 
 ROBOT = load("hrp4_class")

@@ -25,8 +25,8 @@ from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.studies import Study
 from wbc.sim.studies.push_limit import WalkPushLimitSpec
 from wbc.sim.trial.falls import TrueFallDetector
-from wbc.sim.trial.loop import TrialTick
 from wbc.sim.trial.push import WalkPush
+from wbc.sim.trial.trial import TrialTick
 from wbc.walking import WalkingControl, WalkingControlSettings
 
 ROUNDS = 6

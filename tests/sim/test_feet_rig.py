@@ -12,7 +12,7 @@ from properties import by_default
 from scipy.spatial.transform import Rotation
 
 from wbc.feet import Foot, foot
-from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import GROUND_GRID, MIN_CONTACT_SHARE, FootTest, Rig
 from wbc.sim.terrain.spec import Terrain, terrain

@@ -15,8 +15,8 @@ from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, make_scene
-from wbc.sim.plant.settings import Machine
 from wbc.sim.scenes.base import scene_kinds
+from wbc.sim.simulation.machine import Machine
 from wbc.sim.trial.falls import TrueFallDetector
 
 

@@ -13,7 +13,7 @@ from wbc.base.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.robots import load
 from wbc.sim import MujocoLoop, Plant, RobotServer
-from wbc.sim.loop import server as module
+from wbc.sim.foreign import server as module
 
 DESCRIPTION = load("hrp4_class")
 NA = len(DESCRIPTION.joint_names)

@@ -9,7 +9,7 @@ from properties import by_default
 
 import wbc
 from wbc.sim import MujocoLoop, Plant, SharedPlant
-from wbc.sim.plant.shapes import SHAPE_GROUP
+from wbc.sim.plant.link_geoms import SHAPE_GROUP
 
 HRP4, G1 = wbc.load_robot("hrp4_class"), wbc.load_robot("g1")
 WALL = """<mujoco><worldbody>

@@ -32,13 +32,13 @@ from wbc.robots import RobotDescription, load, names
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import MODES, StandSpec, StandTrial, centre_of_pressure, stand
 from wbc.sim.plant.eyes import DepthCamera
-from wbc.sim.plant.feet import with_feet
+from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.studies.push_limit import WalkPushLimitSpec, _searched, largest_recovered
 from wbc.sim.studies.trials import run_trial, trial_from_json, with_seed
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
-from wbc.sim.trial.loop import Trial
 from wbc.sim.trial.push import WalkPush
+from wbc.sim.trial.trial import Trial
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial

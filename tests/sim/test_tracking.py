@@ -13,7 +13,7 @@ from wbc.motion import MotionClip
 from wbc.robots import load
 from wbc.sim.balance.tracking import TrackSpec, TrackTrial
 from wbc.sim.trial.falls import FallSettings
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.trial import TrialHook
 
 ROBOT = load("g1").robot()
 

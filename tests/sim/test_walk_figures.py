@@ -24,8 +24,8 @@ from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.robots import load
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.terrain.spec import terrain
-from wbc.sim.trial.loop import StageError, Trial
 from wbc.sim.trial.push import PushSchedule, WalkPush
+from wbc.sim.trial.trial import StageError, Trial
 from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
 from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, fitted, plan_over, stair_of
 from wbc.sim.walks.prepare import moved

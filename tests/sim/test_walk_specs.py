@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from wbc.base.errors import InputError
-from wbc.sim.plant.settings import Machine
+from wbc.sim.simulation.machine import Machine
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import WalkPush

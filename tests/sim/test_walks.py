@@ -18,10 +18,10 @@ from wbc.base.errors import InputError
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import GRAVITY
-from wbc.sim.plant.settings import Machine
-from wbc.sim.trial.loop import StageError, TrialHook, TrialTick
+from wbc.sim.simulation.machine import Machine
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
+from wbc.sim.trial.trial import StageError, TrialHook, TrialTick
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.settings import TrialSettings

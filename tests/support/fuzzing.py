@@ -235,7 +235,7 @@ class Began(BaseException):
 def _serve() -> None:
     """Run the commands of standard input, within bounds, and answer each with its exit code and what it said."""
     from wbc.app import cli  # noqa: PLC0415
-    from wbc.sim.trial.loop import Trial  # noqa: PLC0415
+    from wbc.sim.trial.trial import Trial  # noqa: PLC0415
 
     def begin(*_: Any, **__: Any) -> Any:
         raise Began

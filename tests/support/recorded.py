@@ -15,7 +15,7 @@ from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor, foot
-from wbc.sim.plant.feet import with_feet
+from wbc.sim.plant.fitting import with_feet
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.scheduling.policies import StiffnessDecision, SwingScan
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming

@@ -15,7 +15,7 @@ from wbc.base.errors import InputError
 from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import minimum_jerk
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
-from wbc.sim.trial.loop import TrialTick
+from wbc.sim.trial.trial import TrialTick
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.arm import ArmSettings
 from wbc.walking.swing import FootMotion

@@ -14,12 +14,12 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from wbc.app.output import progress_console
 from wbc.base.errors import InputError
 from wbc.base.settings import settings
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.trial import TrialHook
 
 if TYPE_CHECKING:
     from wbc.app.repeat import RepeatWalk
     from wbc.app.view.walk_hook import WatchWalk
-    from wbc.sim.trial.loop import Trial, TrialTick
+    from wbc.sim.trial.trial import Trial, TrialTick
 
 TrialT = TypeVar("TrialT", bound="Trial")
 ResultT = TypeVar("ResultT")

@@ -16,13 +16,13 @@ from wbc.app.view.controls import LiveControls
 from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, parsing
 from wbc.robots import load
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.spec import SOURCE, WalkSpec
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 from wbc.sim.walks.trained import stamped
 
 if TYPE_CHECKING:
-    from wbc.sim.trial.loop import Trial, TrialTick
+    from wbc.sim.trial.trial import Trial, TrialTick
     from wbc.sim.walks.trial import WalkTrial
 
 END = "end"

@@ -9,7 +9,8 @@ import mujoco
 from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
-from wbc.sim.plant.settings import Machine, PhysicsSettings
+from wbc.sim.plant.physics import PhysicsSettings
+from wbc.sim.simulation.machine import Machine
 from wbc.sim.terrain.spec import Terrain
 
 

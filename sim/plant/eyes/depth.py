@@ -19,9 +19,9 @@ from wbc.core.robot import Robot
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.plant.hands import SCENE_PREFIX
+from wbc.sim.plant.link_geoms import SHAPE_GROUP
 from wbc.sim.plant.model import bare_spec, compiled, equip
 from wbc.sim.plant.places import RobotPlaces, body_frame
-from wbc.sim.plant.shapes import SHAPE_GROUP
 from wbc.sim.terrain.render import add_to_spec
 
 SOLE_HEIGHT = 0.02

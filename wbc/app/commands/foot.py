@@ -20,8 +20,8 @@ from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.sole import AnkleSole
 from wbc.robots import load, names
-from wbc.sim.plant.feet import ankle_soles
-from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.plant.fitting import ankle_soles
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain.families.base import make_family

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from wbc.app.arguments import attribute_docs
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
-from wbc.sim.plant.settings import Machine
+from wbc.sim.simulation.machine import Machine
 from wbc.sim.walks.settings import TrialSettings
 from wbc.walking.plans.gait import Gait
 

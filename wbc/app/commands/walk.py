@@ -27,8 +27,8 @@ from wbc.base.numbers import finite_scalar
 from wbc.base.registry import allow_code
 from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
-from wbc.sim.trial.loop import TrialHook
-from wbc.sim.trial.loops import PLANT
+from wbc.sim.trial.simulations import PLANT
+from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.plans import FASTER, plan_over
 from wbc.sim.walks.presets import WALK_PRESETS
 from wbc.sim.walks.settings import TrialSettings

@@ -33,7 +33,7 @@ from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot, foot_name, foot_names
 from wbc.robots import RobotDescription
 from wbc.sim import Plant
-from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.image import GreyMap

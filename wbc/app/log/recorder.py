@@ -26,14 +26,14 @@ from wbc.core.signals import Command, Measurement
 from wbc.policy.guard import PolicyGuard
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.truth import GroundTruth
+from wbc.sim.simulation.simulation import GroundTruth
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.trial import TrialHook
 from wbc.tasks.behaviours import Program
 
 if TYPE_CHECKING:
-    from wbc.sim.trial.loop import TrialTick
-    from wbc.sim.trial.loops import TrialLoop
+    from wbc.sim.trial.simulations import TrialLoop
+    from wbc.sim.trial.trial import TrialTick
     from wbc.sim.walks.result import WalkResult
     from wbc.sim.walks.trial import WalkTrial
 

@@ -16,8 +16,8 @@ from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
-from wbc.sim.plant.truth import GroundTruth
-from wbc.sim.trial.loops import TrialLoop
+from wbc.sim.simulation.simulation import GroundTruth
+from wbc.sim.trial.simulations import TrialLoop
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.control import WalkingControl

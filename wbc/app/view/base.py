@@ -25,7 +25,7 @@ from wbc.core.drive.control import DriveControl
 from wbc.core.qp.controller import Controller
 from wbc.policy.control import PolicyControl
 from wbc.robots import RobotDescription
-from wbc.sim.plant.robot import SimulatedRobot
+from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.tasks.behaviours import Program
 from wbc.walking.control import WalkingControl
 
@@ -83,7 +83,7 @@ class View(ABC):
     @checked
     def __init__(
         self,
-        source: SimulatedRobot | RobotDescription,
+        source: MujocoRobot | RobotDescription,
         control: Any = None,
         *,
         program: Program | None = None,
@@ -120,7 +120,7 @@ class View(ABC):
         )
 
     def _set_source(
-        self, source: SimulatedRobot | RobotDescription, control: Any, program: Program | None
+        self, source: MujocoRobot | RobotDescription, control: Any, program: Program | None
     ) -> None:
         control = program.control if control is None and program is not None else control
         if control is not None and not isinstance(control, (Controller, DriveControl, WalkingControl)):
@@ -133,7 +133,7 @@ class View(ABC):
         self.stage: SimulatedStage | DescribedStage
         if isinstance(source, RobotDescription) and self.walking is None:
             self.stage = DescribedStage(source)
-        elif isinstance(source, SimulatedRobot):
+        elif isinstance(source, MujocoRobot):
             self.stage = SimulatedStage(source, self.walking)
         else:
             raise InputError(

@@ -36,8 +36,8 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
     from wbc.policy.control import PolicyControl
-    from wbc.sim.plant.robot import SimulatedRobot
-    from wbc.sim.trial.loops import TrialLoop
+    from wbc.sim.plant.mujoco_robot import MujocoRobot
+    from wbc.sim.trial.simulations import TrialLoop
     from wbc.walking.control import WalkingControl
 
 _log = logging.getLogger(__name__)
@@ -93,7 +93,7 @@ class LiveControls:
 
     def __init__(
         self,
-        plant: SimulatedRobot | TrialLoop | None,
+        plant: MujocoRobot | TrialLoop | None,
         walking: WalkingControl | PolicyControl | None,
         controller: Controller | None = None,
         *,

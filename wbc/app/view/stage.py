@@ -14,9 +14,9 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.sim.plant.model import drawing_model
+from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.robot import SimulatedRobot
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import natural_frequency
 from wbc.tasks.stabilizer.zmp import NoContactForceError, zmp
@@ -51,7 +51,7 @@ class Stage(Protocol):
 class SimulatedStage:
     """Robot in a simulation, to which nothing is written; see `Stage`."""
 
-    def __init__(self, robot: SimulatedRobot, walking: WalkingControl | None) -> None:
+    def __init__(self, robot: MujocoRobot, walking: WalkingControl | None) -> None:
         self.robot, self._walking = robot, walking
         self.title, self.model, self.data = robot.description.name, robot.model, robot.data
         self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
@@ -132,7 +132,7 @@ class DescribedStage:
         )
 
 
-def sole_bodies(robot: SimulatedRobot) -> list[list[int]]:
+def sole_bodies(robot: MujocoRobot) -> list[list[int]]:
     """Return the bodies of each foot of a plant on hinges of variable stiffness; empty for a passive foot."""
     feet = robot.feet if isinstance(robot, Plant) else ()
     return [

@@ -9,13 +9,13 @@ from wbc.app.view.meshcat_view import MeshcatView
 from wbc.base.checked import checked
 from wbc.base.settings import NonNegative, Positive
 from wbc.robots import RobotDescription
-from wbc.sim.plant.robot import SimulatedRobot
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.plant.mujoco_robot import MujocoRobot
+from wbc.sim.trial.trial import TrialHook
 
 if TYPE_CHECKING:
     from wbc.app.view.controls import LiveControls
     from wbc.app.view.workbench import Workbench
-    from wbc.sim.trial.loop import Trial, TrialTick
+    from wbc.sim.trial.trial import Trial, TrialTick
 
 
 class WatchWalk(TrialHook):
@@ -62,12 +62,12 @@ class WatchWalk(TrialHook):
 
         A caller learns early in this way whether the port is free.
         """
-        source: SimulatedRobot | RobotDescription
+        source: MujocoRobot | RobotDescription
         source, walking = (
             trial.plant.description,
             None,
         )  # of a loop without a model of MuJoCo's the robot alone is shown
-        if isinstance(trial.plant, SimulatedRobot):
+        if isinstance(trial.plant, MujocoRobot):
             source, walking = trial.plant, trial.walking
         if not self._workbench:
             self.view = MeshcatView(source, walking, **self._options)
@@ -89,7 +89,7 @@ class WatchWalk(TrialHook):
         """See `TrialHook`."""
         if self.view is None:
             return
-        if isinstance(tick.plant, SimulatedRobot):
+        if isinstance(tick.plant, MujocoRobot):
             self.view.update()
         else:
             self.view.update(tick.plant.truth().q, measurement=tick.measurement)

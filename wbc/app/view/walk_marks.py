@@ -21,9 +21,9 @@ from wbc.app.view.marks import (
 )
 from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY, SIDES
+from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.robot import SimulatedRobot
 from wbc.walking.plans.footsteps import heading
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ MAP_PERIOD = 0.5
 class WalkMarks:
     """Marks of a walk, in the true world; footsteps, scans and map are kept from picture to picture."""
 
-    def __init__(self, robot: SimulatedRobot, walking: WalkingControl) -> None:
+    def __init__(self, robot: MujocoRobot, walking: WalkingControl) -> None:
         self._robot, self._walking = robot, walking
         feet = robot.feet if isinstance(robot, Plant) else ()
         self._sizes = [(s.length, s.width) for s in [f.fit.sole for f in feet] or robot.robot.soles]
@@ -138,7 +138,7 @@ def sole_corners(length: float, width: float, pose: Array) -> Array:
     return corners
 
 
-def drift_of(robot: SimulatedRobot, walking: WalkingControl) -> Drift:
+def drift_of(robot: MujocoRobot, walking: WalkingControl) -> Drift:
     """Return the present drift of a walk's estimate, as of one tick."""
     estimated = walking.control.observer.robot
     base = robot.data.xmat[robot.places.root].reshape(3, 3)

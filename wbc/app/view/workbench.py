@@ -22,7 +22,7 @@ from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
 from wbc.app.view.viser_page import ROOT, ViserPage, text_html, when
 from wbc.robots import RobotDescription
-from wbc.sim.plant.robot import SimulatedRobot
+from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.tasks.behaviours import Program
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
@@ -50,7 +50,7 @@ class Workbench(View):
     """
 
     def show(
-        self, source: SimulatedRobot | RobotDescription, control: Any = None, program: Program | None = None
+        self, source: MujocoRobot | RobotDescription, control: Any = None, program: Program | None = None
     ) -> None:
         """Show another run on the same page, for example after `ended`; its list of interventions starts empty."""
         self._set_source(source, control, program)

@@ -19,14 +19,15 @@ from wbc.feet import Foot
 from wbc.feet import foot as foot_by_name
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
-from wbc.sim.loop.mujoco_loop import MujocoLoop, step_together
+from wbc.sim.foreign.mujoco_model import MujocoLoop
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, check_clear
+from wbc.sim.plant.link_geoms import SHAPE_GROUP, add_stage, add_visuals
 from wbc.sim.plant.model import bare_spec, compiled, equip, furniture
-from wbc.sim.plant.robot import ANOTHER
-from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
-from wbc.sim.plant.settings import Machine, PhysicsSettings, Step
-from wbc.sim.plant.shapes import SHAPE_GROUP, add_stage, add_visuals
+from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.scenes.base import Scene
+from wbc.sim.simulation.machine import Machine, Step
+from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
+from wbc.sim.simulation.simulation import ANOTHER, step_together
 from wbc.sim.terrain.render import add_to_spec
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
@@ -144,6 +145,8 @@ class SharedPlant:
 
     def reset(self) -> None:
         """Put all robots into half-sitting at their places, and all objects to their initial places."""
+        for loop in self.loops.values():
+            loop._release_pushes()
         mujoco.mj_resetData(self.model, self.data)
         for _ in range(2):  # a loop begins with all robots in place only once the last one has been reset
             for name, loop in self.loops.items():

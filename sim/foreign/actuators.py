@@ -5,8 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wbc.base.errors import InputError, ModelError, shown
+from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
+from wbc.core.conventions import Index
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.robots.readers.actuators_mjcf import JointActuator, actuators, switched_off
@@ -117,12 +118,6 @@ class JointActuators:
             least[joint], most[joint] = ends.min(), ends.max()
         return least, most
 
-    def check(self, command: Command) -> None:
-        """Raise InputError for what is no command, one of the wrong shape or not finite, or negative gains."""
-        if not isinstance(command, Command):
-            raise InputError(f"a loop takes a Command, got {shown(command)}")
-        command.check(self._names)
-
     def apply(self, data: mujoco.MjData, command: Command) -> None:
         """Write the controls of the coming physics step for a checked command; the state is up to date."""
         position, torque = command.joint_position, command.joint_torque
@@ -167,6 +162,13 @@ class JointActuators:
         )
         return own
 
+    def switch_off(self, data: mujoco.MjData) -> None:
+        """Take the controls and torques of the last command away, and what actuators keep of it."""
+        data.ctrl[self._controls] = 0.0
+        data.qfrc_applied[self._dof[self._bare]] = 0.0
+        data.act[self._lagging()[0]] = 0.0
+        self.begin(data)
+
     def begin(self, data: mujoco.MjData) -> None:
         """Take the present speeds for those before the first step."""
         self._speed = data.qvel[self._dof]
@@ -174,9 +176,13 @@ class JointActuators:
 
     def settle(self, data: mujoco.MjData) -> None:
         """Put actuators with a lag where their controls are, as after a long time at them."""
-        state = self._model.actuator_actadr[self._actuators]
-        lagging = state >= 0
-        data.act[state[lagging]] = data.ctrl[self._controls[lagging]]
+        states, controls = self._lagging()
+        data.act[states] = data.ctrl[controls]
+
+    def _lagging(self) -> tuple[Index, Index]:
+        """Return the states of actuators with a lag, and their controls."""
+        states = self._model.actuator_actadr[self._actuators]
+        return states[states >= 0], self._controls[states >= 0]
 
     def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: np.ndarray) -> Array:
         """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""

@@ -1,4 +1,4 @@
-"""Pushes and loads: external forces on the robot's bodies, and masses that they carry for a while."""
+"""Loads: masses that bodies of a robot carry for a while."""
 
 from __future__ import annotations
 
@@ -8,79 +8,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from wbc.base.numbers import Array, finite_array, positive
-
-_OVER = 1e-12
-"""Remaining time at which a push is over, s."""
-
-
-@dataclass
-class Push:
-    """A constant force on a body for a limited time."""
-
-    body: int
-    force: Array  # in the world, N
-    point: Array | None  # of attack in the body, m; None for its centre of mass
-    remaining: float  # s
-
-    @staticmethod
-    def at(body: int, frame: pin.SE3, force: ArrayLike, duration: float, point: ArrayLike | None) -> Push:
-        """Return a push at a point of a frame of a body, m; at the centre of mass of the body when None."""
-        attack = None if point is None else finite_array("point of attack (m)", point, (3,))
-        return Push(
-            body,
-            finite_array("force of the push (N)", force, (3,)),
-            None if attack is None else frame.act(attack),
-            positive("duration of the push (s)", duration),
-        )
-
-
-class Pushes:
-    """All pushes that act now; any number at a time, also on one body."""
-
-    def __init__(self) -> None:
-        self._active: list[Push] = []
-        self._applied: dict[int, Array] = {}  # body → its part of the forces in MuJoCo's data, shape (6,)
-
-    def __bool__(self) -> bool:
-        """True while `apply` is needed: to set forces, or to remove the last ones."""
-        return bool(self._applied) or bool(self._active)
-
-    def add(self, push: Push) -> None:
-        """Begin a push with the next physics step."""
-        self._active.append(push)
-
-    def clear(self, data: mujoco.MjData) -> None:
-        """Stop all pushes."""
-        self._active.clear()
-        self._release(data)
-
-    def apply(self, data: mujoco.MjData, timestep: float) -> None:
-        """Set the forces of the coming physics step, s; positions are up to date.
-
-        A push that ends within the step acts with the share of its force that gives the same impulse.
-        """
-        self._release(data)
-        for push in self._active:
-            wrench = self._applied.setdefault(push.body, np.zeros(6))
-            force = min(1.0, push.remaining / timestep) * push.force
-            wrench[:3] += force
-            if push.point is not None:
-                rotation = data.xmat[push.body].reshape(3, 3)
-                arm = data.xpos[push.body] + rotation @ push.point - data.xipos[push.body]
-                wrench[3:] += np.cross(arm, force)
-            push.remaining -= timestep
-        for body, wrench in self._applied.items():
-            data.xfrc_applied[body] += wrench
-        self._active = [push for push in self._active if push.remaining > _OVER]
-
-    def _release(self, data: mujoco.MjData) -> None:
-        """Remove the forces of the last step; those that others set stay."""
-        for body, wrench in self._applied.items():
-            data.xfrc_applied[body] -= wrench
-        self._applied.clear()
+from wbc.base.numbers import Array
 
 
 @dataclass

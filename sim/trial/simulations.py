@@ -27,8 +27,8 @@ from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
-from wbc.sim.plant.settings import Machine
-from wbc.sim.plant.truth import GroundTruth
+from wbc.sim.simulation.machine import Machine
+from wbc.sim.simulation.simulation import GroundTruth
 
 PLANT = "plant"
 """Name of `wbc.Plant`, the loop of trials that name none."""

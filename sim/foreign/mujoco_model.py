@@ -11,31 +11,29 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Seed
-from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.robots.readers.actuators_mjcf import damping, dry_friction, rotor_inertia, stiffness
 from wbc.robots.readers.forces_mjcf import unmodelled
 from wbc.robots.registry import as_description
 from wbc.robots.report import UNMODELLED, listed
-from wbc.sim.loop.actuators import JointActuators
-from wbc.sim.loop.floor import UNEVEN, floor_under, friction_under, lowest_sole_point
+from wbc.sim.foreign.actuators import JointActuators
+from wbc.sim.foreign.floor import UNEVEN, floor_under, friction_under
 from wbc.sim.plant.hands import check_clear
+from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
-from wbc.sim.plant.robot import DivergedError, SimulatedRobot, advance, check_period
-from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
-from wbc.sim.plant.settings import Machine, Step, steps_per_tick
 from wbc.sim.plant.signals import Imu
+from wbc.sim.simulation.machine import Machine, Step, steps_per_tick
+from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
 
 logger = logging.getLogger(__name__)
 
@@ -58,10 +56,10 @@ Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
 """Function that advances a simulation by one physics step, such as `mujoco.mj_step`."""
 
 
-class MujocoLoop(SimulatedRobot):
+class MujocoLoop(MujocoRobot):
     """Loop of a robot in a MuJoCo model of your own, which may contain other things.
 
-    The model is not changed. Actuators act as in the file; `wbc.sim.loop.actuators` describes how they are commanded.
+    The model is not changed. Actuators act as in the file; `wbc.sim.foreign.actuators` says how they are commanded.
     Objects, further robots and their controls are left as they are. The parts of the robot that collide in the file
     collide here as well. Joints of the model and of the description are matched by their names. A joint with another
     position or axis than in the description is refused.
@@ -145,7 +143,8 @@ class MujocoLoop(SimulatedRobot):
                 f"{data.qpos.size}, nv {data.qvel.size}, nu {data.ctrl.size}"
             )
         self.data = data
-        self._begin(self.seed)
+        self._posture = self.joint_position
+        self._begin()
         self._note_contacts("the data begin so (reset() puts the robot into half-sitting)")
 
     def _find_floor(self) -> float:
@@ -178,37 +177,26 @@ class MujocoLoop(SimulatedRobot):
             self.notes += (f"{when}: {error}",)
             logger.warning("%s", self.notes[-1])
 
-    @checked
-    def reset(self, configuration: ArrayLike | None = None, seed: Seed | None = None) -> None:
-        """Restart at time zero and at rest, servos holding the configuration, without pushes.
-
-        All other objects stay as they are, and so does MuJoCo's own time in the `data`.
-
-        Args:
-            configuration: Shape (nq,); half-sitting on the floor below its feet when None.
-            seed: New seed of the sensor errors; the same as before when None.
-        """
+    def _usual_start(self) -> Array:
         q = self.robot.half_sitting.copy()
         q[2] += self._ground
-        if seed is not None:
-            self._seed = seed
-        if configuration is not None:
-            q = checked_configuration("configuration", configuration, self.robot.nq)
-            self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
-            q[3:7] /= np.linalg.norm(q[3:7])
-        places = self.places
-        places.set_configuration(q, self.data.qpos)
-        places.set_at_rest(self.data.qvel)
-        self.data.qacc_warmstart[:] = 0.0
-        mujoco.mj_forward(self.model, self.data)
-        self._posture, self._zero_time = self.joint_position, float(self.data.time)
-        self.actuators.apply(self.data, self.hold())
-        self.actuators.settle(self.data)
-        self._begin(self.seed)
+        return q
 
-    def _begin(self, seed: int) -> None:
+    def _place(self, q: Array, v: Array | None) -> None:
+        """See `Simulation`: all other objects stay as they are, and so does MuJoCo's own time in the `data`."""
+        data = self.data
+        self._set_state(q, v)
+        self.actuators.switch_off(data)
+        data.qacc_warmstart[:] = 0.0
+        mujoco.mj_forward(self.model, data)
+        self._zero_time = float(data.time)
+        zero = np.zeros(self.robot.na)
+        self.actuators.apply(data, Command(zero, q[7:], zero))
+        self.actuators.settle(data)
+
+    def _begin(self) -> None:
         self.data.warning.number[DIVERGED] = 0
-        super()._begin(seed)
+        super()._begin()
         self.actuators.begin(self.data)
         self._at_work = self.hold()
 
@@ -220,32 +208,14 @@ class MujocoLoop(SimulatedRobot):
     @property
     def joint_torque(self) -> Array:
         """Torques of the drives in the last physics step, a new array of shape (na,), Nm."""
-        return self._drive_torque(self.data)
-
-    def on_ground(self, configuration: ArrayLike) -> Array:
-        """Return a configuration, shape (nq,), moved up or down until its lowest sole touches the floor."""
-        q = checked_configuration("configuration", configuration, self.robot.nq)
-        q[2] += self._ground - lowest_sole_point(self.robot, q)
-        return q
-
-    def step(self, command: Command) -> None:
-        """Advance by one control period under a command.
-
-        Args:
-            command: References of the servos and feed-forward torque, or, in torque control, only the torque.
-
-        Raises:
-            InputError: The command has a wrong shape, is not finite, or has negative gains. The simulation has not
-                advanced.
-            DivergedError: The simulation has diverged before; `diverged` says why.
-        """
-        step_together((self,), (command,))
+        return self.actuators.torque(self.data)
 
     def _follow(self, command: Command) -> None:
         self._at_work = command
 
     def _act(self) -> None:
         self.actuators.apply(self.data, self._at_work)
+        super()._act()
 
     def _integrate(self) -> None:
         self._stepper(self.model, self.data)
@@ -262,8 +232,8 @@ class MujocoLoop(SimulatedRobot):
         mujoco.mj_fwdVelocity(model, data)
         mujoco.mj_sensorVel(model, data)
 
-    def _drive_torque(self, data: mujoco.MjData) -> Array:
-        return self.actuators.torque(data)
+    def _end_period(self) -> None:
+        self._find_divergence(DIVERGED)
 
     def _notes(self, imu: Imu) -> list[str]:
         model, notes = self.model, []
@@ -403,17 +373,3 @@ def sensor_name(model: mujoco.MjModel, sensor: int) -> str:
     kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
     on = mujoco.mj_id2name(model, int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor]))
     return f"{kind} of '{on or sensor}'"
-
-
-def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> None:
-    """Advance robots in one simulation, loops of one model, data and period, by it, each under its command."""
-    for loop, command in zip(loops, commands, strict=True):
-        if loop.diverged is not None:
-            raise DivergedError(f"the simulation cannot go on: {loop.diverged}; reset it")
-        loop.actuators.check(command)
-        check_period(command, loop.control_period)
-    for loop, command in zip(loops, commands, strict=True):
-        loop._take(command)
-    advance(loops)
-    for loop in loops:
-        loop._find_divergence(DIVERGED)

@@ -33,9 +33,9 @@ from wbc.base.errors import InputError, MeasurementError, WbcError, check_parts
 from wbc.base.numbers import ROUNDING
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
-from wbc.sim.plant.robot import DivergedError
+from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
-from wbc.sim.trial.loops import TrialLoop
+from wbc.sim.trial.simulations import TrialLoop
 from wbc.sim.trial.threads import one_thread
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan

@@ -1,8 +1,6 @@
-"""Ground truth: the true state of the simulation, for logs, tests and pictures, never for a controller."""
+"""Contacts of a robot in MuJoCo, and their sums on each sole."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
@@ -13,41 +11,6 @@ from wbc.sim.plant.places import RobotPlaces
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 """For each axis the next one, and the one after that."""
-
-
-@dataclass(frozen=True, slots=True)
-class GroundTruth:
-    """The state of the simulation at one instant.
-
-    Attributes:
-        time: s.
-        q: Configuration, shape (nq,), in Pinocchio's convention.
-        v: Velocity, shape (nv,), base in the base frame.
-        com: Centre of mass of everything, feet included, in the world, shape (3,), m.
-        com_velocity: Its velocity in the world, shape (3,), m/s.
-        joint_torque: Torque of the drives in the physics step that ended now, after the torque limit, shape (na,), Nm.
-        contact_position: Points of contact with ground and things in that step, in the world, shape (n, 3), m.
-        contact_force: Force on the robot at each contact, in the world, shape (n, 3), N.
-        contact_sole: Index of the sole that each contact belongs to, −1 for other parts, shape (n,).
-        sole_wrench: Sum of the contacts of each sole, [force; moment] in the sole frame at the sole centre,
-            shape (number of soles, 6), N and Nm; without the weight of the foot, which the sensor includes.
-    """
-
-    time: float
-    q: Array
-    v: Array
-    com: Array
-    com_velocity: Array
-    joint_torque: Array
-    contact_position: Array
-    contact_force: Array
-    contact_sole: Index
-    sole_wrench: Array
-
-    @property
-    def other_force(self) -> Array:
-        """Force of the surroundings on all but the soles, in the world, shape (3,), N."""
-        return np.asarray(self.contact_force[self.contact_sole < 0].sum(axis=0))
 
 
 class Contacts:

@@ -15,7 +15,7 @@ from wbc.base.errors import InputError, check_parts
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
-from wbc.sim.loop.mujoco_loop import MujocoLoop
+from wbc.sim.foreign.mujoco_model import MujocoLoop
 
 logger = logging.getLogger(__name__)
 
@@ -106,7 +106,7 @@ class RobotServer:
         now = time.monotonic()
         try:
             if command is not None:
-                self.loop.actuators.check(command)
+                command.check(self.loop.robot.joint_names)
         except InputError as error:
             logger.warning("%s: the joints are damped", error)
             damped = True

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.robot import Robot
@@ -73,18 +72,6 @@ def friction_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData, groun
         return None
     friction = np.where(data.contact.dim > 1, data.contact.friction[:, 0], 0.0)
     return float(friction[mine].min())
-
-
-def lowest_sole_point(robot: Robot, q: Array) -> float:
-    """Return the height of the lowest corner of the soles of a robot in a configuration, shape (nq,), m."""
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    heights = []
-    for sole in robot.soles:
-        place = data.oMf[robot.frame_id(sole.frame)]
-        along, across = 0.5 * sole.length * place.rotation[2, 0], 0.5 * sole.width * place.rotation[2, 1]
-        heights.append(float(place.translation[2]) - abs(float(along)) - abs(float(across)))
-    return min(heights)
 
 
 def _feet(places: RobotPlaces) -> tuple[list[int], set[int]]:

@@ -1,6 +1,6 @@
-"""Sensor errors: latency, bias, white noise and resolution.
+"""Sensors: the vector of all signals, and their errors: latency, bias, white noise and resolution.
 
-They act in the physical order: a reading is the true signal a latency ago, plus bias, plus noise, rounded to the
+Errors act in the physical order: a reading is the true signal a latency ago, plus bias, plus noise, rounded to the
 resolution. All are zero by default, and a seed fixes every draw.
 """
 
@@ -17,7 +17,8 @@ from pydantic import Field
 from wbc.base.numbers import Array, scalar
 from wbc.base.registry import Registry
 from wbc.base.settings import NonNegative, settings
-from wbc.sim.plant.settings import LONGEST_DELAY, whole_steps
+from wbc.core.signals import Measurement
+from wbc.sim.simulation.machine import LONGEST_DELAY, Machine, whole_steps
 
 
 @settings
@@ -103,38 +104,72 @@ NOISE_PRESETS: Registry[SensorNoise] = Registry("sensor noise", {"none": NO_NOIS
 """Sensor errors by name; a new preset is an entry here."""
 
 
-class SensorChain:
-    """The errors of `SensorNoise`, applied to a flat vector of all signals.
+class Signals:
+    """True signals of all sensors of a robot in one vector, whose layout stands here alone.
 
-    The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole], behind
-    it the torques of the joints where drives report them, and force and moment of each hand where wrists have sensors.
+    Attributes:
+        values: The signals as last sampled, shape (n,): the parts that follow, one behind the other.
+        joint_position: Shape (na,), rad; a part of `values`, as all that follow.
+        joint_velocity: Shape (na,), rad/s.
+        angular_velocity: Gyroscope, shape (3,), rad/s.
+        specific_force: Accelerometer, shape (3,), m/s².
+        sole_wrench: Wrench on each sole, shape (soles, 6), N and Nm.
+        joint_torque: Torques of the drives, shape (na,), Nm; empty where drives do not report them.
+        hand_wrenches: Wrench on each hand, shape (hands, 6), N and Nm; empty where wrists have no sensors.
+    """
+
+    def __init__(self, joints: int, soles: int, machine: Machine, hands: int = 0) -> None:
+        """Lay out the vector."""
+        torques = joints if machine.torque_sensors else 0
+        self._ends = np.cumsum([joints, joints, 3, 3, 6 * soles, torques, 6 * hands])[:-1].tolist()
+        self._machine = machine
+        self.values = np.zeros(self._ends[-1] + 6 * hands)
+        parts = np.split(self.values, self._ends)
+        self.joint_position, self.joint_velocity, self.angular_velocity, self.specific_force = parts[:4]
+        self.sole_wrench, self.hand_wrenches = parts[4].reshape(-1, 6), parts[6].reshape(-1, 6)
+        self.joint_torque = parts[5]
+
+    def errors(self, noise: SensorNoise) -> list[SignalNoise]:
+        """Return the errors of each signal of the vector."""
+        return (
+            [noise.joint_position] * self.joint_position.size
+            + [noise.joint_velocity] * self.joint_velocity.size
+            + [noise.angular_velocity] * 3
+            + [noise.specific_force] * 3
+            + ([noise.sole_force] * 3 + [noise.sole_moment] * 3) * len(self.sole_wrench)
+            + [noise.joint_torque] * self.joint_torque.size
+            + ([noise.hand_force] * 3 + [noise.hand_moment] * 3) * len(self.hand_wrenches)
+        )
+
+    def measurement(self, reading: Array, time: float, ranges: Array, stiffness: Array) -> Measurement:
+        """Return a reading, shape of `values`, with ranges (m) and stiffness (Nm/rad) of soles, as a measurement."""
+        q, v, gyro, accelerometer, soles, torques = self._ends
+        return Measurement(
+            time,
+            reading[:q],
+            reading[q:v],
+            reading[v:gyro],
+            reading[gyro:accelerometer],
+            reading[accelerometer:soles].reshape(-1, 6) if self._machine.force_sensors else None,
+            ranges,
+            stiffness,
+            reading[soles:torques] if self._machine.torque_sensors else None,
+            hand_wrenches=reading[torques:].reshape(-1, 6) if torques < reading.size else None,
+        )
+
+
+class SensorChain:
+    """The errors of `SensorNoise`, applied to the vector of all `Signals`.
+
     Signals need be pushed from `oldest` to `newest` physics steps before a reading, the latencies of the slowest and
     the fastest of them.
     """
 
     def __init__(
-        self,
-        noise: SensorNoise,
-        joints: int,
-        soles: int,
-        timestep: float,
-        steps: int = 1,
-        *,
-        delay: float = 0.0,
-        torques: bool = False,
-        hands: int = 0,
+        self, noise: SensorNoise, signals: Signals, timestep: float, steps: int = 1, *, delay: float = 0.0
     ) -> None:
         """Lay the errors out over the vector; `steps` is from one reading to the next, `delay` on top of latency, s."""
-        wrench = [noise.sole_force] * 3 + [noise.sole_moment] * 3
-        channels = (
-            [noise.joint_position] * joints
-            + [noise.joint_velocity] * joints
-            + [noise.angular_velocity] * 3
-            + [noise.specific_force] * 3
-            + wrench * soles
-            + [noise.joint_torque] * (joints if torques else 0)
-            + ([noise.hand_force] * 3 + [noise.hand_moment] * 3) * hands
-        )
+        channels = signals.errors(noise)
         self.size = len(channels)
         self._std = np.array([c.std for c in channels])
         self._bias_std = np.array([c.bias_std for c in channels])

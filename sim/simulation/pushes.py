@@ -1,0 +1,61 @@
+"""Pushes: constant forces on bodies of a robot for limited times, in any engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.base.numbers import Array, finite_array, positive
+
+_OVER = 1e-12
+"""Remaining time at which a push is over, s."""
+
+
+@dataclass
+class _Push:
+    body: Any  # as the engine names it
+    force: Array  # in the world, N
+    point: Array | None  # of attack in the body, m; None for its centre of mass
+    remaining: float  # s
+
+
+class Pushes:
+    """All pushes that act now; any number at a time, also on one body."""
+
+    def __init__(self) -> None:
+        self._active: list[_Push] = []
+
+    def __bool__(self) -> bool:
+        """True while a push acts."""
+        return bool(self._active)
+
+    def add(self, body: Any, frame: pin.SE3, force: ArrayLike, duration: float, at: ArrayLike | None) -> None:
+        """Begin a push with the next physics step, at a point of a frame of a body, m; None for its centre of mass."""
+        point = None if at is None else frame.act(finite_array("point of attack (m)", at, (3,)))
+        self._active.append(
+            _Push(
+                body,
+                finite_array("force of the push (N)", force, (3,)),
+                point,
+                positive("duration of the push (s)", duration),
+            )
+        )
+
+    def clear(self) -> None:
+        """Stop all pushes."""
+        self._active.clear()
+
+    def advance(self, timestep: float) -> list[tuple[Any, Array, Array | None]]:
+        """Return body, force (N) and point (m) of each push in the coming physics step, s.
+
+        A push that ends within the step acts with the share of its force that gives the same impulse.
+        """
+        forces = []
+        for push in self._active:
+            forces.append((push.body, min(1.0, push.remaining / timestep) * push.force, push.point))
+            push.remaining -= timestep
+        self._active = [push for push in self._active if push.remaining > _OVER]
+        return forces

@@ -1,0 +1,264 @@
+"""What every simulation does alike: MuJoCo with our feet, a user's model, another engine; a new one joins `KINDS`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from foreign import KINDS as ACTUATORS
+from foreign import foreign_model
+from in_air import InAir
+
+import wbc
+from wbc.base.errors import InputError, MeasurementError
+from wbc.core.signals import Command
+from wbc.sim import DivergedError, Machine, MujocoLoop, Plant, SharedPlant
+from wbc.sim.simulation.simulation import Simulation
+from wbc.sim.trial.simulations import MEMBERS
+
+DESCRIPTION = wbc.load_robot("hrp4_class")
+NA = len(DESCRIPTION.joint_names)
+LIMP = Command(np.zeros(NA))
+LATE = Machine(command_delay=0.004, measurement_delay=0.003, torque_sensors=True)
+
+
+def own(**options: Any) -> MujocoLoop:
+    return MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix="mine/", **options)
+
+
+KINDS: dict[str, Callable[..., Simulation]] = {
+    "plant": lambda **options: Plant(DESCRIPTION, control_period=0.002, visuals=False, **options),
+    "mujoco": own,
+    "engine": lambda **options: InAir(DESCRIPTION, **options),
+}
+
+
+@pytest.fixture(params=KINDS)
+def make(request: pytest.FixtureRequest) -> Callable[..., Simulation]:
+    return KINDS[request.param]
+
+
+def aloft(simulation: Simulation, height: float = 0.3) -> np.ndarray:
+    """A configuration in the air, where nothing but pushes moves the centre of mass aside."""
+    q = simulation.on_ground(simulation.robot.half_sitting)
+    q[2] += height
+    return q
+
+
+def test_hold_and_reset_mean_the_same_in_every_simulation(make: Callable[..., Simulation]) -> None:
+    """`hold` is the posture of the last reset wherever the joints are; `reset` restarts time, motion and pushes."""
+    simulation = make()
+    q = aloft(simulation)
+    np.testing.assert_allclose(simulation.hold().joint_position, q[7:], atol=1e-12)
+    q[7:] += 0.05
+    q[3:7] *= 1.0 + 1e-7  # within what counts as a unit quaternion
+    simulation.reset(q)
+    np.testing.assert_array_equal(simulation.hold().joint_position, q[7:])
+    simulation.push("torso", [300.0, 0.0, 0.0], 1.0)
+    for _ in range(30):
+        simulation.step(LIMP)
+    assert simulation.time == pytest.approx(0.06) and np.abs(simulation.joint_position - q[7:]).max() > 1e-3
+    np.testing.assert_array_equal(simulation.hold().joint_position, q[7:])
+    simulation.hold().joint_position[0] = 9.0
+    np.testing.assert_array_equal(simulation.hold().joint_position, q[7:])
+    simulation.reset(q)
+    assert simulation.time == simulation.measure().time == simulation.truth().time == 0.0
+    first = simulation.truth()
+    assert not first.v.any() and np.linalg.norm(first.q[3:7]) == pytest.approx(1.0, abs=1e-12)
+    simulation.step(simulation.hold())
+    assert simulation.time == pytest.approx(0.002)
+    assert abs(simulation.truth().com_velocity[0]) < 1e-4, "the push is over: it would give 0.015 m/s"
+
+
+@pytest.mark.parametrize("kind", ["plant", "mujoco"])
+def test_a_robot_starts_with_the_velocity_that_it_is_given(kind: str) -> None:
+    simulation = KINDS[kind]()
+    v = np.random.default_rng(0).normal(size=simulation.robot.nv)
+    simulation.reset(aloft(simulation), velocity=v)
+    np.testing.assert_allclose(simulation.truth().v, v, atol=1e-9)
+    np.testing.assert_allclose(simulation.measure().joint_velocity, v[6:], atol=1e-12)
+    simulation.reset()
+    assert not simulation.truth().v.any()
+
+
+def test_an_engine_that_places_robots_at_rest_refuses_a_velocity() -> None:
+    simulation = InAir(DESCRIPTION)
+    simulation.step(LIMP)
+    with pytest.raises(InputError, match="at rest"):
+        simulation.reset(velocity=np.ones(simulation.robot.nv))
+    assert simulation.time > 0.0
+
+
+BAD_STARTS: dict[str, Callable[[np.ndarray], Any]] = {
+    "shape": lambda q: q[1:],
+    "finite": lambda q: np.where(np.arange(q.size) == 9, np.nan, q),
+    "quaternion": lambda q: np.where(np.arange(q.size) == 3, 0.5, q),
+    "joint": lambda q: np.where(np.arange(q.size) == 9, 40.0, q),
+}
+
+
+@pytest.mark.parametrize("what", BAD_STARTS)
+def test_a_start_that_is_none_is_refused_and_nothing_changes(
+    make: Callable[..., Simulation], what: str
+) -> None:
+    simulation = make(seed=3)
+    simulation.step(LIMP)
+    before, seen = simulation.truth(), simulation.measure()
+    with pytest.raises(InputError, match=what):
+        simulation.reset(BAD_STARTS[what](aloft(simulation)), seed=4)
+    assert simulation.seed == 3 and simulation.truth() is before and simulation.measure() is seen
+
+
+def test_a_simulation_that_has_diverged_goes_on_after_a_reset_alone(make: Callable[..., Simulation]) -> None:
+    simulation = make()
+    simulation.diverged = "made up"
+    with pytest.raises(DivergedError, match="made up"):
+        simulation.step(simulation.hold())
+    with pytest.raises(MeasurementError, match="made up"):
+        simulation.measure()
+    simulation.reset()
+    simulation.step(simulation.hold())
+    assert simulation.diverged is None and simulation.measure().time == pytest.approx(0.002)
+
+
+@pytest.mark.parametrize("period", [float("nan"), float("inf"), 0.0, -0.002, "x", 0.003])
+def test_a_command_for_another_period_is_refused(make: Callable[..., Simulation], period: Any) -> None:
+    simulation = make()
+    with pytest.raises(InputError, match="period"):
+        simulation.step(replace(simulation.hold(), period=period))
+    assert simulation.time == 0.0
+
+
+@pytest.mark.parametrize(
+    "command",
+    [LIMP.joint_torque, Command(np.zeros(3)), Command(np.full(NA, np.nan)), replace(LIMP, kd=-np.ones(NA))],
+)
+def test_a_command_that_no_drive_follows_is_refused(make: Callable[..., Simulation], command: Any) -> None:
+    simulation = make()
+    with pytest.raises(InputError):
+        simulation.step(command)
+    assert simulation.time == 0.0
+
+
+@pytest.mark.parametrize("duration", [0.01, 0.0173])
+def test_a_push_gives_its_impulse_wherever_it_acts(make: Callable[..., Simulation], duration: float) -> None:
+    simulation, force = make(), np.array([30.0, -50.0, 0.0])
+    simulation.reset(aloft(simulation))
+    simulation.push("torso", force, duration)
+    simulation.push("right_foot", force, duration, at=[0.1, 0.0, 0.0])
+    for _ in range(10):
+        simulation.step(LIMP)
+    gained = simulation.truth().com_velocity
+    mass = simulation.robot.mass
+    np.testing.assert_allclose(gained[:2], 2.0 * duration * force[:2] / mass, rtol=5e-3, atol=2e-3)
+    simulation.step(LIMP)
+    np.testing.assert_allclose(simulation.truth().com_velocity[:2], gained[:2], atol=2e-3)  # it is over
+
+
+def test_readings_are_late_by_the_delay_and_commands_by_theirs(make: Callable[..., Simulation]) -> None:
+    """Joints and gyroscope of a late machine are those of a prompt one, 3 ms ago: between two ticks of 2 ms."""
+    prompt, late = make(machine=replace(LATE, measurement_delay=0.0)), make(machine=LATE)
+    every = make(machine=replace(LATE, measurement_delay=0.0))
+    readings, times = [], []
+    for simulation in (prompt, late, every):
+        simulation.reset(aloft(simulation))
+    for tick in range(10):
+        command = Command(np.full(NA, 1.0 if tick >= 3 else 0.0))
+        prompt.step(command)
+        late.step(command)
+        readings.append(prompt.measure())
+        times.append(late.measure())
+    for tick in range(4, 10):
+        assert times[tick].time == pytest.approx(readings[tick].time - 0.003, abs=1e-12)
+        between = 0.5 * (readings[tick - 2].joint_position + readings[tick - 1].joint_position)
+        np.testing.assert_allclose(times[tick].joint_position, between, atol=2e-5)
+    torques = [reading.joint_torque for reading in readings]
+    assert all(abs(torque).max() < 1e-9 for torque in torques[2:5])
+    assert all(torque == pytest.approx(1.0, abs=1e-6) for torque in torques[5:])
+
+
+def readings(simulation: Simulation) -> np.ndarray:
+    found = []
+    for _ in range(3):
+        simulation.step(simulation.hold())
+        found.append(simulation.measure().joint_position)
+    return np.array(found)
+
+
+def test_sensor_errors_follow_from_the_seed(make: Callable[..., Simulation]) -> None:
+    one, other = make(noise="realistic", seed=5), make(noise="realistic", seed=6)
+    first = readings(one)
+    assert not np.array_equal(first, readings(other)) and np.ptp(first - one.joint_position) > 0.0
+    other.reset(seed=5)
+    one.reset()
+    assert one.seed == other.seed == 5
+    np.testing.assert_array_equal(first, readings(make(noise="realistic", seed=5)))
+
+
+@pytest.mark.parametrize("kind", [*KINDS, *(f"own {kind}" for kind in ACTUATORS)])
+def test_a_reset_simulation_runs_as_a_new_one(kind: str) -> None:
+    """Bit for bit: nothing is left of commands, pushes, loads or speeds, in models with actuators of any kind."""
+    if kind in KINDS:
+        simulation = KINDS[kind]()
+    else:
+        model = foreign_model(DESCRIPTION, kind.removeprefix("own "))
+        simulation = MujocoLoop(DESCRIPTION, model, prefix="mine/")
+    data = getattr(simulation, "data", None)
+    things = None if data is None else (data.qpos.copy(), data.qvel.copy())
+    first = readings(simulation)
+    simulation.push("torso", [50.0, 0.0, 0.0], 1.0)
+    for _ in range(3):
+        simulation.step(LIMP)
+    if things is not None:  # those of somebody else's model stay where they are
+        data.qpos[:], data.qvel[:] = things
+    simulation.reset()
+    np.testing.assert_array_equal(readings(simulation), first)
+
+
+def test_readings_and_truth_are_of_one_instant_and_nobody_writes_into_them(
+    make: Callable[..., Simulation],
+) -> None:
+    simulation = make()
+    assert [name for name in MEMBERS if not hasattr(simulation, name)] == []
+    simulation.reset(aloft(simulation))
+    for _ in range(5):
+        simulation.step(simulation.hold())
+    measured, truth = simulation.measure(), simulation.truth()
+    assert simulation.measure() is measured and simulation.truth() is truth
+    assert measured.time == truth.time == simulation.time == pytest.approx(0.01)
+    with pytest.raises(ValueError, match="read-only"):
+        measured.joint_position[0] = 1.0
+    np.testing.assert_array_equal(simulation.joint_position, truth.q[7:])
+    np.testing.assert_array_equal(measured.joint_position, truth.q[7:])
+    np.testing.assert_array_equal(simulation.joint_velocity, truth.v[6:])
+    np.testing.assert_array_equal(simulation.joint_torque, truth.joint_torque)
+    assert simulation.base_pose == pytest.approx(truth.q[:7], abs=1e-12)
+    assert simulation.com_height == pytest.approx(truth.com[2], abs=1e-12)
+    robot = simulation.robot.clone()
+    robot.update(truth.q, truth.v)
+    np.testing.assert_allclose(robot.com, truth.com, atol=2e-3)  # the plant's feet have a mass of their own
+    for side, sole in enumerate(robot.soles):
+        centre, rotation = simulation.sole_pose(side)
+        np.testing.assert_allclose(centre, robot.placement(sole.frame).translation, atol=1e-6)
+        np.testing.assert_allclose(rotation, robot.placement(sole.frame).rotation, atol=1e-6)
+
+
+def test_a_configuration_on_the_ground_has_its_lowest_sole_there(make: Callable[..., Simulation]) -> None:
+    simulation = make()
+    simulation.reset(simulation.on_ground(aloft(simulation)))
+    lowest = min(float(simulation.sole_pose(side)[0][2]) for side in (0, 1))
+    assert abs(lowest) < 1e-5 and simulation.base_pose[:3] == pytest.approx(simulation.truth().q[:3])
+
+
+def test_pushes_of_several_robots_end_with_a_reset() -> None:
+    shared = SharedPlant({"one": DESCRIPTION}, control_period=0.002)
+    robot = shared.loops["one"]
+    robot.push("torso", [100.0, 0.0, 0.0], 1.0)
+    shared.step({"one": robot.hold()})
+    assert np.abs(shared.data.xfrc_applied).max() == pytest.approx(100.0)
+    shared.reset()
+    shared.step({"one": robot.hold()})
+    assert not shared.data.xfrc_applied.any()
