@@ -215,6 +215,8 @@ def test_balance_is_drawn_in_metres_and_its_error_in_millimetres(walked: Log) ->
     np.testing.assert_allclose(error["x"], -3.0, atol=1e-9)  # reference − estimate
     np.testing.assert_allclose(error["y"], -4.0, atol=1e-9)
     assert "DCM" in figure.axes[2].get_ylabel()
+    widths = [draw("balance", [walked] * count).get_size_inches()[0] for count in (1, 2, 3)]
+    assert widths == pytest.approx([11.0, 14.0, 21.0])
 
 
 def test_the_error_is_what_the_stabilizer_says_and_without_a_walk_the_sway(

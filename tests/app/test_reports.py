@@ -613,3 +613,48 @@ def test_a_trial_is_the_same_when_status_and_result_are(
         assert ("steps_done" in said) is (result is not None) and ("two" in said) is (result is None)
         assert main([*words, "--json"]) == RAN
         assert json.loads(capsys.readouterr().out)["same"] is same
+
+
+def test_a_filtered_clip_is_written_and_told_in_degrees_and_millimetres(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+) -> None:
+    clip: Any = SimpleNamespace(name="clip")
+    made = SimpleNamespace(
+        clip="made", after=measures(), before=measures(), stretched=1.5, shortened=0.012, changes={"a": 0.1}
+    )
+    written: list[Any] = []
+    monkeypatch.setattr(motion_command.TrackOptions, "read", lambda self, file: (None, clip))
+    monkeypatch.setattr(motion_command, "make_feasible", lambda *_: made)
+    monkeypatch.setattr(motion_command, "write_motion", lambda *what: written.append(what))
+    words = ["motion", "filter", str(tmp_path / "a.csv"), "-o", str(tmp_path / "b.npz")]
+    assert main([*words, "--json"]) == RAN
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["steps_shortened_mm"] == pytest.approx(12.0) and facts["stretched"] == 1.5
+    assert facts["changed_most_deg"] == {"a": pytest.approx(math.degrees(0.1))}
+    assert main(words) == RAN
+    assert capsys.readouterr().out.splitlines()[-1] == f"written to {tmp_path / 'b.npz'}"
+    assert written == [("made", tmp_path / "b.npz")] * 2
+
+
+@pytest.mark.parametrize(("given", "taken"), [(("a", "b"), ("a", "b")), ((), None)])
+def test_the_joints_of_a_clip_are_those_that_are_given(
+    given: Any, taken: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    clip = SimpleNamespace(configurations=lambda robot: None)
+    monkeypatch.setattr(motion_command, "shows_person", lambda file: False)
+    monkeypatch.setattr(
+        motion_command, "read_motion", lambda file, rate, joints: asked.append((rate, joints)) or clip
+    )
+    options = motion_command.TrackOptions(robot="g1", joint=given, rate=30.0)
+    assert options.read(Path("a.csv"))[1] is clip and asked == [(30.0, taken)]
+    for option in ({"begin": 1.0}, {"end": 2.0}, {"up": "y"}):
+        with pytest.raises(InputError, match="person"):
+            motion_command.TrackOptions(robot="g1", **option).read(Path("a.csv"))
+
+
+def test_the_joints_of_a_person_are_named_by_their_parts() -> None:
+    options = motion_command.TrackOptions(robot="g1", joint=("left_knee=LKnee", "right_knee=R=Knee"))
+    assert dict(options._joint_of_person()) == {"left_knee": "LKnee", "right_knee": "R=Knee"}
+    with pytest.raises(InputError, match="LKnee"):
+        dict(motion_command.TrackOptions(robot="g1", joint=("LKnee",))._joint_of_person())

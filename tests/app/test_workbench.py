@@ -66,6 +66,7 @@ def test_a_run_is_the_same_with_and_without_a_workbench() -> None:
     with Workbench(plant, control, port=0, rate=1e6) as view:
         assert run(plant, control, 40, view.update) == alone
         assert view.frames > 40 and view.controls.interventions == []
+        assert any(" s</b>" in handle.content for handle, _ in view._page._texts), "the time is told"
 
 
 def test_the_panel_plots_dcm_and_zmp_of_the_last_seconds() -> None:
