@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -350,6 +351,57 @@ def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
             assert place[2] - size[2] == pytest.approx(robot.placement(sole.frame).translation[2], abs=1e-6)
     assert seen[kinds.mjGEOM_BOX] == 2 and seen[kinds.mjGEOM_SPHERE] == robot.model.njoints - 1
     assert seen[kinds.mjGEOM_CYLINDER] >= 15
+
+
+def test_links_are_drawn_by_their_visuals_else_by_their_collisions_else_as_sticks() -> None:
+    """Each geom of the file in its size and colour; a colour may be that of a name, and one without any is plain."""
+    description, kinds = load("hrp4_class"), mujoco.mjtGeom
+    root = ElementTree.fromstring(description.urdf)
+    links = {str(link.get("name")): link for link in root.findall("link")}
+    for name, tags in (("left_shin", ("visual",)), ("right_shin", ("visual", "collision"))):
+        for tag in tags:
+            for element in links[name].findall(tag):
+                links[name].remove(element)
+    flat = links["neck_link"].find("visual/geometry/sphere")
+    named = links["head"].find("visual/material")
+    assert flat is not None and named is not None
+    flat.set("radius", "0")  # cannot be read
+    color = named.find("color")
+    assert color is not None
+    named.remove(color)
+    named.set("name", "dark")
+    changed = replace(description, urdf=ElementTree.tostring(root, encoding="unicode"))
+    model = drawing_model(changed, changed.robot(), terrain("flat"))
+    drawn: dict[str, list[int]] = {}
+    for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
+        drawn.setdefault(model.body(int(model.geom_bodyid[i])).name, []).append(i)
+    plain = [0.78, 0.80, 0.83, 1.0]
+    for name, link in links.items():
+        if name == "right_shin":
+            thickness = 0.03 * float(changed.robot().com[2])
+            balls = [i for i in drawn[name] if model.geom_type[i] == kinds.mjGEOM_SPHERE]
+            assert [model.geom_size[i, 0] for i in balls] == pytest.approx([1.3 * thickness])
+            continue
+        instead = name in ("left_shin", "neck_link")
+        elements = link.findall("collision" if instead else "visual")
+        assert len(drawn.get(name, ())) == len(elements), name
+        for i, element in zip(drawn.get(name, ()), elements, strict=True):
+            (shape,) = element.find("geometry") or ()
+            values = {key: [float(v) for v in text.split()] for key, text in shape.attrib.items()}
+            size = {
+                "box": [0.5 * v for v in values.get("size", ())],
+                "sphere": values.get("radius", []),
+                "cylinder": [*values.get("radius", ()), *(0.5 * v for v in values.get("length", ()))],
+            }[shape.tag]
+            np.testing.assert_allclose(model.geom_size[i, : len(size)], size)
+            assert kinds(int(model.geom_type[i])).name == f"mjGEOM_{shape.tag.upper()}"
+            color = element.find("material/color")
+            wanted = plain if color is None else [float(v) for v in str(color.get("rgba")).split()]
+            if name == "head" and element is elements[0]:
+                wanted = [0.15, 0.17, 0.20, 1.0]
+            np.testing.assert_allclose(model.geom_rgba[i], wanted, atol=1e-6)
+            place = np.array([float(v) for v in str((element.find("origin")).get("xyz")).split()])  # type: ignore[union-attr]
+            np.testing.assert_allclose(model.geom_pos[i], place, atol=1e-9)
 
 
 @pytest.mark.parametrize(("off", "noted"), [(4.9e-3, False), (5.1e-3, True)])
