@@ -1,0 +1,327 @@
+"""Figures of a conformance report: each is that of the fault, and a fault is told from its bound on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from made_machines import DESCRIPTION, PERIOD, Light, Recorded, Wrapped
+
+from wbc.core.robot import GRAVITY
+from wbc.core.signals import Command, Measurement
+from wbc.machine import conformance
+from wbc.machine.conformance import Check
+
+NAMES = DESCRIPTION.joint_names
+NA = len(NAMES)
+REFERENCE = np.array(DESCRIPTION.robot().half_sitting[7:])
+FREE = [i for i, name in enumerate(NAMES) if name not in {n for leg in DESCRIPTION.legs for n in leg}]
+
+
+class Hung(Light):
+    """The robot of joints without mass, whose measurements and commands are changed; its loads are its own."""
+
+    def __init__(
+        self,
+        fault: Callable[[Measurement, int], Measurement] = lambda m, tick: m,
+        out: Callable[[Command], Command] = lambda c: c,
+    ) -> None:
+        super().__init__()
+        self._fault, self._out, self._tick = fault, out, 0
+
+    def measure(self) -> Measurement:
+        return self._fault(super().measure(), self._tick)
+
+    def step(self, command: Command) -> None:
+        self._tick += 1
+        super().step(self._out(command))
+
+
+def checks_of(loop: Any, **options: float) -> dict[str, Check]:
+    return {check.name: check for check in conformance(loop, **options).checks}
+
+
+def numbers(check: Check) -> list[float]:
+    return [float(text) for text in re.findall(r"[+-]?\d+\.?\d*", check.found)]
+
+
+PROMPT = checks_of(Hung())
+
+
+def test_figures_of_joints_that_hang_are_those_by_which_they_are_scaled() -> None:
+    """Measured velocities by 0.8, torques by 1.2, forces by 0.97; commanded torques by 0.7, velocities by 0.6."""
+
+    def fault(m: Measurement, tick: int) -> Measurement:
+        assert m.joint_torque is not None
+        return replace(
+            m,
+            joint_velocity=0.8 * m.joint_velocity,
+            joint_torque=1.2 * m.joint_torque,
+            specific_force=0.97 * m.specific_force,
+        )
+
+    def out(c: Command) -> Command:
+        velocity = None if c.joint_velocity is None else 0.6 * c.joint_velocity
+        return replace(c, joint_torque=0.7 * c.joint_torque, joint_velocity=velocity)
+
+    found = checks_of(Hung(fault, out))
+    assert {check.state for check in found.values()} == {"ok", "unknown"}
+    assert numbers(found["joint velocity"]) == pytest.approx([0.8], abs=0.01)
+    assert numbers(found["measured torque"]) == pytest.approx([1.2], abs=0.01)
+    assert numbers(found["accelerometer"])[0] == pytest.approx(0.97 * GRAVITY, abs=0.01)
+    assert numbers(found["torque"]) == pytest.approx([0.7], abs=0.02)
+    assert numbers(found["velocity reference"]) == pytest.approx([0.6], abs=0.02)
+
+
+def test_a_machine_that_takes_gains_for_others_acts_with_those() -> None:
+    """Halves that act as 0.6 and 0.4: stiffness by 1.2, damping by 0.8; what a machine has of its own is known."""
+
+    def out(c: Command) -> Command:
+        return c if c.kp is None or c.kd is None else replace(c, kp=1.2 * c.kp, kd=0.8 * c.kd)
+
+    assert numbers(checks_of(Hung(out=out))["commanded gains"]) == pytest.approx([0.6, 0.4], abs=0.03)
+
+    def soft(c: Command) -> Command:
+        own = np.array(DESCRIPTION.kp), np.array(DESCRIPTION.kd)
+        return replace(c, kp=0.7 * own[0], kd=0.7 * own[1]) if c.kp is None else c
+
+    found = checks_of(Hung(out=soft))
+    assert numbers(found["torque"]) == pytest.approx([1.0 / 0.7], abs=0.03)
+    assert found["commanded gains"].state == "ok"
+    assert numbers(found["commanded gains"]) == pytest.approx([0.5, 0.5], abs=0.03)
+    for scale, wrong in ((1.55, ""), (1.65, "kp"), (0.45, ""), (0.35, "kp")):
+
+        def stiff(c: Command, scale: float = scale) -> Command:
+            return c if c.kp is None or c.kd is None else replace(c, kp=scale * c.kp, kd=scale * c.kd)
+
+        check = checks_of(Hung(out=stiff))["commanded gains"]
+        assert (check.state == "wrong") == bool(wrong) and wrong in check.found
+
+
+@pytest.mark.parametrize("size", [1.7, 0.6])
+def test_the_way_of_the_joints_is_told_as_a_share_of_their_step(size: float) -> None:
+    def fault(m: Measurement, tick: int) -> Measurement:
+        return replace(m, joint_position=REFERENCE + size * (m.joint_position - REFERENCE))
+
+    found = checks_of(Hung(fault))
+    assert numbers(found["joint motion"]) == pytest.approx([size], abs=0.03)
+    assert numbers(found["joint velocity"]) == pytest.approx([1.0 / size], abs=0.02)
+    # Torques move them by as much more, and velocity references, too.
+    for name in ("torque", "velocity reference"):
+        assert numbers(found[name]) == pytest.approx([size * numbers(PROMPT[name])[0]], abs=0.02)
+
+
+def test_joints_that_go_too_far_or_too_little_are_named_one_by_one() -> None:
+    """Beyond 2.5 times the step, and below 0.3 of it where nothing holds the joint; both in another unit."""
+    for size, odd in ((2.4, False), (2.6, True), (0.33, False), (0.27, True)):
+        one = np.ones(NA)
+        one[FREE[2]] = size
+
+        def fault(m: Measurement, tick: int, one: np.ndarray = one) -> Measurement:
+            position = REFERENCE + one * (m.joint_position - REFERENCE)
+            return replace(m, joint_position=position, joint_velocity=one * m.joint_velocity)
+
+        check = checks_of(Hung(fault))["joint motion"]
+        assert (check.state == "wrong") == odd and (NAMES[FREE[2]] in check.found) == odd
+
+
+def test_a_velocity_that_is_off_is_named_beyond_four_tenths() -> None:
+    for size, odd in ((1.38, False), (1.42, True), (0.62, False), (0.58, True)):
+        one = np.ones(NA)
+        one[4] = size
+        fault: Any = lambda m, tick, one=one: replace(m, joint_velocity=one * m.joint_velocity)  # noqa: E731
+        check = checks_of(Hung(fault))["joint velocity"]
+        assert (check.state == "wrong") == odd and (NAMES[4] in check.found) == odd
+        assert numbers(check)[0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_joints_that_move_each_other_are_named_and_those_that_do_not_move_are_counted() -> None:
+    order = np.arange(NA)
+    order[[3, 20]] = order[[20, 3]]
+    swapped = checks_of(
+        Hung(
+            lambda m, tick: replace(
+                m,
+                joint_position=REFERENCE + (m.joint_position - REFERENCE)[order],
+                joint_velocity=m.joint_velocity[order],
+            )
+        )
+    )["joint order"]
+    assert (
+        f"{NAMES[3]} moves {NAMES[20]}" in swapped.found and f"{NAMES[20]} moves {NAMES[3]}" in swapped.found
+    )
+    for count, lost in ((3, False), (NA // 2 - 1, False), (NA // 2, True)):
+        still = np.arange(NA) < count
+
+        def fault(m: Measurement, tick: int, still: np.ndarray = still) -> Measurement:
+            return replace(
+                m,
+                joint_position=np.where(still, REFERENCE, m.joint_position),
+                joint_velocity=np.where(still, 0.0, m.joint_velocity),
+            )
+
+        found = checks_of(Hung(fault))
+        assert found["joint order"].state == "wrong"
+        assert found["joint order"].found.startswith(f"{count} joints do not follow: {NAMES[0]}, {NAMES[1]}")
+        assert (found["accelerometer"].state == "unknown") == lost  # of a machine that does not move at all
+        assert found["joint velocity"].state == "unknown"
+
+
+def test_samples_that_repeat_are_counted_from_a_quarter_on() -> None:
+    """Of ticks that repeat every n-th sample one in n does; the second half of a motion is at rest and not counted."""
+    for every, share in ((2, 50.0), (3, 33.0), (5, 20.0)):
+        kept: list[Measurement] = []
+
+        def fault(
+            m: Measurement, tick: int, kept: list[Measurement] = kept, every: int = every
+        ) -> Measurement:
+            if not kept or tick % every:
+                kept[:] = [m]
+            return replace(kept[0], time=m.time)
+
+        check = checks_of(Hung(fault))["fresh"]
+        assert numbers(check)[0] == pytest.approx(share, abs=12.0)
+        assert (check.state == "wrong") == (numbers(check)[0] >= 25.0)
+
+
+@pytest.mark.parametrize("offset", [0.049, -0.051])
+def test_the_zero_of_an_encoder_is_told_in_milliradians(offset: float) -> None:
+    off = np.zeros(NA)
+    off[7] = offset
+    found = checks_of(Hung(lambda m, tick: replace(m, joint_position=m.joint_position + off)))["joint zero"]
+    assert found.found.startswith(f"{NAMES[7]} {1e3 * offset:+.0f} mrad from half-sitting")
+    assert (found.state == "wrong") == (abs(offset) > 0.05)
+
+
+@pytest.mark.parametrize("late", [0, 1, 3])
+def test_a_delay_is_that_of_torques_and_of_references(late: int) -> None:
+    """Beside it stands what was stated; more than a period longer is wrong."""
+    delay = late * PERIOD
+    for stated, wrong in ((delay, False), (max(0.0, delay - 1.2 * PERIOD), late > 1)):
+        found = checks_of(Wrapped(Light(), late=late), delay=stated)["delay"]
+        lag, acts = numbers(found)
+        assert lag == pytest.approx(numbers(PROMPT["delay"])[0] + 1e3 * delay, abs=1.0)
+        assert acts == pytest.approx(1e3 * delay) and (found.state == "wrong") == wrong
+
+
+@pytest.mark.parametrize(
+    ("scale", "state"), [(1.0, "ok"), (1.049, "ok"), (1.051, "wrong"), (0.951, "ok"), (0.949, "wrong")]
+)
+def test_the_clock_is_told_by_its_rate_and_its_worst_period(scale: float, state: str) -> None:
+    found = checks_of(Hung(lambda m, tick: replace(m, time=scale * m.time)))["clock"]
+    rate, stated, period, worst = numbers(found)
+    assert (rate, stated) == (pytest.approx(200.0 / scale, abs=0.51), 200.0)
+    assert period == pytest.approx(5.0 * scale, abs=1e-3)
+    assert worst == pytest.approx(abs(scale - 1.0) * 5.0, abs=1e-3)
+    assert found.state == state
+
+
+def test_jitter_is_told_from_half_a_period_on() -> None:
+    for off, state in ((0.0024, "ok"), (0.0026, "wrong")):
+        jump: Any = lambda m, tick, off=off: replace(m, time=m.time + off * (tick == 50))  # noqa: E731
+        found = checks_of(Hung(jump))["clock"]
+        assert numbers(found)[3] == pytest.approx(1e3 * off, abs=1e-3) and found.state == state
+
+
+@pytest.mark.parametrize(("size", "state"), [(1.05, "ok"), (1.052, "wrong"), (0.95, "ok"), (0.948, "wrong")])
+def test_an_accelerometer_is_off_from_half_a_metre_per_second_squared_on(size: float, state: str) -> None:
+    found = checks_of(Hung(lambda m, tick: replace(m, specific_force=size * m.specific_force)))[
+        "accelerometer"
+    ]
+    assert numbers(found)[0] == pytest.approx(size * GRAVITY, abs=5e-3) and found.state == state
+
+
+@pytest.mark.parametrize(("angle", "state"), [(0.30, "ok"), (0.33, "wrong")])
+def test_an_imu_of_a_robot_that_hangs_is_told_by_the_vertical(angle: float, state: str) -> None:
+    """Its cosine is to be above 0.95."""
+    turn = pin.rpy.rpyToMatrix(0.6 * angle, 0.8 * angle, 0.0)
+    up = DESCRIPTION.robot().placement(DESCRIPTION.robot().imu_frame).rotation
+    turned: Any = lambda m, tick: replace(m, specific_force=up.T @ turn @ up @ m.specific_force)  # noqa: E731
+    found = checks_of(Hung(turned))["IMU frame"]
+    assert numbers(found)[0] == pytest.approx(float(turn[2, 2]), abs=1e-3)
+    assert found.state == state == ("ok" if turn[2, 2] > 0.95 else "wrong")
+
+
+# A robot that stands: what a good loop has measured, scaled.
+
+
+def test_figures_of_a_body_that_stands_are_those_by_which_they_are_scaled() -> None:
+    """Rates by 0.9 and wrenches by 1.05."""
+
+    def fault(m: Measurement, tick: int) -> Measurement:
+        return replace(m, angular_velocity=0.9 * m.angular_velocity, sole_wrench=1.05 * m.sole_wrench)
+
+    good, found = checks_of(Recorded(lambda m, tick: m)), checks_of(Recorded(fault))
+    assert numbers(found["gyroscope"])[0] == pytest.approx(0.9 * numbers(good["gyroscope"])[0], abs=0.006)
+    assert numbers(found["weight"])[0] == pytest.approx(1.05 * numbers(good["weight"])[0], abs=0.006)
+    assert numbers(found["sides"])[0] == pytest.approx(1.05 * numbers(good["sides"])[0], abs=0.11)
+    assert {check.state for check in found.values()} == {"ok"}
+    # The centre of pressure is a quotient.
+    assert numbers(found["wrench frame"]) == pytest.approx(numbers(good["wrench frame"]), abs=0.011)
+
+
+@pytest.mark.parametrize(
+    ("name", "fault", "state"),
+    [
+        ("weight", lambda m, k: replace(m, sole_wrench=1.07 * m.sole_wrench), "ok"),
+        ("weight", lambda m, k: replace(m, sole_wrench=1.09 * m.sole_wrench), "wrong"),
+        ("weight", lambda m, k: replace(m, sole_wrench=0.91 * m.sole_wrench), "wrong"),
+        ("gyroscope", lambda m, k: replace(m, angular_velocity=0.53 * m.angular_velocity), "ok"),
+        ("gyroscope", lambda m, k: replace(m, angular_velocity=0.47 * m.angular_velocity), "wrong"),
+        ("gyroscope", lambda m, k: replace(m, angular_velocity=1.55 * m.angular_velocity), "ok"),
+        ("gyroscope", lambda m, k: replace(m, angular_velocity=1.7 * m.angular_velocity), "wrong"),
+    ],
+)
+def test_a_body_is_judged_from_a_bound_on(
+    name: str, fault: Callable[[Measurement, int], Measurement], state: str
+) -> None:
+    assert checks_of(Recorded(fault))[name].state == state
+
+
+def test_an_imu_that_is_turned_a_little_is_told_its_angle() -> None:
+    """About the vertical, which turns no gravity: by 20° turns agree to (1 + 2 cos 20°) / 3."""
+    robot = DESCRIPTION.robot()
+    frame = robot.placement(robot.imu_frame).rotation
+    for angle in (20.0, 50.0):
+        turn = frame.T @ pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(angle)) @ frame
+
+        def fault(m: Measurement, tick: int, turn: np.ndarray = turn) -> Measurement:
+            return replace(
+                m, angular_velocity=turn @ m.angular_velocity, specific_force=turn @ m.specific_force
+            )
+
+        agree, _, by = numbers(checks_of(Recorded(fault))["IMU frame"])
+        assert agree == pytest.approx((1.0 + 2.0 * np.cos(np.radians(angle))) / 3.0, abs=0.03)
+        assert by == pytest.approx(angle, abs=2.0)
+
+
+def test_moments_about_another_point_are_told_by_its_place() -> None:
+    """A point 12 mm behind and 9 mm beside the centre of a sole puts the pressure as far ahead and aside."""
+    good = numbers(checks_of(Recorded(lambda m, tick: m))["wrench frame"])
+    for x, y in ((0.012, 0.0), (0.0, 0.009)):
+
+        def fault(m: Measurement, tick: int, x: float = x, y: float = y) -> Measurement:
+            moved = np.array(m.sole_wrench)
+            moved[:, 3] += y * moved[:, 2]
+            moved[:, 4] -= x * moved[:, 2]
+            return replace(m, sole_wrench=moved)
+
+        found = numbers(checks_of(Recorded(fault))["wrench frame"])
+        assert found[2:4] == pytest.approx([good[2] + 1e3 * x, good[3] + 1e3 * y], abs=1.6)
+
+
+def test_zeros_of_a_leg_show_in_the_height_and_tilt_of_its_sole() -> None:
+    """By 0.03 rad at the left ankle, which bends the sole of a robot that stands by 1.7°; from 2° on it is wrong."""
+    ankle = NAMES.index("left_ankle_pitch_joint")
+    for angle, state in ((0.03, "ok"), (0.04, "wrong")):
+        off = np.zeros(NA)
+        off[ankle] = angle
+        fault: Any = lambda m, tick, off=off: replace(m, joint_position=m.joint_position + off)  # noqa: E731
+        found = checks_of(Recorded(fault))["soles"]
+        _, tilt = numbers(found)
+        assert tilt == pytest.approx(np.degrees(angle), abs=0.11) and found.state == state
