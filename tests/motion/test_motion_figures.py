@@ -1,0 +1,306 @@
+"""Figures of motions by closed forms: scale, floor and feet of a person, jumps, rates, paces, and measures as data."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from made_person import make_person
+
+from wbc import load_robot
+from wbc.base.errors import InputError
+from wbc.core.robot import Robot
+from wbc.motion import MotionClip, SkeletonClip, check_motion, retarget
+from wbc.motion.feasible import STRETCH, _drawn_in, _envelope, _integral, _slowed, _smooth
+from wbc.motion.kinematics import BodyMotion
+from wbc.motion.retarget import (
+    BENT,
+    FASTEST,
+    JUMP,
+    _axes,
+    _Legs,
+    _on_floor,
+    _refuse_jumps,
+    _soles,
+    _unit,
+    centre_of_turning,
+)
+
+SIDES = ("left", "right")
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("hrp4_class").robot()
+
+
+# --- retargeting -----------------------------------------------------------------------------------------------------
+
+
+def test_legs_of_a_robot_are_those_of_its_description(robot: Robot) -> None:
+    """Hips where the axes meet, thigh and shank from joint to joint, the ankle over the sole, hips over the CoM."""
+    legs, model, data = _Legs.of(robot), robot.model, robot.model.createData()
+    pin.framesForwardKinematics(model, data, robot.half_sitting)
+    com = pin.centerOfMass(model, data, robot.half_sitting)
+    chain = robot.joints_between(robot.soles[0].frame, robot.base_frame)
+    origins = [data.oMi[robot.joint_numbers[joint]].translation for joint in chain]
+    base = data.oMf[robot.frame_id(robot.base_frame)]
+    hip, knee, ankle = origins[2], origins[3], origins[4]
+    assert legs.length == pytest.approx(np.linalg.norm(knee - hip) + np.linalg.norm(ankle - knee), abs=1e-6)
+    own = base.actInv(hip)
+    np.testing.assert_allclose(legs.hips, [own[0], 0.0, own[2]], atol=1e-6)
+    sole = data.oMf[robot.frame_id(robot.soles[0].frame)]
+    assert legs.ankle_height == pytest.approx(ankle[2] - sole.translation[2], abs=1e-6)
+    assert legs.hips_over_com == pytest.approx(hip[2] - com[2], abs=1e-6)
+
+
+def person(rest: float = 0.3, unit: float = 10.0, count: int = 60) -> dict[str, np.ndarray]:
+    """Return a person who stands still in another unit, ankles 0.9 over a floor at `rest`, of legs of 4 and 5."""
+    parts = {}
+    for side, y in (("left", 1.0), ("right", -1.0)):
+        for name, place in (
+            ("hip", (0.0, y, 9.9)),
+            ("knee", (0.0, y, 5.9)),
+            ("ankle", (0.0, y, 0.9)),
+            ("toe", (1.5, y, 0.2)),
+            ("shoulder", (0.0, 2.0 * y, 15.0)),
+        ):
+            parts[f"{side}_{name}"] = np.tile(np.array(place) + [0.0, 0.0, rest], (count, 1)) * unit / 10.0
+    return parts
+
+
+@pytest.mark.parametrize("unit", [10.0, 393.7])
+@pytest.mark.parametrize("rest", [0.3, -2.0])
+def test_a_person_is_scaled_by_the_legs_and_put_on_the_floor(robot: Robot, rest: float, unit: float) -> None:
+    """Straight legs of 9 become 0.96 of the robot's; ankles at rest are as high as the robot's, whatever the toes."""
+    legs, given = _Legs.of(robot), person(rest, unit)
+    given["right_ankle"][40:, 2] += 0.2 * unit  # the right foot is lifted by a fiftieth of ten
+    given["right_toe"][40:, 2] += 0.1 * unit
+    parts, scale, lift, standing = _on_floor(legs, given, 50.0)
+    assert scale == pytest.approx(0.96 * legs.length / (9.0 * unit / 10.0))
+    assert parts["left_ankle"][:, 2] == pytest.approx(legs.ankle_height)
+    assert parts["right_ankle"][50, 2] == pytest.approx(legs.ankle_height + 0.2 * unit * scale)
+    assert parts["hips"][5] == pytest.approx([0.0, 0.0, legs.ankle_height + 0.96 * legs.length])
+    assert parts["chest"][5, 2] - parts["hips"][5, 2] == pytest.approx(5.1 * unit / 10.0 * scale)
+    assert lift.shape == (60, 2, 2) and np.abs(lift[:40]).max() < 1e-9 and np.abs(lift[:, 0]).max() < 1e-9
+    assert lift[50, 1] == pytest.approx([0.2 * unit * scale, 0.1 * unit * scale])
+    assert standing[:, 0].all() and standing[:38, 1].all() and not standing[42:, 1].any()
+    bare = {name: places for name, places in given.items() if "toe" not in name}
+    assert _on_floor(legs, bare, 50.0)[2].shape == (60, 2, 1)
+
+
+@pytest.mark.parametrize("facing", [0.0, 1.3, -2.5])
+def test_soles_stand_under_the_ankles_turned_as_the_feet_point(robot: Robot, facing: float) -> None:
+    """A foot turned out by 0.2 rad with its heel up: its sole tips over its toes, its lowest part in its height."""
+    turn, count = pin.utils.rotate("z", facing), 3
+    ankle, out, size = np.array([0.3, 0.1, 0.2]), 0.2, 0.15
+    parts = {}
+    for side, y in (("left", 0.1), ("right", -0.1)):
+        parts[f"{side}_hip"] = np.tile(turn @ [0.0, y, 1.0], (count, 1))
+        parts[f"{side}_ankle"] = np.tile(turn @ (ankle * [1.0, np.sign(y), 1.0]), (count, 1))
+        level = size * np.array([math.cos(out * np.sign(y)), math.sin(out * np.sign(y)), 0.0])
+        parts[f"{side}_toe"] = parts[f"{side}_ankle"] + np.tile(turn @ level, (count, 1))
+    lift = np.zeros((count, 2, 2))
+    lift[1, 0] = 0.06, 0.02  # the left heel is up
+    lift[2, 0] = 0.01, 0.04  # its toes are
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+    soles = _soles(robot, parts, lift)
+    for side, name in enumerate(SIDES):
+        frame = robot.frame_id(robot.soles[side].frame)
+        own, joint = data.oMf[frame], data.oMi[robot.model.frames[frame].parentJoint]
+        offset = own.rotation.T @ (own.translation - joint.translation)
+        for i in range(count):
+            yaw = facing + out * (1.0 if side == 0 else -1.0)
+            pitch = math.asin((lift[i, side, 0] - lift[i, side, 1]) / size)
+            rotation = pin.utils.rotate("z", yaw) @ pin.utils.rotate("y", pitch)
+            np.testing.assert_allclose(soles[i][side].rotation, rotation, atol=1e-9)
+            place = parts[f"{name}_ankle"][i] + rotation @ offset
+            np.testing.assert_allclose(soles[i][side].translation[:2], place[:2], atol=1e-9)
+            assert soles[i][side].translation[2] == pytest.approx(lift[i, side].min())
+    flat = _soles(
+        robot, parts, lift[:, :, :1]
+    )  # toes that are not known: the foot points where the person faces
+    np.testing.assert_allclose(flat[1][0].rotation, turn, atol=1e-9)
+    assert flat[1][0].translation[2] == pytest.approx(0.06)
+
+
+def test_a_foot_on_end_does_not_say_where_it_points(robot: Robot) -> None:
+    """Its way counts in proportion from 0.3 of its length on the level to 0.6."""
+    for share, seen in ((0.0, 0.0), (0.3, 0.0), (0.45, 0.5), (0.6, 1.0), (1.0, 1.0)):
+        parts = {}
+        for side, y in (("left", 0.1), ("right", -0.1)):
+            parts[f"{side}_hip"] = np.array([[0.0, y, 1.0]])
+            parts[f"{side}_ankle"] = np.array([[0.0, y, 0.1]])
+            way = 0.2 * np.array([0.0, share, -math.sqrt(1.0 - share**2)])  # to the left
+            parts[f"{side}_toe"] = parts[f"{side}_ankle"] + way
+        soles = _soles(robot, parts, np.zeros((1, 2, 2)))
+        yaw = math.atan2(soles[0][0].rotation[1, 0], soles[0][0].rotation[0, 0])
+        assert yaw == pytest.approx(seen * 0.5 * math.pi), share
+
+
+def test_axes_are_right_handed_and_point_up_and_as_far_to_the_left_as_they_can() -> None:
+    rng = np.random.default_rng(4)
+    up, left = _unit(rng.normal(size=(20, 3))), rng.normal(size=(20, 3))
+    found = _axes(left, up)
+    np.testing.assert_allclose(found @ np.swapaxes(found, 1, 2), np.tile(np.eye(3), (20, 1, 1)), atol=1e-12)
+    assert np.linalg.det(found) == pytest.approx(1.0)
+    np.testing.assert_allclose(found[:, :, 2], up, atol=1e-12)
+    across = left - (left * up).sum(axis=1, keepdims=True) * up
+    np.testing.assert_allclose(found[:, :, 1], _unit(across), atol=1e-9)
+    assert BENT == 0.5 and not _unit(np.zeros(3)).any()
+
+
+def test_a_jump_beyond_twelve_legs_a_second_is_told_by_its_frame() -> None:
+    rate = 25.0
+    for speed, good in ((0.99 * JUMP, True), (1.01 * JUMP, False)):
+        parts = person(count=20)
+        for places in parts.values():
+            places[8:, 0] += speed * 9.0 / rate  # of legs of 9
+        names = tuple(parts)
+        positions = np.stack([parts[name] for name in names], axis=1)
+        clip = SkeletonClip(names, rate, positions)
+        if good:
+            _refuse_jumps(clip, parts)
+            continue
+        with pytest.raises(InputError, match=r"0\.48 times .* frame 7 .*part\(0\.32\)"):
+            _refuse_jumps(clip, parts)
+
+
+@pytest.mark.parametrize(
+    ("rate", "found"), [(60.0, 60.0), (60.1, 30.05), (50.0, 50.0), (120.0, 60.0), (200.0, 50.0)]
+)
+def test_of_a_fast_clip_as_many_frames_are_left_out_as_bring_it_to_sixty(
+    robot: Robot, rate: float, found: float
+) -> None:
+    given = make_person(rate=rate, noise=0.0).part(0.0, 0.1)
+    result = retarget(given, robot)
+    assert FASTEST == 60.0 and result.clip.rate == pytest.approx(found)
+    step = round(rate / found)
+    assert len(result.clip) == math.ceil(len(given) / step)
+    few = replace(given, positions=given.positions[: 2 * step])
+    if step > 1:
+        retarget(few, robot)
+        with pytest.raises(InputError, match=f"must have {2 * step} frames"):
+            retarget(replace(given, positions=given.positions[: 2 * step - 1]), robot)
+
+
+def test_the_centre_of_a_shoulder_is_that_of_a_sphere_within_rounding(robot: Robot) -> None:
+    """The way of an elbow about one axis is a circle, of which the centre of the nearest sphere is taken."""
+    chain = robot.joints_between(robot.frames["left_hand"], robot.torso_frame)
+    number = robot.joint_numbers[chain[3]]
+    centre, radius, off = centre_of_turning(robot, robot.torso_frame, number, chain[:3])
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+    torso = data.oMf[robot.frame_id(robot.torso_frame)]
+    shoulder = torso.actInv(data.oMi[robot.joint_numbers[chain[2]]].translation)
+    elbow = torso.actInv(data.oMi[number].translation)
+    np.testing.assert_allclose(centre, shoulder, atol=1e-6)
+    assert radius == pytest.approx(np.linalg.norm(elbow - shoulder)) and off < 1e-9
+
+
+# --- the filter ------------------------------------------------------------------------------------------------------
+
+
+def test_an_envelope_is_the_greatest_within_its_window_made_smooth() -> None:
+    """At 100 Hz a peak of 3 becomes a block of 0.3 s, rounded at its ends; what is below the least does not count."""
+    values = np.full(200, 0.4)
+    values[100] = 3.0
+    found = _envelope(values, 1.0, 0.3, 0.05)
+    assert found[100] == pytest.approx(3.0, abs=0.01) and found.max() <= 3.0 + 1e-12
+    assert found[[60, 140]] == pytest.approx(1.0, abs=1e-3) and found.min() >= 1.0 - 1e-12
+    assert (found - 1.0).sum() == pytest.approx(2.0 * 30)  # smoothing keeps the area
+    above = np.flatnonzero(found > 2.0)
+    assert len(above) == pytest.approx(30, abs=1)
+    assert _envelope(np.full(50, 1.7), 1.0, 0.3, 0.1) == pytest.approx(1.7)
+    assert _envelope(np.full(50, 0.2), 0.0, 0.6, 0.15) == pytest.approx(0.2)
+
+
+def test_a_pace_is_slowed_within_half_a_second_of_times_that_are_infeasible() -> None:
+    pace = np.linspace(1.0, 1.3, 400)
+    found = _slowed(pace, np.array([1.5, 1.52, 3.0]))
+    share = found / pace
+    slow = (np.abs(np.arange(400) / 100.0 - 1.51) < 0.505) | (np.abs(np.arange(400) / 100.0 - 3.0) < 0.495)
+    beside = np.min(np.abs(np.arange(400)[:, None] - np.array([100, 202, 250, 350])), axis=1) < 3
+    assert STRETCH == 1.2 and share[slow & ~beside] == pytest.approx(1.2)
+    assert share[~slow & ~beside] == pytest.approx(1.0)
+    np.testing.assert_array_equal(_slowed(pace, np.zeros(0)), pace)
+
+
+def test_the_integral_of_a_pace_is_that_of_the_trapezoidal_rule() -> None:
+    t = np.arange(50.0)
+    np.testing.assert_allclose(_integral(np.full(50, 2.0)), 2.0 * t)
+    np.testing.assert_allclose(_integral(3.0 + 0.5 * t), 3.0 * t + 0.25 * t**2)  # exact for a line
+
+
+def test_joints_are_kept_within_their_limits_by_a_margin_and_quaternions_of_length_one(robot: Robot) -> None:
+    """By 0.05 rad, where the range has so much; a clip at rest stays as it is."""
+    q = np.tile(robot.half_sitting, (120, 1))
+    far = q.copy()
+    far[:, 7:] = 10.0 * np.where(np.arange(robot.na) % 2, 1.0, -1.0)
+    turns = np.linspace(0.0, 1.5, 120)
+    far[:, 3:7] = [pin.Quaternion(pin.utils.rotate("z", turn)).coeffs() for turn in turns]
+    kept = _smooth(robot, MotionClip.of(robot, far, 100.0))
+    room = np.minimum(0.05, 0.5 * (robot.position_upper - robot.position_lower))
+    ends = np.where(np.arange(robot.na) % 2, robot.position_upper - room, robot.position_lower + room)
+    np.testing.assert_allclose(kept.joints, np.tile(ends, (120, 1)), atol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(kept.base[:, 3:], axis=1), 1.0, atol=1e-12)
+    still = _smooth(robot, MotionClip.of(robot, q, 100.0))
+    np.testing.assert_allclose(still.joints, q[:, 7:], atol=1e-6)
+
+
+def test_arms_are_drawn_in_by_one_ratio_until_their_drives_hold_them(robot: Robot) -> None:
+    """All joints of an arm come nearer to half-sitting alike; the other arm stays."""
+    q = np.tile(robot.half_sitting, (60, 1))
+    moved = {"left_shoulder_pitch": -1.2, "left_elbow_pitch": 0.4}
+    for name, by in moved.items():
+        q[:, 7 + robot.joint_index(name)] += by
+    share = 0.1
+    found = _drawn_in(robot, MotionClip.of(robot, q, 100.0), share)
+    ratios = [
+        (found.joints[30, robot.joint_index(name)] - robot.half_sitting[7 + robot.joint_index(name)]) / by
+        for name, by in moved.items()
+    ]
+    assert ratios[0] == pytest.approx(ratios[1]) and 0.1 < ratios[0] < 0.9
+    arm = [i for i, name in enumerate(robot.joint_names) if name.startswith("left_") and "hip" not in name]
+    others = np.setdiff1d(np.arange(robot.na), arm)
+    np.testing.assert_array_equal(found.joints[:, others], q[:, 7 + others])
+    gravity = pin.computeGeneralizedGravity(
+        robot.model, robot.model.createData(), found.configurations(robot)[30]
+    )
+    used = np.abs(gravity[6:]) / robot.torque_limit
+    assert used[robot.joint_index("left_shoulder_pitch")] == pytest.approx(share, rel=0.02)
+    light = _drawn_in(robot, MotionClip.of(robot, q, 100.0), 1.0)
+    np.testing.assert_array_equal(light.joints, q[:, 7:])
+
+
+# --- measures --------------------------------------------------------------------------------------------------------
+
+
+def test_measures_are_plain_values_with_the_share_of_infeasible_frames(robot: Robot) -> None:
+    q = np.tile(robot.half_sitting, (50, 1))
+    clip = MotionClip.of(robot, q, 100.0, standing=np.ones((50, 2), dtype=bool))
+    found = check_motion(robot, clip)
+    values: Any = found.to_json()
+    assert values["feasible"] is True and values["infeasible_share"] == 0.0
+    assert "infeasible_frames" not in values and values["joint_speed"] == {}
+    bad = replace(found, infeasible_frames=np.arange(50) < 10)
+    assert bad.to_json()["infeasible_share"] == pytest.approx(0.2) and not bad.feasible
+    over = replace(found, joint_excess={"a": 0.1})
+    assert over.to_json()["feasible"] is False and not over.feasible
+
+
+def test_accelerations_are_second_differences_at_rest_before_and_after(robot: Robot) -> None:
+    """Of a parabola the curvature, at both ends as if it had stood there before."""
+    t = np.arange(40) / 50.0
+    still = BodyMotion.of(robot, np.tile(robot.half_sitting, (40, 1)), 50.0)
+    com = still.com + np.outer(0.5 * t**2, (1.0, -2.0, 0.5))
+    motion = replace(still, com=com, momentum=np.outer(t, (0.3, -0.1, 0.2)))
+    np.testing.assert_allclose(motion.acceleration()[1:-1], np.tile((1.0, -2.0, 0.5), (38, 1)), atol=1e-8)
+    first, last = (com[1] - com[0]) * 2500.0, (com[-2] - com[-1]) * 2500.0
+    np.testing.assert_allclose(motion.acceleration()[[0, -1]], [first, last], atol=1e-9)
+    np.testing.assert_allclose(motion.turning(), np.tile((0.3, -0.1, 0.2), (40, 1)), atol=1e-9)
