@@ -223,6 +223,45 @@ def test_energy_and_heat_of_a_foot_are_those_of_mujoco() -> None:
     assert not bare.powers.any() and bare.spring_energy == 0.0
 
 
+def test_figures_of_a_press_are_those_of_its_steps() -> None:
+    """A landing of 30 steps and a hold of 20, done once more step by step: forces, energies, peaks, jitter."""
+    test = replace(SOFT_ON_STONES, drop=0.002, settle=0.03, hold=0.02)
+    result, rig = press(test, support=False), Rig(test)
+    impact, hold = result.impact, result.hold
+    assert impact is not None and hold is not None
+    start, speeds, force, heat, gaps, depths = rig.ankle[2], [rig.ankle_speed], [], np.zeros(2), [], []
+    for _ in range(50):
+        rig.step()
+        speeds.append(rig.ankle_speed)
+        force.append(rig.vertical_force)
+        gaps.append(rig.probe.loop_gap(rig.data))
+        depths.append(rig.depth)
+        if len(force) <= 30:
+            heat += rig.powers * 0.001
+        if len(force) == 30:
+            energy, spring = rig.weight * (start - rig.ankle[2]), rig.spring_energy
+            rates = []
+        if len(force) > 30:
+            rates.append(rig.mean_square_rate)
+    first = int(np.argmax(np.array(force) > 0.0))
+    assert 0 < first < 25 and impact.speed == -speeds[first]
+    assert impact.peak_force == max(force[:30]) and impact.drop_energy == pytest.approx(energy)
+    assert (impact.sole_energy, impact.arch_energy) == pytest.approx(tuple(heat))
+    assert impact.spring_energy == pytest.approx(spring)
+    upward = max(0.0, *speeds[first + 1 : 31])
+    assert impact.rebound_energy == pytest.approx(0.5 * rig.mass * upward**2)
+    assert impact.absorbed == pytest.approx(1.0 - impact.rebound_energy / energy)
+    assert hold.force_mean == pytest.approx(np.mean(force[30:]))
+    assert hold.force_std == pytest.approx(np.std(force[30:]))
+    assert hold.balance_error == pytest.approx(hold.force_mean / rig.weight - 1.0)
+    assert hold.jitter == pytest.approx(math.sqrt(np.mean(rates))) and hold.jitter > 0.0
+    assert (hold.loop_gap, hold.loop_gap_peak) == pytest.approx((max(gaps[30:]), max(gaps)))
+    assert (hold.penetration, hold.penetration_peak) == pytest.approx((max(depths[30:]), max(depths)))
+    assert hold.ankle_height == rig.ankle[2] and hold.ankle_place == tuple(rig.ankle[:2])
+    assert hold.ankle_tilt == rig.tilt and hold.contacts == len(hold.contact_forces) > 0
+    assert len(hold.sole_angles) == len(rig.foot.sole_joints)
+
+
 # --- support ---------------------------------------------------------------------------------------------------------
 
 

@@ -420,6 +420,12 @@ def test_a_centre_of_mass_that_is_elsewhere_is_found_with_its_link_and_distance(
         assert found == ("left_knee_pitch", pytest.approx(off))
         model.body_ipos[places.root] += [0.0, 0.02, 0.0]
         assert places.displaced_mass() == ("base", pytest.approx(0.02))
+    plant.reset()
+    light = Plant(load("hrp4_class"), visuals=False).model
+    neck = int(light.joint("neck_yaw").bodyid[0])
+    assert light.body_mass[neck] < 0.01 * light.body_mass.sum()
+    light.body_ipos[neck] += [0.0, 0.0, 0.1]
+    assert RobotPlaces(light, load("hrp4_class").robot()).displaced_mass() is None
 
 
 @pytest.mark.parametrize("angle", [0.5, 0.65, 178.0])

@@ -53,6 +53,8 @@ def test_waves_of_a_road_lie_between_its_frequencies() -> None:
     assert residual[0] < 1e-6 * z.size * z.var()
     sizes = np.hypot(found[:4:2], found[1:4:2])
     assert sizes[0] / sizes[1] == pytest.approx(2.5 / 1.5, rel=5e-3)  # Gd falls with the square
+    gd = road.describe()["gd_n0_m3"]  # at 0.1 /m; a wave carries the variance Gd dn, half of its size squared
+    assert sizes[0] == pytest.approx(math.sqrt(2.0 * gd * (1.5 / 0.1) ** -2 * 1.0), rel=5e-3)
     with pytest.raises(InputError):
         terrain("iso8608", low=3.0, high=3.0)
     terrain("iso8608", low=0.1, high=1.0, length=1.001, ramp=0.5)
