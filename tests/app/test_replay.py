@@ -304,6 +304,34 @@ def test_rerun_opens_an_rrd(tmp_path: Path) -> None:
         assert part in listed
 
 
+@pytest.mark.slow
+def test_foxglove_reads_what_the_log_has(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove")
+    reader = pytest.importorskip("mcap.reader")
+    log, path = Log.open(recorded_walk()), tmp_path / "walk.mcap"
+    assert convert_log(log, path, rate=1.0) is None
+    with path.open("rb") as file:
+        messages = list(reader.make_reader(file).iter_messages())
+    topics = {channel.topic: schema for schema, channel, _ in messages}
+    names = {topic: topics[topic].name for topic in ("/robot", "/marks", "/tf", "/texts")}
+    scene = "foxglove.SceneUpdate"
+    assert names == {
+        "/robot": scene,
+        "/marks": scene,
+        "/tf": "foxglove.FrameTransforms",
+        "/texts": "foxglove.Log",
+    }
+    com = [message for _, channel, message in messages if channel.topic == "/com/estimated"]
+    assert json.loads(topics["/com/estimated"].data)["properties"]["x"]["description"].startswith("m: ")
+    assert [message.log_time for message in com] == [round(1e9 * time) for time in log.time]
+    read = np.array([[json.loads(message.data)[axis] for axis in "xyz"] for message in com])
+    np.testing.assert_array_equal(read, log.vector("com/estimated", 3))
+    moved = sum(channel.topic == "/tf" for _, channel, _ in messages)
+    assert (
+        moved == len(Replay(log).ticks(1.0)) == sum(channel.topic == "/marks" for _, channel, _ in messages)
+    )
+
+
 # ---- the command ----------------------------------------------------------------------------------------------------
 
 

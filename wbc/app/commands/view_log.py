@@ -1,4 +1,4 @@
-"""`wbc view`: replay of a recorded run in the browser, as a film, or as a file for Rerun."""
+"""`wbc view`: replay of a recorded run in the browser, as a film, or as a file for Rerun or Foxglove."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from wbc.base.errors import InputError
 from wbc.base.registry import run_code
 from wbc.base.settings import Count, Positive, settings
 
-EXPORTS = (".mp4", ".rrd")
+EXPORTS = (".mp4", ".rrd", ".mcap")
 
 
 @settings(kw_only=True)
@@ -26,7 +26,8 @@ class ViewOptions:
     """Page or file of the replay.
 
     Attributes:
-        out: File to write instead of serving a page: a film, .mp4, or .rrd for Rerun with all signals.
+        out: File to write instead of serving a page: a film, .mp4, or .rrd for Rerun or .mcap for
+            Foxglove with all signals.
         port: Port of the page; the first free one from 7000 on when not given.
         rate: Pictures a second of a file.
         speed: Speed of the film: seconds of the run in one second of the film.
@@ -61,7 +62,7 @@ def view(
     options: ViewOptions,
     output: Output,
 ) -> Report:
-    """Replay a log in the browser with a time slider, or write it as a film or for Rerun."""
+    """Replay a log in the browser with a time slider, or write it as a film, for Rerun or for Foxglove."""
     from wbc.app.replay.convert import check_conversion, convert_log  # noqa: PLC0415, I001 - slow
     from wbc.app.replay.film import check_film, render_video  # noqa: PLC0415 - slow
     from wbc.app.replay.replay import Replay  # noqa: PLC0415 - slow
@@ -69,7 +70,7 @@ def view(
     out = options.out
     run_code(options.code)
     if out is not None:
-        (check_conversion if out.suffix.lower() == ".rrd" else check_film)(out, [log])
+        (check_film if out.suffix.lower() == ".mp4" else check_conversion)(out, [log])
     opened = Log.open(log)
     if opened.broken:
         print(f"{log} ends early ({opened.broken}); {len(opened)} ticks are shown", file=sys.stderr)
@@ -92,7 +93,7 @@ def view(
         player.close()
         return output.report(facts | {"url": player.url}, "replay ended")
     bar = partial(track, description=out.name, console=progress_console(), transient=True)
-    if out.suffix.lower() == ".rrd":
+    if out.suffix.lower() != ".mp4":
         reason = convert_log(opened, out, rate=options.rate, progress=bar)
         note = f"; no pictures: {reason}" if reason else ""
         return output.report(facts | {"without_scene": reason}, f"{out}: {len(opened)} ticks{note}")

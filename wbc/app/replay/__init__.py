@@ -1,4 +1,4 @@
-"""Replays of logs: a page with a time slider, a film, or a file for Rerun. A new format is a new module.
+"""Replays of logs: a page with a time slider, a film, or a file for Rerun or Foxglove. A new format is a new module.
 
 replay = Replay(Log.open("walk.arrow"))
 Player(replay).run()

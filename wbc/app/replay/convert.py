@@ -1,4 +1,4 @@
-"""Logs for Rerun, an open viewer of robots' data: files of its format RRD.
+"""Logs for open viewers of robots' data: files of Rerun's format RRD, and of Foxglove's MCAP (`foxglove`).
 
 Signals keep their rate; each group, such as `com/estimated`, is one entity. Of a log that can be replayed, the pictures
 follow: ground, bodies with their frames, and marks such as contact forces and footsteps. Names hold no spaces.
@@ -15,6 +15,7 @@ import numpy as np
 
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
+from wbc.app.replay.foxglove import FoxgloveFile
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, changes, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
@@ -23,15 +24,19 @@ from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
 from wbc.base.settings import Positive
 
+VIEWERS = {".rrd": ("rerun", "rerun"), ".mcap": ("foxglove", "foxglove")}
+"""Ending of a file → the module that writes it, and the extra that brings this module."""
+
 RATE = 30.0
 """Rate at which the scene is written, 1/s."""
 
 
 def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
-    """Return the path of a file to convert to, after `check_target` and a check that rerun is there."""
-    target = check_target("a converted log", path, (".rrd",), inputs)
-    if importlib.util.find_spec("rerun") is None:
-        raise InputError(f'{target.name} needs the extra "rerun": pip install -e ".[rerun]" in the clone')
+    """Return the path of a file to convert to, after `check_target` and a check that its writer is there."""
+    target = check_target("a converted log", path, tuple(VIEWERS), inputs)
+    module, extra = VIEWERS[target.suffix.lower()]
+    if importlib.util.find_spec(module) is None:
+        raise InputError(f'{target.name} needs the extra "{extra}": pip install -e ".[{extra}]" in the clone')
     return target
 
 
@@ -43,11 +48,11 @@ def convert_log(
     rate: Annotated[Positive, "1/s"] = RATE,
     progress: Callable[[Sequence[Any]], Iterable[Any]] = iter,
 ) -> str | None:
-    """Write a log as an RRD file for Rerun.
+    """Write a log as an RRD file for Rerun, or as an MCAP file for Foxglove.
 
     Args:
         log: The log.
-        path: File to write, .rrd.
+        path: File to write, .rrd or .mcap.
         rate: Pictures of the scene per second of the run, Hz; signals keep their own rate.
         progress: Wrapper that shows the progress, as for `render_video`.
 
@@ -55,8 +60,6 @@ def convert_log(
         Reason why the file contains only the signals; None if it also contains the scene.
     """
     target = check_conversion(path, [log.path])
-    import rerun as rr  # noqa: PLC0415 - an extra
-
     if not len(log):
         raise InputError(f"{log.path} holds no ticks; there is nothing to convert")
     reason = replay = None
@@ -68,20 +71,51 @@ def convert_log(
     for name, signal in log.signals.items():
         if name != "time":
             groups.setdefault(name.rpartition("/")[0] or name, []).append(signal)
+    write = _write_rrd if target.suffix.lower() == ".rrd" else _write_mcap
     with replacing(target) as new:
-        stream: Any = rr.RecordingStream("wbc", default_enabled=True)
-        content = stream.binary_stream()  # a full disk is no error of a stream that writes a file
-        stream.send_recording_name(_plain(str(log.header.get("title") or log.path.stem)))
-        for name, signals in progress(list(groups.items())):
-            _write_numbers(rr, stream, log, _plain(name), signals)
-            for signal in signals:
-                if signal.kind == "text":  # lists are drawn in the scene
-                    _write_texts(rr, stream, log, signal.name)
-        if replay is not None:
-            _write_scene(rr, stream, replay, rate)
-        new.write_bytes(content.read())
-        stream.disconnect()
+        write(new, log, progress(list(groups.items())), replay, rate)
     return reason
+
+
+def _write_mcap(
+    new: Path, log: Log, groups: Iterable[tuple[str, list[Signal]]], replay: Replay | None, rate: float
+) -> None:
+    file = FoxgloveFile(new)
+    try:
+        for name, signals in groups:
+            if numbers := with_numbers(log, signals):
+                file.write_numbers(log, name, numbers)
+            for signal in signals:
+                if signal.kind == "text":
+                    file.write_texts(log, signal.name)
+        if replay is not None:
+            file.write_scene(replay, rate)
+    finally:
+        file.close()
+
+
+def _write_rrd(
+    new: Path, log: Log, groups: Iterable[tuple[str, list[Signal]]], replay: Replay | None, rate: float
+) -> None:
+    import rerun as rr  # noqa: PLC0415 - an extra
+
+    stream: Any = rr.RecordingStream("wbc", default_enabled=True)
+    content = stream.binary_stream()  # a full disk is no error of a stream that writes a file
+    stream.send_recording_name(_plain(str(log.header.get("title") or log.path.stem)))
+    for name, signals in groups:
+        _write_numbers(rr, stream, log, _plain(name), signals)
+        for signal in signals:
+            if signal.kind == "text":  # lists are drawn in the scene
+                _write_texts(rr, stream, log, signal.name)
+    if replay is not None:
+        _write_scene(rr, stream, replay, rate)
+    new.write_bytes(content.read())
+    stream.disconnect()
+
+
+def with_numbers(log: Log, signals: Sequence[Signal]) -> list[Signal]:
+    """Return the signals that have a number in at least one tick."""
+    return [s for s in signals if s.kind not in ("text", "list") and np.isfinite(log[s.name]).any()]
 
 
 def _plain(name: str) -> str:
@@ -90,7 +124,7 @@ def _plain(name: str) -> str:
 
 def _write_numbers(rr: Any, stream: Any, log: Log, entity: str, signals: list[Signal]) -> None:
     """Write the signals of a group that have a number in at least one tick."""
-    numbers = [s for s in signals if s.kind not in ("text", "list") and np.isfinite(log[s.name]).any()]
+    numbers = with_numbers(log, signals)
     if not numbers:
         return
     names = [f"{_plain(signal.name.rpartition('/')[2])} ({signal.unit})" for signal in numbers]
