@@ -22,21 +22,23 @@ from wbc.sim.rig.rig import FootTest
 from wbc.sim.scenes.base import Scene, make_scene, scene_kind
 from wbc.sim.simulation.machine import Machine
 from wbc.sim.simulation.sensors import SensorNoise, SignalNoise
-from wbc.sim.simulation.simulation import DivergedError
+from wbc.sim.simulation.simulation import DivergedError, Simulation
 from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, param
 from wbc.sim.terrain.families.solids import dome
 from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.trial.simulations import TrialLoop, register_loop, trial_loop
+from wbc.sim.trial.simulations import register_loop, trial_loop
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 
 __all__ = [
-    # Plant: robot, feet and ground in MuJoCo
+    # What every simulation of a robot has
     "DivergedError",
+    "Simulation",
+    # Plant: robot, feet and ground in MuJoCo
     "Machine",
     "PhysicsSettings",
     "Plant",
@@ -64,7 +66,6 @@ __all__ = [
     # The loop of all simulations
     "Trial",
     "TrialHook",
-    "TrialLoop",
     "register_loop",
     "trial_loop",
     # Walks: spec in, result out
@@ -90,4 +91,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__)
+    __getattr__ = missing_from(__name__, elsewhere={"TrialLoop": ["Simulation"]})

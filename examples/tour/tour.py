@@ -27,7 +27,7 @@ from task import COMMANDS, DURATION, FLOOR, SECONDS, Effort, MovingArms, Teleope
 import wbc
 from wbc.app import Recorder
 from wbc.core.estimation.observer import ObserverSettings
-from wbc.sim import Machine, MujocoLoop, TrialLoop, trial_loop
+from wbc.sim import Machine, MujocoLoop, Simulation, trial_loop
 from wbc.sim.studies import Journal, SweepSummary, register_trial, sweep
 from wbc.sim.studies.trials import KINDS, Outcome, TrialKind
 from wbc.walking import WalkingControl, WalkingControlSettings
@@ -183,7 +183,7 @@ class Tour:
         }
 
 
-def _loop(description: wbc.RobotDescription, simulated: Any, run: int, setup: Setup) -> TrialLoop:
+def _loop(description: wbc.RobotDescription, simulated: Any, run: int, setup: Setup) -> Simulation:
     """Return the simulation."""
     machine = Machine(
         measurement_delay=setup.delay,
@@ -193,7 +193,7 @@ def _loop(description: wbc.RobotDescription, simulated: Any, run: int, setup: Se
     )
     options = {"control_period": PERIOD, "noise": setup.noise, "seed": run, "machine": machine}
     if place := ENGINES[setup.engine]:
-        loop: TrialLoop = trial_loop(place).make(description, timestep=DART_STEP, **options)
+        loop: Simulation = trial_loop(place).make(description, timestep=DART_STEP, **options)
         return loop
     return MujocoLoop(description, simulated, **options)
 

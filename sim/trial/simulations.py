@@ -14,21 +14,15 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
-
-from numpy.typing import ArrayLike
+from typing import Any
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import Array
 from wbc.base.registry import Registry
-from wbc.core.robot import Robot
-from wbc.core.signals import Command, Measurement
-from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.machine import Machine
-from wbc.sim.simulation.simulation import GroundTruth
+from wbc.sim.simulation.simulation import Simulation
 
 PLANT = "plant"
 """Name of `wbc.Plant`, the loop of trials that name none."""
@@ -36,81 +30,11 @@ PLANT = "plant"
 NEEDED = ("control_period", "timestep", "noise", "seed", "machine")
 """Options that every loop must take."""
 
-
-class TrialLoop(Protocol):
-    """Protocol of loops in which trials run: `wbc.Plant`, `wbc.sim.MujocoLoop`, `EngineLoop`, or one of your own.
-
-    Attributes:
-        description: The robot as data; `robot` is its model.
-        control_period: Time that `step` advances, s.
-        diverged: Reason why the simulation has diverged; None while it has not.
-    """
-
-    description: RobotDescription
-    robot: Robot
-    control_period: float
-    diverged: str | None
-
-    @property
-    def time(self) -> float:
-        """Simulated time, s."""
-
-    @property
-    def com_height(self) -> float:
-        """Height of the true centre of mass, m."""
-
-    @property
-    def base_pose(self) -> tuple[float, ...]:
-        """True pose of the base: position x, y, z (m) and quaternion x, y, z, w."""
-
-    @property
-    def joint_torque(self) -> Array:
-        """Torques of the drives in the last physics step, shape (na,), Nm."""
-
-    @property
-    def joint_position(self) -> Array:
-        """True positions of the actuated joints now, shape (na,), rad."""
-
-    @property
-    def joint_velocity(self) -> Array:
-        """True velocities of the actuated joints now, shape (na,), rad/s."""
-
-    def sole_pose(self, side: int) -> tuple[Array, Array]:
-        """Return the true centre, shape (3,), m, and the rotation, shape (3, 3), of a sole, 0 left, 1 right."""
-
-    def measure(self) -> Measurement:
-        """Return the present readings of the sensors."""
-
-    def step(self, command: Command) -> None:
-        """Advance by one control period under a command."""
-
-    def clouds(self) -> list[PointCloud]:
-        """Return the clouds of the ground that have arrived since the last call."""
-
-    def truth(self) -> GroundTruth:
-        """Return the present true state."""
-
-    def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
-        """Start to push a body.
-
-        Args:
-            body: Link or frame of the robot.
-            force: Force in the world, shape (3,), N.
-            duration: s.
-            at: Point in the frame of the body, shape (3,), m; the centre of mass of its link when None.
-        """
-
-    def on_ground(self, configuration: ArrayLike) -> Array:
-        """Return a configuration, shape (nq,), moved up or down until its lowest sole touches the ground."""
-
-    def reset(self, configuration: ArrayLike | None = None) -> None:
-        """Restart at rest in a configuration, shape (nq,); None stands for the start."""
-
-
-MEMBERS = tuple(
-    sorted({*TrialLoop.__annotations__, *(name for name in vars(TrialLoop) if not name.startswith("_"))})
+MEMBERS = sorted(
+    {"description", "robot", "diverged", *(name for name in vars(Simulation) if not name.startswith("_"))}
+    - {"hold", "seed", "steps", "timestep"}
 )
-"""Members of a loop in which trials run."""
+"""Members of a loop in which trials run: those of a `wbc.sim.Simulation`, but for some that no trial asks for."""
 
 LoopFactory = Callable[..., Any]
 """Class or function that makes a loop of a `RobotDescription` and named options: those of `NEEDED`, and what else it
@@ -151,7 +75,7 @@ def register_loop(name: str, factory: LoopFactory) -> None:
 
     Args:
         name: The name.
-        factory: Class or function that makes a loop (see `TrialLoop`) from a description and the keyword arguments
+        factory: Class or function that makes a loop (see `Simulation`) from a description and the keyword arguments
             control_period, timestep, noise, seed and machine. Trials in this loop can use a further property, such as
             the terrain, only if the factory has a keyword argument for it.
     """
@@ -201,7 +125,7 @@ class LoopKind:
         if lacking := [name for name in MEMBERS if not hasattr(loop, name)]:
             raise InputError(
                 f"loop '{self.name}' made {shown(loop)}, which lacks {', '.join(lacking)}: derive it from "
-                "wbc.sim.EngineLoop, or give it the members of wbc.sim.TrialLoop"
+                "wbc.sim.EngineLoop, or give it the members of wbc.sim.Simulation"
             )
         if abs(loop.control_period - options["control_period"]) > 1e-9:
             raise InputError(

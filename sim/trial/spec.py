@@ -26,7 +26,8 @@ from wbc.robots.registry import name_of
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.simulation.machine import Machine, Step, steps_per_tick
 from wbc.sim.simulation.sensors import NOISE_PRESETS
-from wbc.sim.trial.simulations import PLANT, TrialLoop, trial_loop
+from wbc.sim.simulation.simulation import Simulation
+from wbc.sim.trial.simulations import PLANT, trial_loop
 
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
@@ -136,11 +137,11 @@ class TrialSpec:
     @checked
     def build(
         self, observer: ObserverSettings | None = None, *, visuals: bool = True
-    ) -> tuple[Robot, TrialLoop, Observer]:
+    ) -> tuple[Robot, Simulation, Observer]:
         """Return the controller's robot, the loop, and an observer with some settings that knows the delays."""
         foot = foot_by_name(self.foot)
         description = with_feet(load(self.robot).with_servos(self.servo), foot)
-        plant: TrialLoop = trial_loop(self.loop).make(
+        plant: Simulation = trial_loop(self.loop).make(
             description,
             foot=foot,
             noise=self.noise,

@@ -33,9 +33,8 @@ from wbc.base.errors import InputError, MeasurementError, WbcError, check_parts
 from wbc.base.numbers import ROUNDING
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
-from wbc.sim.simulation.simulation import DivergedError
+from wbc.sim.simulation.simulation import DivergedError, Simulation
 from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
-from wbc.sim.trial.simulations import TrialLoop
 from wbc.sim.trial.threads import one_thread
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan
@@ -60,7 +59,7 @@ class TrialTick:
         command: Command to the drives.
     """
 
-    plant: TrialLoop
+    plant: Simulation
     walking: Any
     measurement: Measurement
     command: Command
@@ -114,7 +113,7 @@ class Trial:
     @checked
     def __init__(
         self,
-        plant: TrialLoop,
+        plant: Simulation | Any,
         walking: Control,
         limits: BodyLimits | None = None,
         scenario: Sequence[TrialHook] = (),

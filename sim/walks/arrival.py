@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.base.numbers import Array, finite_array
-from wbc.sim.trial.simulations import TrialLoop
+from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.trial.trial import Trial, TrialHook
 
 GOAL_DISTANCE = 0.5
@@ -63,7 +63,7 @@ class Arrival(TrialHook):
         return max(self.error(middle), self.track_error) <= GOAL_DISTANCE and turned <= GOAL_TURN
 
 
-def middle(plant: TrialLoop) -> Array:
+def middle(plant: Simulation) -> Array:
     """Return the middle between the true soles, shape (2,), m."""
     left, right = plant.sole_pose(0)[0], plant.sole_pose(1)[0]
     return np.asarray(0.5 * (left[:2] + right[:2]))

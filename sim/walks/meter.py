@@ -13,7 +13,7 @@ from wbc.core.drive.control import DriveControl
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.policy.control import PolicyControl
-from wbc.sim.trial.simulations import TrialLoop
+from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
@@ -76,7 +76,7 @@ class _Moment(NamedTuple):
 class WalkMeter(TrialHook):
     """The figures of one walk."""
 
-    def __init__(self, plant: TrialLoop, walking: WalkingControl | PolicyControl) -> None:
+    def __init__(self, plant: Simulation, walking: WalkingControl | PolicyControl) -> None:
         """Begin without any tick; of a policy, which has no references, torques and work alone are measured."""
         self._plant, self._walking = plant, walking
         self._zmp: list[float] = []

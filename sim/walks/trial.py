@@ -24,10 +24,11 @@ from wbc.ground import KnownGround
 from wbc.policy.control import PolicyControl
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
+from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.trial.falls import BodyLimits
 from wbc.sim.trial.push import PushSchedule
-from wbc.sim.trial.simulations import TrialLoop, trial_loop
+from wbc.sim.trial.simulations import trial_loop
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.arrival import Arrival, middle
@@ -244,7 +245,7 @@ class WalkTrial(Trial):
         }
 
 
-def _ground(plant: TrialLoop) -> float:
+def _ground(plant: Simulation) -> float:
     """Return the height of the lower sole, m."""
     return min(float(plant.sole_pose(0)[0][2]), float(plant.sole_pose(1)[0][2]))
 
@@ -274,9 +275,9 @@ def _walking(
     )
 
 
-def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> TrialLoop:
+def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> Simulation:
     """Return the simulation, its robot where the controller's robot is."""
-    plant: TrialLoop = trial_loop(spec.loop).make(
+    plant: Simulation = trial_loop(spec.loop).make(
         prepared.plant_description,
         foot=prepared.foot,
         terrain=spec.ground(),

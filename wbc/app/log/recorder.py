@@ -32,7 +32,7 @@ from wbc.sim.trial.trial import TrialHook
 from wbc.tasks.behaviours import Program
 
 if TYPE_CHECKING:
-    from wbc.sim.trial.simulations import TrialLoop
+    from wbc.sim.simulation.simulation import Simulation
     from wbc.sim.trial.trial import TrialTick
     from wbc.sim.walks.result import WalkResult
     from wbc.sim.walks.trial import WalkTrial
@@ -92,7 +92,7 @@ class Recorder(TrialHook):
 
     def __call__(
         self,
-        plant: TrialLoop | None,
+        plant: Simulation | None,
         control: Control | Program | PolicyGuard,
         measurement: Measurement,
         command: Command,

@@ -16,8 +16,7 @@ from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
-from wbc.sim.simulation.simulation import GroundTruth
-from wbc.sim.trial.simulations import TrialLoop
+from wbc.sim.simulation.simulation import GroundTruth, Simulation
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.control import WalkingControl
@@ -53,7 +52,7 @@ class Tick:
         output: Output of the stabilizer to that reference.
     """
 
-    plant: TrialLoop | None
+    plant: Simulation | None
     control: Control | None
     measurement: Measurement
     command: Command

@@ -37,7 +37,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 if TYPE_CHECKING:
     from wbc.policy.control import PolicyControl
     from wbc.sim.plant.mujoco_robot import MujocoRobot
-    from wbc.sim.trial.simulations import TrialLoop
+    from wbc.sim.simulation.simulation import Simulation
     from wbc.walking.control import WalkingControl
 
 _log = logging.getLogger(__name__)
@@ -93,7 +93,7 @@ class LiveControls:
 
     def __init__(
         self,
-        plant: MujocoRobot | TrialLoop | None,
+        plant: MujocoRobot | Simulation | None,
         walking: WalkingControl | PolicyControl | None,
         controller: Controller | None = None,
         *,
