@@ -299,6 +299,7 @@ class ComplianceTask(FrameTask):
         error[3:] = -self._turn(turn.T)  # from the target to the frame, along the axes of the frame
         jacobian[:] = frame_jacobian(model, data, self._id, local)
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, local).vector
+        self._fed = True
         if self._still:
             self._rows.velocity[:], self._rows.acceleration[:] = self._target_rates
             return

@@ -78,11 +78,11 @@ class WrenchTask(VariableTask):
             )
         self._columns = block.start + self._axes
         self._order = np.arange(self.dim)
-        self._loaded = problem.loaded
+        self._loaded = problem.loaded[self.contact]
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
-        if self._hard and not self._loaded[self.contact]:
+        if self._hard and not self._loaded:
             jacobian[:], error[:] = 0.0, 0.0
             return
         jacobian[self._order, self._columns] = 1.0

@@ -48,8 +48,15 @@ class CoMTask(Task):
         self._gravity, self._mass = np.array(robot.model.gravity.linear), robot.total_mass
         self._base_force = robot.bias[:3]
 
-    def _acceleration(self) -> Array:
-        """Return the acceleration of the CoM at zero generalised acceleration, shape (3,), m/s².
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill Jacobian and error; see `Motion.measure`."""
+        robot = self._robot
+        assert robot is not None
+        jacobian[:] = robot.com_jacobian
+        np.subtract(self._target.value, robot.com, out=error)
+
+    def drift(self) -> Array:
+        """Return the acceleration of the CoM at zero generalised acceleration, shape (3,), m/s²; see `Motion.drift`.
 
         It needs no second pass over the kinematics: the forces on the base rows of the bias, turned into the world,
         are mass · (drift − gravity). A bolted base has no such rows.
@@ -63,18 +70,6 @@ class CoMTask(Task):
         acceleration += self._gravity
         return acceleration
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `Task.evaluate`."""
-        self.first_order(jacobian, error)
-        drift[:] = self._acceleration()
-
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift; see `Task.first_order`."""
-        robot = self._robot
-        assert robot is not None
-        jacobian[:] = robot.com_jacobian
-        np.subtract(self._target.value, robot.com, out=error)
-
 
 class CoMOverFeetTask(CoMTask):
     """Task that brings the centre of mass to a point over the middle of the soles; the target moves with the feet.
@@ -82,32 +77,41 @@ class CoMOverFeetTask(CoMTask):
     The target is the vector from the middle of the soles' frames to the centre of mass, in world axes, m.
     """
 
-    __slots__ = ("_soles",)
+    __slots__ = ("_places", "_soles")
     usual = {**CoMTask.usual, "name": "com over feet"}
 
     def present(self, robot: Robot) -> Array:
         """Return the vector from the middle of the soles to the centre of mass, shape (3,), m."""
-        return np.asarray(robot.com - self._middle(robot))
+        return np.asarray(robot.com - self._middle())
 
     @checked
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         if not robot.soles:
             raise InputError(f"task '{self.name}' needs a robot with soles, '{robot.name}' has none")
-        super().bind(robot)
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._places = [robot.placement(sole) for sole in self._soles]
+        super().bind(robot)
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `Task.evaluate`."""
-        robot, data, world = self.robot, self.robot.data, pin.LOCAL_WORLD_ALIGNED
-        jacobian[:], drift[:], share = robot.com_jacobian, self._acceleration(), 1.0 / len(self._soles)
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill Jacobian and error; see `Motion.measure`."""
+        super().measure(jacobian, error)
+        model, data, share = self.robot.model, self.robot.data, 1.0 / len(self._soles)
         for sole in self._soles:
-            jacobian -= share * frame_jacobian(robot.model, data, sole, world)[:3]
-            drift -= share * pin.getFrameClassicalAcceleration(robot.model, data, sole, world).linear
-        error[:] = self._target.value + self._middle(robot) - robot.com
+            jacobian -= share * frame_jacobian(model, data, sole, pin.LOCAL_WORLD_ALIGNED)[:3]
+        error += self._middle()
 
-    @staticmethod
-    def _middle(robot: Robot) -> Array:
+    def drift(self) -> Array:
+        """Return the acceleration of the CoM less that of the middle of the soles; see `Motion.drift`."""
+        drift, share = super().drift(), 1.0 / len(self._soles)
+        model, data, world = self.robot.model, self.robot.data, pin.LOCAL_WORLD_ALIGNED
+        for sole in self._soles:
+            drift -= share * pin.getFrameClassicalAcceleration(model, data, sole, world).linear
+        return drift
+
+    def _middle(self) -> Array:
         """Middle of the soles in the world, shape (3,), m."""
-        places = [robot.placement(sole.frame).translation for sole in robot.soles]
-        return np.asarray(sum(places[1:], places[0].copy()) / len(places))
+        middle = self._places[0].translation.copy()
+        for place in self._places[1:]:
+            middle += place.translation
+        return np.asarray(middle / len(self._places))

@@ -144,15 +144,17 @@ class PositionTask(FrameTask):
         """Return a point after a check, shape (3,), m."""
         return finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `Task.evaluate`."""
-        self.first_order(jacobian, error)
-        drift[:] = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world).linear
-
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift; see `Task.first_order`."""
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill Jacobian and error; see `Motion.measure`."""
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[:3]
         np.subtract(self._target.value, self._translation, out=error)
+
+    def drift(self) -> Array:
+        """Return the acceleration of the frame, shape (3,); see `Motion.drift`."""
+        drift: Array = pin.getFrameClassicalAcceleration(
+            self._model, self._data, self._id, self._world
+        ).linear
+        return drift
 
 
 class OrientationTask(FrameTask):
@@ -183,15 +185,17 @@ class OrientationTask(FrameTask):
         """Check a rotation matrix, shape (3, 3), and return a copy."""
         return rotation_matrix(f"target of task '{self.name}'", value)
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `Task.evaluate`."""
-        self.first_order(jacobian, error)
-        drift[:] = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world).angular
-
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift; see `Task.first_order`."""
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill Jacobian and error; see `Motion.measure`."""
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[3:]
         error[:] = self._turn(np.dot(self._target.value, self._rotation.T))
+
+    def drift(self) -> Array:
+        """Return the acceleration of the frame, shape (3,); see `Motion.drift`."""
+        drift: Array = pin.getFrameClassicalAcceleration(
+            self._model, self._data, self._id, self._world
+        ).angular
+        return drift
 
 
 class PoseTask(FrameTask):
@@ -207,17 +211,19 @@ class PoseTask(FrameTask):
         """Describe the task; the target is a `pin.SE3` in the world, the present pose when None."""
         super().__init__(frame, "pose", POSE_AXES, target, options)
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `Task.evaluate`."""
-        self.first_order(jacobian, error)
-        drift[:] = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world).vector
-
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift; see `Task.first_order`."""
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill Jacobian and error; see `Motion.measure`."""
         target = self._target.value
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)
         np.subtract(target.translation, self._translation, out=error[:3])
         error[3:] = self._turn(np.dot(target.rotation, self._rotation.T))
+
+    def drift(self) -> Array:
+        """Return the acceleration of the frame, shape (6,); see `Motion.drift`."""
+        drift: Array = pin.getFrameClassicalAcceleration(
+            self._model, self._data, self._id, self._world
+        ).vector
+        return drift
 
 
 class RelativeFrameTask(FrameTask):

@@ -78,22 +78,24 @@ class MomentumTask(Task):
         self._bolted = None if robot.floating else (robot.model.createData(), np.zeros(robot.nv))
         self._gravity = np.array(robot.model.gravity.linear)
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `Task.evaluate`.
-
-        The drift needs no second pass over the dynamics. At zero generalised acceleration the rate of the momentum is
-        the wrench in the base rows of the bias minus the weight.
-        """
-        robot, base, bias = self.robot, self._base, self.robot.bias
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill Jacobian and error; see `Motion.measure`."""
         jacobian[:] = self._map
         np.subtract(self._target.value, self._momentum.vector, out=error)
+
+    def drift(self) -> Array:
+        """Return the rate of the momentum at zero generalised acceleration, shape (6,); see `Motion.drift`.
+
+        It needs no second pass over the dynamics: it is the wrench in the base rows of the bias minus the weight.
+        """
+        robot, base = self.robot, self._base
         if self._bolted is not None:  # a bolted base has no rows in the bias
             data, none = self._bolted
-            drift[:] = pin.computeCentroidalMomentumTimeVariation(
-                robot.model, data, robot.q, robot.v, none
-            ).vector
-            return
-        force = np.dot(base.rotation, bias[:3])
+            rate = pin.computeCentroidalMomentumTimeVariation(robot.model, data, robot.q, robot.v, none)
+            return np.asarray(rate.vector)
+        drift = np.empty(6)
+        force = base.rotation.dot(robot.bias[:3])
         np.add(force, robot.total_mass * self._gravity, out=drift[:3])
-        np.dot(base.rotation, bias[3:BASE_DOF], out=drift[3:])
-        drift[3:] += np.dot(pin.skew(base.translation - robot.com), force)
+        np.dot(base.rotation, robot.bias[3:BASE_DOF], out=drift[3:])
+        drift[3:] += pin.skew(base.translation - robot.com).dot(force)
+        return drift

@@ -68,6 +68,7 @@ class PostureTask(JointTask, SelectionTask):
             self._slides = robot.slides[columns - robot.base_dof]
             if self._usual:
                 self._rows.bound[self._slides] = ERROR_BOUNDS["m"]
+                self.revision += 1
         if self._factor is None:
             factor = np.ones(self.dim)
             for joint, value in self._factors.items():

@@ -141,7 +141,7 @@ def state(thing: Any, depth: int = 0) -> Any:
         return repr(thing) if isinstance(thing, (int, float, str, bool, type(None))) else type(thing).__name__
     slots = [name for kind in type(thing).__mro__ for name in getattr(kind, "__slots__", ())]
     held = {name: getattr(thing, name, None) for name in (*slots, *vars_of(thing))}
-    left_out = {"revision", "_owner", "_robot", "_assembly", "_solver", "model_time", "_dirty"}
+    left_out = {"revision", "_fed", "_owner", "_robot", "_assembly", "_solver", "model_time", "_dirty"}
     return {name: state(value, depth + 1) for name, value in held.items() if name not in left_out}
 
 

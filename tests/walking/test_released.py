@@ -148,7 +148,7 @@ def test_measured_accelerations_are_low_passed_differences() -> None:
     for tick in range(50):
         v[6 + released.index] = 5.0 * DT * tick
         released.update(robot.q, v, DT)
-    assert released._rows.acceleration == pytest.approx(np.full(4, 5.0), rel=1e-3)
+    assert released.feedforward_acceleration == pytest.approx(np.full(4, 5.0), rel=1e-3)
 
 
 def test_measured_accelerations_are_over_the_time_that_has_passed_where_measurements_are_lost() -> None:
@@ -176,17 +176,17 @@ def test_an_arm_that_is_hit_is_known_by_its_torques_and_not_by_its_reaction() ->
     for _ in range(100):  # 100 rad/s² that no torque makes
         v[6 + released.index] += 100.0 * DT
         released.update(robot.q, v, DT, torque, solved)
-    assert np.abs(released._rows.acceleration).max() < 1.0
+    assert np.abs(released.feedforward_acceleration).max() < 1.0
     torque[released.index] += 2.0
     released.update(robot.q, v, DT, torque, solved)
     rows = robot.mass_matrix[released.columns][:, released.columns]
-    assert rows @ released._rows.acceleration == pytest.approx(np.full(4, 2.0), rel=1e-6)
+    assert rows @ released.feedforward_acceleration == pytest.approx(np.full(4, 2.0), rel=1e-6)
     q = np.array(robot.q)
     q[7 + released.index[0]] = robot.position_upper[released.index[0]]
     released.update(q, v, DT, torque, solved)
-    assert released._rows.acceleration[0] > 30.0
-    assert rows[1:, 1:] @ released._rows.acceleration[1:] == pytest.approx(
-        np.full(3, 2.0) - rows[1:, 0] * released._rows.acceleration[0], rel=1e-6
+    assert released.feedforward_acceleration[0] > 30.0
+    assert rows[1:, 1:] @ released.feedforward_acceleration[1:] == pytest.approx(
+        np.full(3, 2.0) - rows[1:, 0] * released.feedforward_acceleration[0], rel=1e-6
     )
 
 

@@ -48,6 +48,7 @@ class InverseKinematics(Items):
 
     _noun = "solver of inverse kinematics"
     _kinematic = True
+    _assembly: VelocityAssembly
 
     @checked
     def __init__(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.base.html import html_table
 from wbc.base.numbers import Array
@@ -31,27 +31,25 @@ class Achieved:
         velocities: Generalised velocities, shape (nv,).
         rows: All rows of the QP times the velocities; the first of them are those of the first level.
         lower: Rows of the lower levels times the velocities; None without any.
-        selected: Coordinates of soft selections, and their places.
+        columns: Coordinates of soft selections, whose rows are the last.
         targets: Wanted velocities of all rows.
     """
 
     velocities: Array
     rows: Array
     lower: Array | None
-    selected: Sequence[tuple[Any, slice]]
+    columns: NDArray[np.intp]
     targets: Array
 
     @property
     def values(self) -> Array:
         """Velocities of all rows, a new array."""
-        values = np.empty(self.targets.size)
-        first = values.size - (0 if self.lower is None else self.lower.size)
-        for columns, place in self.selected:
-            values[place] = self.velocities[columns]
-            first -= place.stop - place.start
-        values[:first] = self.rows[:first]
-        if self.lower is not None:
-            values[first : first + self.lower.size] = self.lower
+        values, n, lower = np.empty(self.targets.size), self.columns.size, self.lower
+        between = slice(values.size - n - (0 if lower is None else lower.size), values.size - n)
+        values[: between.start] = self.rows[: between.start]
+        if lower is not None:
+            values[between] = lower
+        values[between.stop :] = self.velocities[self.columns]
         return values
 
     @property

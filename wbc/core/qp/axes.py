@@ -40,13 +40,13 @@ def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
     return np.array([robot.base_dof + robot.joint_index(joint) for joint in joints], dtype=np.intp)
 
 
-def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp] | None:
-    """Return the velocity coordinates that a task limited to `joints` must not use; None when it may use all.
+def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp]:
+    """Return the velocity coordinates that a task limited to `joints` must not use; none when it may use all.
 
     A task that may move only some joints may not move the floating base, unless "base" is among them.
     """
     if joints is None:
-        return None
+        return np.zeros(0, dtype=np.intp)
     used = joint_columns(robot, [joint for joint in joints if joint != BASE])
     if BASE in joints:
         used = np.concatenate([np.arange(robot.base_dof), used])

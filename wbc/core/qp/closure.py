@@ -132,32 +132,13 @@ class LoopClosure(Contact):
             np.linalg.norm(pin.log3(apart.rotation)) if self.rotation else 0.0
         )
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the motion rows; see `Contact.evaluate`.
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill the motion rows; see `Motion.measure`.
 
         With r from the first frame to the second and R the axes of the first, the error is Rᵀ r, whose change is
         Rᵀ (v₂ − v₁ − ω₁ × r): the velocity of the second point against the first body, so that the two forces are
         opposite at one point and give the robot no momentum, closed or not.
         """
-        self.first_order(jacobian, error)
-        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
-        one, two = self._id, self._other_id
-        ux, uy, uz, *w1 = pin.getFrameVelocity(model, data, one, world).vector.tolist()
-        vx, vy, vz, *w2 = pin.getFrameVelocity(model, data, two, world).vector.tolist()
-        ax, ay, az, *b1 = pin.getFrameClassicalAcceleration(model, data, one, world).vector.tolist()
-        bx, by, bz, *b2 = pin.getFrameClassicalAcceleration(model, data, two, world).vector.tolist()
-        (tx, ty, tz), (x, y, z) = self._there.translation.tolist(), self._placement.translation.tolist()
-        reach = tx - x, ty - y, tz - z
-        # (a₁ + α₁ × r + ω₁ × (ω₁ × r)) − a₂ + 2 ω₁ × (v₂ − v₁ − ω₁ × r)
-        slip = add_cross((2.0 * (vx - ux), 2.0 * (vy - uy), 2.0 * (vz - uz)), reach, w1)
-        bend = add_cross(add_cross((ax - bx, ay - by, az - bz), b1, reach), w1, slip)
-        drift[:] = self._turn.dot(bend)
-        if self._turn_spin is not None:
-            turning = [here - there for here, there in zip(b1, b2, strict=True)]
-            drift += self._turn_spin.dot(add_cross(turning, w1, w2))
-
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift; see `Contact.first_order`."""
         model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
         back = self._placement.rotation.T
         self._turn = turn = self._lines.dot(back)
@@ -172,6 +153,25 @@ class LoopClosure(Contact):
         self._turn_spin = turn_spin = self._spins.dot(back)
         error += self._spins.dot(pin.log3(back.dot(self._there.rotation)))
         jacobian[:] = turn.dot(one[:3] - two[:3]) + (turn_spin - lever).dot(one[3:]) - turn_spin.dot(two[3:])
+
+    def drift(self) -> Array:
+        """Return the acceleration of the first end against the second, shape (dim,); see `Motion.drift`."""
+        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
+        one, two = self._id, self._other_id
+        ux, uy, uz, *w1 = pin.getFrameVelocity(model, data, one, world).vector.tolist()
+        vx, vy, vz, *w2 = pin.getFrameVelocity(model, data, two, world).vector.tolist()
+        ax, ay, az, *b1 = pin.getFrameClassicalAcceleration(model, data, one, world).vector.tolist()
+        bx, by, bz, *b2 = pin.getFrameClassicalAcceleration(model, data, two, world).vector.tolist()
+        (tx, ty, tz), (x, y, z) = self._there.translation.tolist(), self._placement.translation.tolist()
+        reach = tx - x, ty - y, tz - z
+        # (a₁ + α₁ × r + ω₁ × (ω₁ × r)) − a₂ + 2 ω₁ × (v₂ − v₁ − ω₁ × r)
+        slip = add_cross((2.0 * (vx - ux), 2.0 * (vy - uy), 2.0 * (vz - uz)), reach, w1)
+        bend = add_cross(add_cross((ax - bx, ay - by, az - bz), b1, reach), w1, slip)
+        drift: Array = self._turn.dot(bend)
+        if self._turn_spin is not None:
+            turning = [here - there for here, there in zip(b1, b2, strict=True)]
+            drift += self._turn_spin.dot(add_cross(turning, w1, w2))
+        return drift
 
     def full_wrench(self, wrench: Array) -> Array:
         """Return a wrench of the solution, shape (dim,), as all its components along the axes of the first frame."""

@@ -8,7 +8,6 @@ the size of the QP.
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, TypedDict, Unpack
 
@@ -22,7 +21,7 @@ from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, posit
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
 from wbc.core.frames import frame_jacobian
-from wbc.core.qp.motion import RATE, Motion, Rows
+from wbc.core.qp.motion import RATE, Motion
 from wbc.core.robot import GRAVITY, Reads, Robot
 
 LEAST_FORCE = 10.0
@@ -178,8 +177,9 @@ class Contact(Motion):
             self.max_force = max_force
         self._ramp = given.get("ramp", 0.1)
         self.wrench_weight = given.get("wrench_weight", 1e-5)
-        motion_weight = given.get("motion_weight")
-        self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
+        self._motion_weight: Array | None = None
+        if (motion_weight := given.get("motion_weight")) is not None:
+            self._set_motion_weight(motion_weight)
         self._active = bool(given.get("active", True))
         self._load = 1.0 if self._active else 0.0  # share of the greatest forces that is allowed now
         self._carried: Array | None = (
@@ -256,11 +256,12 @@ class Contact(Motion):
                 f"whether the motion of contact '{self.name}' is a constraint or a cost is fixed: give motion_weight "
                 "when the contact is made"
             )
-        self._motion_weight = self._motion_costs(value)
-        self.revision += 1
+        self._set_motion_weight(value)
 
-    def _motion_costs(self, value: ArrayLike) -> Array:
-        return np.broadcast_to(self._checked_gain("motion weight", value, most=FIRMEST), (self.dim,))
+    def _set_motion_weight(self, value: ArrayLike) -> None:
+        self._rows.weight[:] = self._checked_gain("motion weight", value, most=FIRMEST)
+        self._motion_weight = read_only(self._rows.weight)
+        self.revision += 1
 
     @property
     def active(self) -> bool:
@@ -340,22 +341,18 @@ class Contact(Motion):
 
     @property
     def velocity(self) -> Array:
-        """Velocity at which the held frame should move, in the contact frame, shape (dim,), m/s and rad/s."""
-        return self._rows.velocity
+        """Velocity at which the held frame should move, in the contact frame, shape (dim,), m/s, rad/s; read-only."""
+        return read_only(self._rows.velocity)
 
     @velocity.setter
     def velocity(self, value: ArrayLike) -> None:
         self._rows.velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
+        self._fed = True
 
     def follow(self, target: pin.SE3, velocity: Array) -> None:
         """Set `target`, not copied, and `velocity`, shape (dim,), for one tick; without a check, for the tick."""
-        self._target = target
+        self._target, self._fed = target, True
         self._rows.velocity[:] = velocity
-
-    def attach(self, rows: Rows) -> None:
-        """Move the velocity into a view of the controller's arrays, which read the gains when `revision` changes."""
-        rows.velocity[:] = self._rows.velocity
-        self._rows.velocity = rows.velocity
 
     def advance(self, dt: float) -> None:
         """Advance the force ramp by one control period, s."""
@@ -392,16 +389,6 @@ class Contact(Motion):
         least = max(self._min_force, LEAST_CARRIED * self.robot.mass * GRAVITY)
         return np.asarray(np.maximum(abs(force), least) / self._load)
 
-    @abstractmethod
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the motion rows of an engaged contact; the controller makes a reference of them as of a task's.
-
-        Args:
-            jacobian: To fill: Jacobian dual to the force variables, shape (dim, nv).
-            error: To fill: place of the contact − present place, m and rad, shape (dim,).
-            drift: To fill: acceleration at zero generalised acceleration, shape (dim,).
-        """
-
     def update_cone(self) -> None:  # noqa: B027 (optional)
         """Write `cone` anew and raise `revision`, as after a change of friction; that of the constructor stays here."""
 
@@ -418,6 +405,8 @@ class Contact(Motion):
 
     def _set_load(self, load: float, *, engage: bool = False) -> None:
         self._load = load
+        if load == 0.0:
+            self._rows.velocity[:] = 0.0
         if self._active or load == 0.0:
             self._carried = None
         self.revision += 1
@@ -434,18 +423,15 @@ class _HeldFrame(Contact):
     dim = 6
     _local = pin.LOCAL
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the motion rows in the axes of the frame; see `Contact.evaluate`."""
-        self._fill(jacobian, error)
-        drift[:] = pin.getFrameAcceleration(self._model, self._data, self._id, self._local).vector
-
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift; see `Contact.first_order`."""
-        self._fill(jacobian, error)
-
-    def _fill(self, jacobian: Array, error: Array) -> None:
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill the motion rows in the axes of the frame; see `Motion.measure`."""
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._local)
         error[:] = pin.log6(self._placement.actInv(self._target)).vector
+
+    def drift(self) -> Array:
+        """Return the acceleration of the frame, shape (6,); see `Motion.drift`."""
+        drift: Array = pin.getFrameAcceleration(self._model, self._data, self._id, self._local).vector
+        return drift
 
 
 class SoleContact(_HeldFrame):
@@ -491,8 +477,8 @@ class SoleContact(_HeldFrame):
         self._box: tuple[float, float] | None = None  # as given
         self._size: tuple[float, float] | None = None  # of the robot's sole
         self._centre = np.zeros(3)
-        # From the sole's origin in world axes to the centre of the box in the contact's axes.
-        self._change = np.eye(6)
+        # From the sole's origin in world axes to the centre of the box in the contact's axes, and the arm between them.
+        self._change, self._arm = np.eye(6), (0.0, 0.0, 0.0)
         super().__init__(sole, sole, np.zeros((16 if torsion is None else 10, 6)), **options)
 
     @checked
@@ -561,23 +547,15 @@ class SoleContact(_HeldFrame):
                 self.cone[row : row + 2, axis] = [1.0, -1.0]
         self.revision += 1
 
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift; see `Contact.first_order`."""
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill the motion rows in the axes of the contact; see `Motion.measure`."""
         if self._torsion is None:
-            super().first_order(jacobian, error)
-        else:
-            self.evaluate(jacobian, error, self._rows.drift)
-
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the motion rows in the axes of the contact; see `Contact.evaluate`."""
-        if self._torsion is None:
-            super().evaluate(jacobian, error, drift)
+            super().measure(jacobian, error)
             return
-        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
         rotation, change = self._placement.rotation, self._change
         (a, b, _), (c, d, _), (e, f, _) = rotation.tolist()
         x, y, _ = self._centre.tolist()
-        arm = px, py, pz = a * x + b * y, c * x + d * y, e * x + f * y
+        self._arm = px, py, pz = a * x + b * y, c * x + d * y, e * x + f * y
         level = math.hypot(a, c)
         cos, sin = (a / level, c / level) if level > UPRIGHT else (1.0, 0.0)
         change[0, 0] = change[1, 1] = cos
@@ -589,17 +567,22 @@ class SoleContact(_HeldFrame):
             (py, -px, 0.0),
         )
         change[3:, 3:] = rotation.T
-        jacobian[:] = change.dot(frame_jacobian(model, data, self._id, world))
-        spin = pin.getFrameVelocity(model, data, self._id, world).angular.tolist()
-        bend = add_cross((0.0, 0.0, 0.0), spin, add_cross((0.0, 0.0, 0.0), spin, arm))
-        acceleration = pin.getFrameClassicalAcceleration(model, data, self._id, world).vector
-        acceleration[:3] += bend
-        np.dot(change, acceleration, out=drift)
+        jacobian[:] = change.dot(frame_jacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED))
         error[:] = 0.0
         if largest(self._rows.stiffness) > 0.0:
             target = self._target
             error[:3] = change[:3, :3].dot(target.act(self._centre) - self._placement.act(self._centre))
             error[3:] = pin.log3(rotation.T.dot(target.rotation))
+
+    def drift(self) -> Array:
+        """Return the acceleration of the centre of the box, shape (6,); see `Motion.drift`."""
+        if self._torsion is None:
+            return super().drift()
+        model, data, world, still = self._model, self._data, pin.LOCAL_WORLD_ALIGNED, (0.0, 0.0, 0.0)
+        spin = pin.getFrameVelocity(model, data, self._id, world).angular.tolist()
+        acceleration = pin.getFrameClassicalAcceleration(model, data, self._id, world).vector
+        acceleration[:3] += add_cross(still, spin, add_cross(still, spin, self._arm))
+        return np.asarray(self._change.dot(acceleration))
 
 
 class PointContact(Contact):
@@ -655,18 +638,17 @@ class PointContact(Contact):
         self.cone[:] = friction_pyramid(self._friction)
         self.revision += 1
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the motion rows in the contact frame; see `Contact.evaluate`."""
-        self.first_order(jacobian, error)
-        motion = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)
-        drift[:] = self._world_to_contact.dot(motion.linear)
-
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift; see `Contact.first_order`."""
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill the motion rows in the contact frame; see `Motion.measure`."""
         rows = frame_jacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)[:3]
         turn = self._world_to_contact
         jacobian[:] = turn.dot(rows)
         np.dot(turn, self._target.translation - self._placement.translation, out=error)
+
+    def drift(self) -> Array:
+        """Return the acceleration of the point, shape (3,); see `Motion.drift`."""
+        motion = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)
+        return np.asarray(self._world_to_contact.dot(motion.linear))
 
 
 class FixedContact(_HeldFrame):

@@ -17,13 +17,13 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly, empty_problem
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.diagnosis import groups_not_finite, held_back, status_table, violated_groups
+from wbc.core.qp.diagnosis import held_back, status_table, violated_groups
 from wbc.core.qp.items import Item, Items
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution, Timings
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import Drives, Task, VariableTask, fill_guarded
+from wbc.core.qp.task import Drives, Task, VariableTask, guarded
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
@@ -41,6 +41,8 @@ class Controller(Items):
         measured: Robot whose state is estimated from the sensors; None if this is `robot`. In position control they
             differ. The control that runs the controller sets it.
     """
+
+    _assembly: Assembly
 
     @checked
     def __init__(
@@ -107,9 +109,10 @@ class Controller(Items):
         problem = empty_problem(self.robot, contacts)
         for task in tasks:
             task.bind_problem(problem)
-            fill_guarded(
-                task, np.zeros((task.dim, problem.diagonal.size)), np.zeros(task.dim), np.zeros((0, 0))
-            )
+            with guarded(task):
+                task.evaluate(
+                    np.zeros((task.dim, problem.diagonal.size)), np.zeros(task.dim), np.zeros((0, 0))
+                )
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """Leave exactly these joints to another controller, such as a teleoperator; an empty list takes all back.
@@ -182,7 +185,7 @@ class Controller(Items):
             x = self._variables_of(last)
             torques = assembly.problem.torque_bias.copy() if last is None else last.torques
             self._commanded = before
-            residual = np.full(assembly.n_residuals, np.nan)
+            residual = np.full(assembly.targets.size, np.nan)
             multipliers = np.zeros(solver.multipliers.size)
         timings = Timings(self.model_time, assembled - start, solved - assembled, perf_counter() - solved)
         self._solution = solution = Solution(
@@ -261,8 +264,7 @@ class Controller(Items):
         if self._dirty:
             self._rebuild()
             self._assembly.write(self._dt, self._torques, self.outside, self._released)
-        problem, places = self.problem, self._assembly.layout.tasks
-        return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
+        return self._assembly.not_finite() or violated_groups(self.problem)
 
     def status_table(self) -> str:
         """Return a printable table of the tasks, contacts and limits at the last tick."""

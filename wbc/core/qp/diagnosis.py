@@ -63,21 +63,15 @@ def violated_groups(problem: Problem) -> dict[str, float]:
     return {name: value for name, value in worst_first if value > SLACK_TOLERANCE}
 
 
-def groups_not_finite(
-    problem: Problem, tasks: Sequence[Task], places: Mapping[str, slice]
-) -> dict[str, float]:
-    """Return the tasks and the groups of constraints whose numbers are not finite: name → NaN."""
+def groups_not_finite(problem: Problem) -> list[str]:
+    """Return the groups of constraints whose numbers are not finite."""
     p = problem
     finite: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(p.rows), axis=1)
     finite[: p.target.size] &= np.isfinite(p.target)
     finite[p.target.size :] &= (p.lower < np.inf) & (p.upper > -np.inf)
     groups = {name: finite[rows] for name, rows in p.equality_groups.items()}
     groups |= {name: finite[p.target.size :][rows] for name, rows in p.inequality_groups.items()}
-    for task in tasks:
-        rows = places[task.name]
-        inside = finite[rows] if rows.stop <= finite.size else np.isfinite(task.error)
-        groups[f"hard task '{task.name}'" if task.hard else f"task '{task.name}'"] = inside
-    return {name: float("nan") for name, inside in groups.items() if not inside.all()}
+    return [name for name, inside in groups.items() if not inside.all()]
 
 
 def held_back(

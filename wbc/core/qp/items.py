@@ -13,11 +13,13 @@ import numpy as np
 
 from wbc.base.checked import fixed
 from wbc.base.errors import InputError, choose, shown
+from wbc.base.numbers import Array
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
+from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import Task, VariableTask, evaluated
 from wbc.core.robot import Robot
 
@@ -33,6 +35,7 @@ class Items:
     """
 
     robot: Robot = fixed("make another solver; `update` moves the robot")
+    _assembly: RowStore
 
     _noun: ClassVar[str] = "controller"
     _kinematic: ClassVar[bool] = False
@@ -176,7 +179,6 @@ class Items:
         for item in gone.values():
             if isinstance(item, Task):
                 item.let_go()
-                item.detach()
             of_kind = self._list_of(item)
             of_kind[:] = [other for other in of_kind if other is not item]
             self._moving = [other for other in self._moving if other is not item]
@@ -194,6 +196,10 @@ class Items:
     def held_back(self) -> dict[str, tuple[str, ...]]:
         """Return the tasks that others hold off their targets at the last tick → names of what does."""
         raise NotImplementedError
+
+    def error_of(self, task: Task) -> Array:
+        """Return the error of a task at the last tick, shape (dim,), a copy; zero before its first one."""
+        return self._assembly.error_of(task)
 
     def move(self, task: Task) -> None:
         """Advance the target of one of the tasks at every tick until it has arrived; its `move_to` calls this."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import weakref
 from abc import ABC
-from dataclasses import dataclass
+from types import EllipsisType
 from typing import Any, ClassVar, SupportsIndex
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -18,36 +18,40 @@ from wbc.core.robot import Robot
 RATE = 10.0
 """Velocity per error in inverse kinematics where none is given, 1/s: an error is gone to a third in 0.1 s."""
 
+NONE = np.array([[0.0]] * 6 + [[np.inf]])
+"""Numbers of a row that asks for nothing; see `Rows`."""
 
-@dataclass(slots=True)
+
 class Rows:
-    """Values of rows, one for each, of shape (dim,); views into the controller's arrays once bound."""
+    """Numbers of rows that do not depend on the state: one for each row, of shape (dim,).
 
-    error: Array
-    drift: Array
-    stiffness: Array
-    damping: Array
-    rate: Array
-    velocity: Array
-    acceleration: Array
-    weight: Array
-    bound: Array
+    Attributes:
+        values: All of them, shape (7, dim); the others are views of it.
+        velocity: Velocity of the target.
+        acceleration: Acceleration of the target.
+        stiffness: Acceleration per error.
+        damping: Acceleration per velocity error.
+        rate: Velocity per error.
+        weight: Cost that acts at present.
+        bound: Largest error that acts.
+    """
+
+    __slots__ = ("acceleration", "bound", "damping", "rate", "stiffness", "values", "velocity", "weight")
+
+    def __init__(self, values: Array) -> None:
+        """Name the rows of an array, shape (7, dim)."""
+        self.values: Array = values
+        self.velocity, self.acceleration, self.stiffness, self.damping = values[:4]
+        self.rate, self.weight, self.bound = values[4:]
 
     @staticmethod
     def zeros(dim: int) -> Rows:
         """Return rows of zeros, whose error has no bound."""
-        rows = Rows(*(np.zeros(dim) for _ in range(9)))
-        rows.bound.fill(np.inf)
-        return rows
+        return Rows(np.repeat(NONE, dim, axis=1))
 
-    def view(self, rows: slice) -> Rows:
-        """Return the given rows as views."""
-        return Rows(*(getattr(self, field)[rows] for field in Rows.__dataclass_fields__))
-
-    def copy_from(self, other: Rows) -> None:
-        """Copy all values of `other`."""
-        for field in Rows.__dataclass_fields__:
-            getattr(self, field)[:] = getattr(other, field)
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the array; the names follow."""
+        return Rows, (self.values,)
 
 
 class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
@@ -59,15 +63,20 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         revision: Number that changes with gains, weights and bounds.
     """
 
-    __slots__ = ("_critical", "_owner", "_robot", "_rows", "name", "revision")
+    __slots__ = ("_critical", "_fed", "_owner", "_robot", "_rows", "name", "revision")
 
     _kind: ClassVar[str] = "task"
+    _keep: slice | NDArray[np.intp] | EllipsisType = ...  # the chosen ones of the rows that are evaluated
+    _left_out: NDArray[np.intp] | None = None  # coordinates that the rows do not use
     dim: int
     _owner: weakref.ref[Any] | None
 
     def __init__(self, name: str, stiffness: ArrayLike, damping: ArrayLike | None) -> None:
         """Allocate `dim` rows, and set their gains; see the properties."""
         self.name, self.revision = name, 0
+        self._fed = (
+            False  # the target has had a velocity or an acceleration, which may be another in every tick
+        )
         self._rows = Rows.zeros(self.dim)
         self._robot: Robot | None = None
         self._owner = None
@@ -102,15 +111,23 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         self._robot = robot
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows from the present state of the robot; see `Task.evaluate` and `Contact.evaluate`."""
-        raise NotImplementedError
+        """Fill the rows from the present state of the robot: by `measure` and `drift`, unless a class overrides it.
 
-    def first_order(self, jacobian: Array, error: Array) -> None:
-        """Fill the rows without the drift, for inverse kinematics: a class overrides it beside `evaluate` to save time.
-
-        Where a class below has another `evaluate`, that one counts.
+        Args:
+            jacobian: To fill: velocity of the rows per generalised velocity, shape (rows, nv).
+            error: To fill: target − measured, shape (rows,).
+            drift: To fill: acceleration of the rows at zero generalised acceleration, J̇·v, shape (rows,).
         """
-        self.evaluate(jacobian, error, self._rows.drift)
+        self.measure(jacobian, error)
+        drift[:] = self.drift()
+
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill Jacobian and error; with `drift` in place of `evaluate`, which spares inverse kinematics the drift."""
+        raise NotImplementedError(f"{type(self).__name__} has no `evaluate`")
+
+    def drift(self) -> Array:
+        """Return the drift of the rows, shape (rows,); `measure` was called before."""
+        raise NotImplementedError(f"{type(self).__name__} has no `evaluate`")
 
     @property
     def stiffness(self) -> Array:
@@ -176,11 +193,74 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         return gain
 
 
-def has_first_order(motion: Motion) -> bool:
-    """Return true where `first_order` is made beside the `evaluate` that counts, or below it."""
-    for kind in type(motion).__mro__:
-        if "first_order" in vars(kind):
-            return kind is not Motion
-        if "evaluate" in vars(kind):
-            return False
-    return False
+class Block:
+    """Rows of one task or contact in the arrays of a QP: where they stand, and how they are filled.
+
+    A task evaluates the rows of all its axes over all coordinates. Trimmed, they are those of the chosen axes, without
+    the coordinates that the task does not use.
+
+    Attributes:
+        item: The task or contact.
+        place: Its rows among those of the QP.
+        jacobian: View of the Jacobian, shape (dim, nv).
+        error: View of the errors, shape (dim,).
+        evaluate: Fills the arrays in `full` at the present state.
+        full: Jacobian, error and drift of all axes; of the first order, where a class has `measure`, without the drift.
+        trims: True if the rows are to be trimmed.
+        revision: Revision of the item whose numbers have been taken.
+        engaged: True while a contact holds its frame; None before the first tick.
+    """
+
+    __slots__ = (
+        "_rows", "engaged", "error", "evaluate", "full", "item", "jacobian", "place", "revision", "trims",
+    )  # fmt: skip
+
+    def __init__(
+        self, item: Any, place: slice, jacobian: Array, error: Array, drift: Array, order: int = 2
+    ) -> None:
+        """Take the item, which is bound, and the arrays to fill."""
+        self.item, self.place, self.jacobian, self.error = item, place, jacobian, error
+        self.revision = -1
+        self.engaged: bool | None = None
+        self._rows: tuple[Array, ...] = (jacobian, error, drift)
+        self.full: tuple[Array, ...] = self._rows
+        if item._keep is not ...:
+            n = item._n_rows
+            self.full = np.zeros((n, jacobian.shape[1])), np.zeros(n), np.zeros(n)
+        self.evaluate = item.evaluate
+        if order == 1 and type(item).evaluate is Motion.evaluate:
+            self._rows, self.full, self.evaluate = self._rows[:2], self.full[:2], item.measure
+        self.trims = item._keep is not ... or item._left_out is not None
+
+    def fill(self) -> None:
+        """Fill the rows at the present state of the robot."""
+        self.evaluate(*self.full)
+        if self.trims:
+            self.trim()
+
+    def trim(self) -> None:
+        """Take the chosen axes, and leave out what the task does not use.
+
+        The accelerations of the coordinates that are left out are known; their velocities are damped as all others.
+        """
+        item = self.item
+        if item._keep is not ...:
+            for rows, full in zip(self._rows, self.full, strict=True):
+                rows[:] = full[item._keep]
+        if item._left_out is not None:
+            moved = self.jacobian[:, item._left_out]
+            if len(self._rows) == 3:
+                drift = self._rows[2]
+                drift += moved.dot(item._expected)
+                drift += item.damping * moved.dot(item.robot.v[item._left_out])
+            self.jacobian[:, item._left_out] = 0.0
+
+    def take(self) -> None:
+        """Note that the numbers of the item as they are now have been taken."""
+        self.revision = self.item.revision
+        self.trims = self.item._keep is not ... or self.item._left_out is not None
+
+    def clear(self) -> None:
+        """Set all rows to zero."""
+        for rows in self._rows:
+            rows[:] = 0.0

@@ -154,6 +154,7 @@ class ReleasedJoints(SelectionTask):
         self._before = velocity
         np.maximum(known, -self._most, out=known)
         np.minimum(known, self._most, out=self._rows.acceleration)
+        self._fed = True
 
     def _driven(self, q: Array, torque: Array, accelerations: Array) -> Array:
         """Return the accelerations that their torques make, shape (dim,), rad/s²; measured ones at the ends of joints.

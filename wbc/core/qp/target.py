@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked as checked_arguments
 from wbc.base.errors import InputError
@@ -55,7 +55,6 @@ class Targeted(Motion):
     __slots__ = ("_target",)
 
     unit: ClassVar[str] = "m"
-    _keep: slice | NDArray[np.intp]
     _n_rows: int
 
     def __init__(self, name: str, stiffness: ArrayLike, damping: ArrayLike | None) -> None:
@@ -104,7 +103,11 @@ class Targeted(Motion):
             acceleration: Its acceleration along them, shape (dim,), `unit`/s²; unchanged when None.
         """
         self._target.value = target
-        rates = self._feedforward()
+        self._feed(velocity, acceleration)
+
+    def _feed(self, velocity: ArrayLike | None, acceleration: ArrayLike | None) -> None:
+        """Take the rates of the target over, each of shape (dim,); None leaves one as it is."""
+        rates, self._fed = self._feedforward(), True
         if velocity is not None:
             rates[0][:] = velocity
         if acceleration is not None:
@@ -119,7 +122,7 @@ class Targeted(Motion):
     def feedforward_velocity(self, value: ArrayLike) -> None:
         velocity = finite_array(f"feed-forward velocity of task '{self.name}'", value, (self.dim,))
         self._take_over()
-        self._feedforward()[0][:] = velocity
+        self._feed(velocity, None)
 
     @property
     def feedforward_acceleration(self) -> Array:
@@ -130,7 +133,7 @@ class Targeted(Motion):
     def feedforward_acceleration(self, value: ArrayLike) -> None:
         acceleration = finite_array(f"feed-forward acceleration of task '{self.name}'", value, (self.dim,))
         self._take_over()
-        self._feedforward()[1][:] = acceleration
+        self._feed(None, acceleration)
 
     def _feedforward(self) -> tuple[Array, Array]:
         """Return the arrays of velocity and acceleration of the target, each of shape (dim,)."""

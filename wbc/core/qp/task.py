@@ -1,8 +1,8 @@
 """Base of tasks: rows of a least-squares objective, or of a hard constraint, over the variables of the QP.
 
-A task owns a block of rows in the arrays of its controller. Its weight, gains and feed-forward are written into that
-block when they are set. A tick only asks each task for the values that depend on the state: its Jacobian, its error and
-its drift. The controller then computes the reference acceleration of all tasks together,
+A task gives its Jacobian, its error and its drift at the present state; its weight, gains and feed-forward are numbers
+that it keeps. `wbc.core.qp.store` puts the rows of all tasks into one QP, and computes the reference acceleration of
+all of them together,
 
     reference = feed-forward acceleration + stiffness · error
                 + damping · (feed-forward velocity − Jacobian · v) − drift,
@@ -13,8 +13,9 @@ so that a distant target does not cause a larger acceleration.
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from types import EllipsisType
 from typing import Any, ClassVar, Literal, TypedDict, Unpack
 
 import numpy as np
@@ -23,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.base.errors import InputError, WbcError, shown, unknown_name
 from wbc.base.numbers import Array, read_only, whole_number
 from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
-from wbc.core.qp.motion import RATE, Rows, has_first_order
+from wbc.core.qp.motion import RATE, Block, Rows
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.target import Targeted
 from wbc.core.robot import Reads, Robot
@@ -114,13 +115,12 @@ class Task(Targeted):
         drives: Kind of drives for which the rows are made: "position", or "torque" for torque and hybrid control; None
             for all.
         reads: Part of the robot's state that the rows of the class need in inverse kinematics.
-        spared_acceleration: Expected accelerations of the coordinates in `spared`, shape (n,).
         idle: True while no weight acts; the rows are then not evaluated, and cost no time.
     """
 
     __slots__ = (
-        "_full", "_hard", "_keep", "_linear_rows", "_n_rows", "_only_joints", "_others", "_scale", "_spared",
-        "_weighed", "_weight", "dim", "idle", "spared_acceleration",
+        "_expected", "_hard", "_keep", "_left_out", "_linear_rows", "_n_rows", "_only_joints", "_scale", "_spared",
+        "_unused", "_weighed", "_weight", "dim", "idle",
     )  # fmt: skip
 
     usual: ClassVar[MotionOptions] = {}
@@ -142,7 +142,7 @@ class Task(Targeted):
         name = given.pop("name", None) or name
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
-        self._keep: slice | NDArray[np.intp] = slice(None)  # the chosen ones of all rows
+        self._keep: slice | NDArray[np.intp] | EllipsisType = ...  # the chosen ones of all rows
         self._linear_rows: int | None = None  # the others are of a rotation
         self._n_rows = rows if isinstance(rows, int) else len(rows)  # of all axes
         if isinstance(rows, int):
@@ -151,15 +151,15 @@ class Task(Targeted):
             mask = axis_mask(name, given.pop("axes", rows), rows)
             kept = np.flatnonzero(mask)
             self.dim, first = kept.size, int(kept[0])
-            self._keep = slice(first, first + self.dim) if kept[-1] == first + self.dim - 1 else kept
+            if self.dim < self._n_rows:
+                self._keep = slice(first, first + self.dim) if kept[-1] == first + self.dim - 1 else kept
             self._linear_rows = int(mask[[axis in POSITION_AXES for axis in rows]].sum())
         joints = given.pop("joints", None)
         self._only_joints = None if joints is None else distinct_joints(joints)
-        # 1 for each coordinate that the task must not use, 0 for the others.
-        self._others: Array | None = None
-        self._full: tuple[Array, Array, Array] | None = None  # rows of all axes, where some are chosen
-        self._spared: NDArray[np.intp] | None = None
-        self.spared_acceleration = np.zeros(0)
+        # Coordinates that the rows leave out: those in `spared`, then those of joints that the task must not use.
+        self._spared = self._unused = np.zeros(0, dtype=np.intp)
+        self._left_out: NDArray[np.intp] | None = None
+        self._expected = np.zeros(0)  # their accelerations
         self._hard = self.idle = False
         super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
         self.rate = given.pop("rate", RATE)
@@ -281,8 +281,9 @@ class Task(Targeted):
 
     @property
     def error(self) -> Array:
-        """Error at the last tick, target − measured, shape (dim,), `unit`; a copy."""
-        return np.array(self._rows.error)
+        """Error at the last tick, target − measured, shape (dim,), `unit`; a copy. Zero before the first one."""
+        owner = None if self._owner is None else self._owner()
+        return np.zeros(self.dim) if owner is None else np.asarray(owner.error_of(self))
 
     @property
     def residual_unit(self) -> str:
@@ -343,8 +344,6 @@ class Task(Targeted):
         """
         super().bind(robot)
         self._use_only(robot, self._only_joints)
-        if self._n_rows != self.dim:
-            self._full = np.zeros((self._n_rows, robot.nv)), np.zeros(self._n_rows), np.zeros(self._n_rows)
         if self._target.open:
             self._target.value = self._target.present = self.present(robot)
 
@@ -364,45 +363,10 @@ class Task(Targeted):
             f"task '{self.name}' reads sensors: give the measurement of the tick, controller.solve(measurement)"
         )
 
-    @abstractmethod
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows of all axes of the task from the present state of `self.robot`.
-
-        Args:
-            jacobian: Array to fill with the velocity of the task per generalised velocity, shape (rows, nv).
-            error: Array to fill with target − measured, shape (rows,).
-            drift: Array to fill with the task acceleration at zero generalised acceleration, J̇·v, shape (rows,).
-        """
-
-    def fill(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows of the chosen axes with the chosen joints, by `evaluate`; the controller calls it."""
-        if self._full is None:
-            self.evaluate(jacobian, error, drift)
-        else:
-            self.evaluate(*self._full)
-            jacobian[:], error[:], drift[:] = (rows[self._keep] for rows in self._full)
-        if self._spared is not None:
-            spared = jacobian[:, self._spared]
-            drift += spared.dot(self.spared_acceleration)
-            drift += self._rows.damping * spared.dot(self.robot.v[self._spared])
-            jacobian[:, self._spared] = 0.0
-        if self._others is not None:
-            left_out = jacobian * self._others
-            drift += self._rows.damping * left_out.dot(self.robot.v)
-            jacobian -= left_out
-
-    def quick(self) -> Callable[[Array, Array], None] | None:
-        """Return a function that fills only Jacobian and error, for inverse kinematics; None if `fill` has to do it."""
-        direct = self._full is None and self._others is None and has_first_order(self)
-        return self.first_order if direct else None
-
     def _use_only(self, robot: Robot, joints: Sequence[str] | None) -> None:
-        """Leave all coordinates but those of some joints out; their velocities are damped as those of the others."""
-        unused = other_columns(robot, joints)
-        self._others = None
-        if unused is not None:
-            self._others = np.zeros(robot.nv)
-            self._others[unused] = 1.0
+        """Leave all coordinates but those of some joints out; they are expected not to accelerate."""
+        self._unused = other_columns(robot, joints)
+        self._leave_out()
 
     @property
     def spared(self) -> NDArray[np.intp]:
@@ -412,7 +376,7 @@ class Task(Targeted):
         the body that carries the hand. Assigning them sets their expected accelerations to zero. Joints that the option
         `joints` leaves out are taken into account as well, with an expected acceleration of zero.
         """
-        return np.zeros(0, dtype=np.intp) if self._spared is None else self._spared
+        return self._spared
 
     @spared.setter
     def spared(self, value: NDArray[np.intp]) -> None:
@@ -421,17 +385,23 @@ class Task(Targeted):
             raise InputError(
                 f"spared of task '{self.name}' must be numbers of velocity coordinates, shape (n,), got {shown(value)}"
             )
-        self._spared = array.astype(np.intp, copy=False) if array.size else None
-        self.spared_acceleration = np.zeros(array.size)
+        self._spared = array.astype(np.intp, copy=False)
+        self._leave_out()
 
-    def attach(self, rows: Rows) -> None:
-        """Move the row values into views of the controller's arrays."""
-        rows.copy_from(self._rows)
-        self._rows = rows
+    @property
+    def spared_acceleration(self) -> Array:
+        """Expected accelerations of the coordinates in `spared`, shape (n,)."""
+        return self._expected[: self._spared.size]
 
-    def detach(self) -> None:
-        """Move the row values back into separate arrays."""
-        self.attach(Rows.zeros(self.dim))
+    @spared_acceleration.setter
+    def spared_acceleration(self, value: Array) -> None:
+        self._expected[: self._spared.size] = value
+
+    def _leave_out(self) -> None:
+        """Note the coordinates that the rows leave out, spared ones first, with accelerations of zero."""
+        columns = np.concatenate([self._spared, np.setdiff1d(self._unused, self._spared)])
+        self._left_out, self._expected = columns if columns.size else None, np.zeros(columns.size)
+        self.revision += 1
 
     def _resize(self, dim: int) -> None:
         """Change the number of rows before the task is attached, keeping uniform gains."""
@@ -494,15 +464,12 @@ class VariableTask(Task):
         """Return the contact of the task if it may be added after the task; None otherwise."""
         return None
 
-    def fill(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `evaluate`."""
-        self.evaluate(jacobian, error, drift)
 
-
-def fill_guarded(task: Task, *rows: Array) -> None:
-    """Fill the rows of a task; whatever a task of one's own raises is an `InputError`."""
+@contextmanager
+def guarded(task: Task) -> Iterator[None]:
+    """Make an `InputError` of whatever a task of one's own raises."""
     try:
-        task.fill(*rows)
+        yield
     except WbcError:
         raise
     except Exception as failure:
@@ -519,7 +486,8 @@ def evaluated(task: Task) -> tuple[Array, Array, Array]:
     if isinstance(task, VariableTask):
         raise InputError(f"task '{task.name}' is on variables of the QP: it has neither error nor speed")
     jacobian, error, drift = np.zeros((task.dim, task.robot.nv)), np.zeros(task.dim), np.zeros(task.dim)
-    fill_guarded(task, jacobian, error, drift)
+    with guarded(task):
+        Block(task, slice(0, task.dim), jacobian, error, drift).fill()
     if isinstance(task, SelectionTask):
         jacobian = np.eye(task.robot.nv)[task.columns]
     for what, rows in (("Jacobian", jacobian), ("error", error), ("drift", drift)):

@@ -40,7 +40,7 @@ class Problem:
         lower: Lower bounds, shape (n_in,); −inf where there is none.
         upper: Upper bounds, shape (n_in,); inf where there is none.
         contacts: Contact name → its force variables.
-        loaded: Contact name → True while the contact is active.
+        loaded: Contact name → true while the contact is active, an array of shape () that is written at every change.
         equality_groups: Name → equalities, for diagnosis.
         inequality_groups: Name → inequalities, for diagnosis.
     """
@@ -63,7 +63,7 @@ class Problem:
         self.diagonal, self.torque_bias = np.zeros(n), np.zeros(na)
         self.lower, self.upper = np.full(n_in, -np.inf), np.full(n_in, np.inf)
         self.contacts: dict[str, slice] = {}
-        self.loaded: dict[str, bool] = {}
+        self.loaded: dict[str, np.ndarray[tuple[()], np.dtype[np.bool_]]] = {}
         self.equality_groups: dict[str, slice] = {}
         self.inequality_groups: dict[str, slice] = {}
 

@@ -49,7 +49,7 @@ class Solution:
         iterations: Outer iterations of the solver.
         timings: Wall time of each phase, s.
         layout: Names and places of variables and rows.
-        residual_rows: Achieved minus reference of all rows of the QP, then of all selections.
+        residual_rows: Achieved minus reference of equalities and soft rows of the QP, then of all selections.
         multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
     """
 

@@ -1,0 +1,297 @@
+"""Row store: tasks, contacts and limits become rows of fixed places in one QP, filled at every tick.
+
+The order of the QP is that of its variables: 1 for velocities (inverse kinematics), 2 for accelerations (dynamics).
+What belongs to one order alone is in the classes of `wbc.core.kinematics.assembly` and `wbc.core.qp.assembly`.
+
+    equalities    dynamics (order 2) | contacts | hard tasks
+    soft rows     contacts that may yield | tasks | beside the QP, lower levels (order 1)
+    diagonal      tasks that select single coordinates
+    inequalities  torques (order 2) | joint limits | cones of forces (order 2) | other limits
+
+From the contacts on, all rows share their arithmetic. A contact that is switched, or a task without a weight, changes
+numbers and no sizes, so nothing is allocated between changes of the layout.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.base.numbers import Array
+from wbc.base.vectors import largest
+from wbc.core.limits.base import ATTAINABLE, BACK, Attainable, Limit
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
+from wbc.core.qp.contact import Contact
+from wbc.core.qp.diagnosis import groups_not_finite
+from wbc.core.qp.motion import NONE, Block, Motion, Rows
+from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.task import SelectionTask, Task, VariableTask
+from wbc.core.robot import Robot
+
+NOTHING = np.zeros((0, 0))
+"""Stand-in for what a task does not fill: the Jacobian of a selection, the drift of a task on variables."""
+
+
+def rows_in(items: Iterable[Motion]) -> int:
+    """Return the number of rows of some tasks or contacts."""
+    return sum(item.dim for item in items)
+
+
+def consecutive(*counts: int) -> tuple[slice, ...]:
+    """Return places one after the other, from 0 on."""
+    return tuple(itertools.starmap(slice, itertools.pairwise([0, *itertools.accumulate(counts)])))
+
+
+def _kind(task: Task) -> int:
+    """Order of tasks among rows: on a motion, on variables of the QP, on single coordinates."""
+    return 2 if isinstance(task, SelectionTask) else int(isinstance(task, VariableTask))
+
+
+class RowStore:
+    """Rows of tasks, contacts and limits in one QP; made anew when one of these is added or removed.
+
+    Attributes:
+        problem: The QP.
+        targets: Targets of equalities and soft rows of the problem, of lower levels, and of selections.
+        places: Name of a task → its rows among the targets.
+        names: Name of each inequality, for reports.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        levels: Sequence[Sequence[Task]],
+        contacts: Sequence[Contact],
+        limits: Sequence[Limit],
+        order: Literal[1, 2],
+    ) -> None:
+        """Allocate the QP and place these items, which are bound to the robot; the first level is that of the QP."""
+        self._robot, self._order = robot, order
+        nv, first, lower = robot.nv, levels[0], [task for level in levels[1:] for task in level]
+        hard = sorted((task for task in first if task.hard), key=_kind)
+        soft = sorted((task for task in first if not task.hard), key=_kind)
+        selections = [task for task in soft if isinstance(task, SelectionTask)]
+        soft = soft[: len(soft) - len(selections)]
+        yielding = [contact for contact in contacts if contact.motion_weight is not None]
+        forces = contacts if order == 2 else ()
+        reserved = contacts if order == 2 else [each for each in contacts if each not in yielding]
+        limits = [limit for limit in limits if not isinstance(limit, TorqueLimits)]
+        single = [limit for limit in limits if isinstance(limit, JointLimits)]
+        many = [limit for limit in limits if limit not in single]
+
+        n_torques = robot.na if order == 2 else 0
+        self._start = robot.base_dof + robot.passive.size if order == 2 else 0  # the first row that is stored
+        n_cones = sum(each.cone.shape[0] + len(each.ranged) for each in forces)
+        self._torques, self._joints, self._cones, self._others = consecutive(
+            n_torques, sum(limit.dim for limit in single), n_cones, sum(limit.dim for limit in many)
+        )
+        n_eq = self._start + rows_in(reserved) + rows_in(hard)
+        n_soft = rows_in(yielding) + rows_in(soft)
+        self.problem = p = Problem(nv, n_torques, nv + rows_in(forces), n_eq, n_soft, self._others.stop)
+        p.n_physics = self._start
+
+        qp, beside, selected = consecutive(n_eq + n_soft, rows_in(lower), rows_in(selections))
+        self.targets = np.zeros(selected.stop)
+        p.target, self._selected_target = self.targets[qp], self.targets[selected]
+        self._lower_matrix = np.zeros((rows_in(lower), nv))
+        n = selected.stop - self._start
+        self._numbers = np.repeat(NONE, n, axis=1)
+        self._rows = rows = Rows(self._numbers)
+        self._error, self._drift = np.zeros(n), np.zeros(n)
+        self._scratch, self._per_bound = np.zeros(n), np.zeros(n)
+        p.soft_weight = rows.weight[n_eq - self._start : qp.stop - self._start]
+
+        self.places: dict[str, slice] = {}
+        self._holds: list[tuple[Block, slice | None]] = []  # contacts, with their equalities
+        self._blocks: list[Block] = []  # tasks on a motion
+        self._on_variables: list[Block] = []
+        self._changed = True  # numbers that do not change in every tick
+        equality, soft_at = self._place_contacts(contacts, self._start, n_eq)
+        self._place_tasks(hard, equality, p.rows)
+        self._place_tasks(soft, soft_at, p.rows)
+        self._place_tasks(lower, beside.start, self._lower_matrix, beside.start)
+        self._place_tasks(selections, selected.start, None)
+
+        coordinates = np.arange(nv)
+        self._columns: NDArray[np.intp] = np.concatenate(
+            [coordinates[:0], *(coordinates[task.columns] for task in selections)]
+        )
+        self._selected_weight = rows.weight[selected.start - self._start :]
+        self._selected_cost: Array = np.zeros(nv)  # sum of their weights at each coordinate
+        self._diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
+        # A single selection of consecutive coordinates, such as a posture, is the usual case.
+        alone = len(selections) == 1 and isinstance(selections[0].columns, slice)
+        self._alone = self._linear[selections[0].columns] if alone else None
+
+        names = [f"torque of {joint}" for joint in robot.joint_names][:n_torques]
+        if n_torques:
+            p.inequality_groups["torque limits"] = self._torques
+        self._limits: list[tuple[Limit, Array, Array, Array]] = []
+        names += self._place_limits(single, self._joints.start)
+        for contact in forces:
+            names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
+            what = "normal force" if len(contact.ranged) == 1 else "wrench"
+            names += [f"{what} of {contact.name}"] * len(contact.ranged)
+        self.names = (*names, *self._place_limits(many, self._others.start))
+        bounds = (p.lower[self._joints], p.upper[self._joints]) if single else None
+        demanding = p.inequality[self._others, :nv], p.lower[self._others], p.upper[self._others]
+        self._attainable = Attainable(*demanding, bounds, ATTAINABLE if order == 2 else BACK)
+        p.yielding[self._others], p.yielding[self._joints] = 1, 2
+
+    # ---- layout -------------------------------------------------------------------------------------------------
+
+    def _place_contacts(self, contacts: Sequence[Contact], at: int, soft_at: int) -> tuple[int, int]:
+        """Place contacts from an equality and a soft row on; return the next ones."""
+        for contact in contacts:
+            yields, rows = contact.motion_weight is not None, None
+            if self._order == 2 or not yields:
+                rows = slice(at, at + contact.dim)
+                self.problem.equality_groups[
+                    f"{'force' if yields else 'motion'} of contact '{contact.name}'"
+                ] = rows
+                at = rows.stop
+            motion = slice(soft_at, soft_at + contact.dim) if yields or rows is None else rows
+            soft_at = motion.stop if yields else soft_at
+            self._holds.append(
+                (self._block(contact, motion, self.problem.rows[motion, : self._robot.nv]), rows)
+            )
+        return at, soft_at
+
+    def _place_tasks(self, tasks: Sequence[Task], at: int, matrix: Array | None, first: int = 0) -> None:
+        """Place tasks from a row on, in a matrix whose first row is `first`, or on the diagonal."""
+        p, nv = self.problem, self._robot.nv
+        for task in tasks:
+            rows = self.places[task.name] = slice(at, at + task.dim)
+            own = NOTHING if matrix is None else matrix[rows.start - first : rows.stop - first]
+            at = rows.stop
+            if isinstance(task, VariableTask):
+                inside = slice(rows.start - self._start, rows.stop - self._start)
+                self._on_variables.append(Block(task, inside, own, self.targets[rows], NOTHING))
+            else:
+                if isinstance(task, SelectionTask) and matrix is not None:
+                    own[:, np.arange(nv)[task.columns]] = np.eye(task.dim)
+                self._blocks.append(self._block(task, rows, own[:, :nv]))
+            if task.hard:
+                p.hard_tasks[rows] = True
+                p.equality_groups[f"hard task '{task.name}'"] = rows
+
+    def _block(self, item: Task | Contact, rows: slice, jacobian: Array) -> Block:
+        inside = slice(rows.start - self._start, rows.stop - self._start)
+        return Block(item, inside, jacobian, self._error[inside], self._drift[inside], self._order)
+
+    def _place_limits(self, limits: Sequence[Limit], at: int) -> list[str]:
+        """Place limits from an inequality on; return the names of their rows."""
+        p, nv, names = self.problem, self._robot.nv, list[str]()
+        for limit in limits:
+            rows = p.inequality_groups[limit.name] = slice(at, at + limit.dim)
+            self._limits.append((limit, p.inequality[rows, :nv], p.lower[rows], p.upper[rows]))
+            of_joints = isinstance(limit, JointLimits)
+            names += (
+                [f"limits of {joint}" for joint in self._robot.joint_names]
+                if of_joints
+                else [limit.name] * limit.dim
+            )
+            at = rows.stop
+        return names
+
+    # ---- the tick -----------------------------------------------------------------------------------------------
+
+    def _fill(self) -> None:
+        """Fill Jacobians, errors and drifts at the present state, and take numbers over that have changed."""
+        numbers = self._numbers
+        for block, rows in self._holds:
+            contact = block.item
+            engaged = contact.engaged
+            if engaged != block.engaged or contact.revision != block.revision:
+                self._take_contact(block, rows, engaged)
+            if engaged:
+                block.evaluate(*block.full)
+                if contact._fed:
+                    numbers[:2, block.place] = contact._rows.values[:2]
+        for block in self._blocks:
+            task = block.item
+            if task.revision != block.revision:
+                self._take(block)
+            if not task.idle:
+                block.evaluate(*block.full)
+                if block.trims:
+                    block.trim()
+                if task._fed:
+                    numbers[:2, block.place] = task._rows.values[:2]
+        if self._changed:
+            self._take_gains()
+            self._changed = False
+
+    def _take(self, block: Block) -> None:
+        """Take the numbers of a task over."""
+        block.take()
+        self._numbers[:, block.place], self._changed = block.item._rows.values, True
+
+    def _take_contact(self, block: Block, rows: slice | None, engaged: bool) -> None:
+        """Take the numbers of a contact over, or empty the rows of one that is off; `rows` are its equalities."""
+        contact = block.item
+        if engaged != block.engaged:
+            block.engaged = engaged
+            if not engaged:
+                block.clear()
+            if rows is not None:
+                yields = contact.motion_weight is not None
+                empty = engaged and yields if self._order == 2 else not engaged
+                self.problem.set_empty(rows, np.full(contact.dim, empty))
+        self._take(block)
+        if not engaged:
+            self._numbers[:, block.place] = NONE
+
+    def _take_gains(self) -> None:
+        """Compute what follows from weights and bounds."""
+        np.divide(1.0, self._rows.bound, out=self._per_bound)
+        self._selected_cost[:] = np.bincount(self._columns, self._selected_weight, self._robot.nv)
+
+    def _bounded_error(self) -> Array:
+        """Return the errors of all rows as they act: those beyond the bounds of their tasks shortened."""
+        error = self._error
+        share = np.multiply(error, self._per_bound, out=self._scratch)
+        if share.dot(share) <= 1.0:  # so none is beyond its bound
+            return error
+        beyond = np.abs(error, out=share)
+        beyond -= self._rows.bound
+        if not largest(beyond) > 0.0:
+            return error
+        error = error.copy()
+        for block in self._blocks:
+            if largest(beyond[block.place]) > 0.0:
+                block.item.saturate(error[block.place])
+        return error
+
+    def _write_diagonal(self, cost: float) -> None:
+        """Write the costs of single coordinates: the same one for all, and those of selections."""
+        np.add(self._selected_cost, cost, out=self._diagonal)
+        if self._alone is not None:
+            np.multiply(self._selected_weight, self._selected_target, out=self._alone)
+        else:
+            pull = self._selected_weight * self._selected_target
+            self._linear[:] = np.bincount(self._columns, pull, self._linear.size)
+
+    # ---- results ------------------------------------------------------------------------------------------------
+
+    def error_of(self, task: Task) -> Array:
+        """Return the error of a task at the last tick, shape (dim,), a copy; zero for one that is not there."""
+        rows = self.places.get(task.name)
+        if rows is None:
+            return np.zeros(task.dim)
+        return self._error[rows.start - self._start : rows.stop - self._start].copy()
+
+    def not_finite(self) -> dict[str, float]:
+        """Return what has NaN or infinity in it: name of a task or of a group of constraints → NaN."""
+        found = dict.fromkeys(groups_not_finite(self.problem), float("nan"))
+        for block in (*self._blocks, *self._on_variables):
+            task = block.item
+            target = self.targets[self.places[task.name]]
+            if not (np.isfinite(target).all() and np.isfinite(block.jacobian).all()):
+                found[f"{'hard ' * task.hard}task '{task.name}'"] = float("nan")
+        return found
