@@ -11,13 +11,14 @@ with the specific force s and the angular rate ω of the IMU, its rotation R, an
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from wbc.base.errors import WbcError
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.core.frames import frame_jacobian
@@ -36,6 +37,10 @@ logger = logging.getLogger(__name__)
 FORCE_LAG, RATE_LAG = 0.005, 0.01
 """Time constants of the low-passes of the specific force and of the differentiated angular rate, s. With less of them
 the impacts of the feet reach the arms, with more the hands lag behind the trunk."""
+
+
+class NoSolutionError(WbcError):
+    """Arms for which there are no torques."""
 
 
 class Carried(Contact):
@@ -88,6 +93,7 @@ class PolicyArms:
     Attributes:
         index: Columns of their joints in arrays of the robot's joints, shape (number of joints,).
         failure: Reason for which the last tick had no torques; empty if it had them.
+        remark: Words about its torques for the status; empty for none.
         solution: Solution of the last tick; None before the first one.
     """
 
@@ -103,9 +109,9 @@ class PolicyArms:
         self.controller, self._joints = controller, list(joints)
         self._carried = controller.add(Carried(robot, controller.dt))
         others = [name for name in robot.joint_names if name not in set(joints)]
-        controller.add(ReleasedJoints(robot, others, legs=True))
+        self._others = controller.add(ReleasedJoints(robot, others, legs=True))
         self.solution: Solution | None = None
-        self.failure = ""
+        self.failure = self.remark = ""
 
     def follow(self, default: Array) -> PostureTask:
         """Return a new task that holds a posture of the arms, rad, within the limits of their joints."""
@@ -115,17 +121,25 @@ class PolicyArms:
 
     def torques(self, measurement: Measurement) -> Array | None:
         """Return the torques of the arms, shape (number of joints,), Nm; None where the QP has no solution."""
+        return self._tried(self._solve, measurement)
+
+    def _solve(self, measurement: Measurement) -> Array:
+        self._carried.measured(measurement)
+        self.solution = solution = self.controller.solve(measurement)
+        if not solution.ok:
+            raise NoSolutionError(solution.status.value)
+        torques: Array = solution.torques[self.index]
+        return torques
+
+    def _tried(self, method: Callable[..., Array], *arguments: Any) -> Array | None:
+        """Return the torques of a method; None, and the reason in `failure`, where it raises an error."""
         try:
-            self._carried.measured(measurement)
-            self.solution = solution = self.controller.solve(measurement)
-            if solution.ok:
-                self.failure = ""
-                torques: Array = solution.torques[self.index]
-                return torques
-            failure = solution.status.value
-        except Exception as error:  # of tasks of the user
-            failure = f"{type(error).__name__}: {error}"
-        if not self.failure:
-            logger.error("no torques for the arms (%s)", failure)
-        self.failure = failure
-        return None
+            torques = method(*arguments)
+        except Exception as error:  # of tasks and limits of the user
+            failure = f"{error}" if isinstance(error, NoSolutionError) else f"{type(error).__name__}: {error}"
+            if not self.failure:
+                logger.error("no torques for the arms (%s)", failure)
+            self.failure = failure
+            return None
+        self.failure = ""
+        return torques

@@ -418,11 +418,12 @@ class PolicyControl(TorqueControl):
 
     def status(self) -> str:
         """See `DriveControl.status`; the arms have a failure of their own."""
-        status = super().status()
-        if not self.arm_failure:
+        status, arms = super().status(), self._arms
+        if arms is None or not (arms.failure or arms.remark):
             return status
-        what = "not filtered" if isinstance(self._arms, FilteredArms) else "damped"
-        return f"arms {what}: {self.arm_failure}" + ("" if status == "ok" else f"; {status}")
+        what = "not filtered" if isinstance(arms, FilteredArms) else "damped"
+        said = f"arms {what}: {arms.failure}" if arms.failure else arms.remark
+        return said if status == "ok" else f"{said}; {status}"
 
 
 def joint_columns(robot: Robot, joints: Sequence[str]) -> list[int]:

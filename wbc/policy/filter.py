@@ -1,8 +1,11 @@
 """Filter of a policy: the torques that it asks for, as near to them as the limits of the robot allow.
 
-    min Σ |(τ − τ_policy) / τ_max|²  over the arms,    τ_policy = kp (q* − q) − kd v
+    min Σ u²  over the torques of the arms  τ = τ_policy + τ_max u,    τ_policy = kp (q* − q) − kd v
 
-    subject to the equations of `wbc.policy.arms`, and to limits of joints, torques, collisions and obstacles
+    subject to limits of torques, and limits of joints, collisions and obstacles on the accelerations M⁻¹ (τ − b)
+
+With the base, legs and waist as measured (see `wbc.policy.arms`), the inertia M of the arms and their bias b are all
+that is left of the robot. Limits that contradict each other give way, those of joints last, and those of torques never.
 
 The arms alone may pay for a collision. Filters that let legs and waist pay made the robot fall, whatever they knew of
 the contacts of the feet. Each joint of legs and waist is braked at its stops by itself,
@@ -15,25 +18,34 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated
 
+import daqp
 import numpy as np
+from scipy.linalg.lapack import dgesv, dposv
 
 from wbc.base.checked import checked
-from wbc.base.errors import names_in
+from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Ratio
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solving.solver import SolverSettings
+from wbc.core.qp.items import Item
+from wbc.core.qp.released import ReleasedJoints
+from wbc.core.qp.solving.other_solvers import YIELDING
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
-from wbc.policy.arms import PolicyArms
-from wbc.tasks import JointTorqueTask
+from wbc.policy.arms import NoSolutionError, PolicyArms
 
-REGULARISATION, RELAXATION = 1e-10, 1e4
-"""Cost of accelerations, which must change no torque, 1/(rad/s²)², and of violated constraints: limits that contradict
-each other give way."""
+LIGHT = 0.1
+"""Share of a violation that counts where limits contradict each other, of limits that are not of joints."""
+
+RELAXED = 1e-2
+"""Violation from which on limits count as relaxed, rad/s²."""
+
+SPARED = 5e-3
+"""Distance from its stop at which an arm comes to rest that was too fast, rad."""
 
 REACH, AHEAD = 0.1, 0.05
 """Distance d from a stop of legs and waist at which they are braked, rad, and time t that they look ahead, s."""
@@ -72,27 +84,58 @@ class PolicyFilter:
         self._speed, self._margin = speed, margin
 
     def controller(self, robot: Robot, dt: float) -> Controller:
-        """Return a new controller for the filter, which changes nothing that no limit asks for."""
-        settings = SolverSettings(relaxation=RELAXATION)
-        return Controller(robot, dt, regularisation=REGULARISATION, settings=settings)
+        """Return a new controller that holds the limits of the filter."""
+        return FilterController(robot, dt)
 
     def bind(self, controller: Controller) -> FilteredArms:
         """Add the filter to a controller."""
-        joint_limits = JointLimits(velocity_ratio=self._speed, margin=self._margin)
+        joint_limits = JointLimits(velocity_ratio=self._speed, margin=self._margin, joints=self.arms)
         return FilteredArms(controller, self.arms, (joint_limits, TorqueLimits(), *self.limits))
+
+
+class FilterController(Controller):
+    """Holder of the limits of a filter: it takes limits at any time, and no tasks, because the cost is the policy's."""
+
+    def _check_together(self, new: Sequence[Item]) -> None:
+        if any(isinstance(item, Task) and not isinstance(item, ReleasedJoints) for item in new):
+            raise InputError(
+                "a filter of a policy keeps limits, and has no tasks; arms=… gives the arms to tasks"
+            )
+        super()._check_together(new)
 
 
 class FilteredArms(PolicyArms):
     """Arms whose torques are those of a policy, as near as limits allow."""
 
     def __init__(self, controller: Controller, joints: Sequence[str], limits: Sequence[Limit]) -> None:
-        """Add task and limits."""
+        """Add the limits."""
         super().__init__(controller, joints)
-        robot = controller.robot
-        weight = 1.0 / np.square(robot.torque_limit[self.index])
-        self._wish = controller.add(JointTorqueTask(joints=list(joints), weight=weight))
         controller.add(*limits)
+        robot, n = controller.robot, self.index.size
         self._slope = robot.torque_limit / REACH
+        self._columns, self._per_share = self.index + robot.base_dof, robot.torque_limit[self.index]
+        self._acceleration = np.zeros(robot.nv)
+        self._carried_rows = np.zeros((6, robot.nv)), np.zeros(6), np.zeros(6)
+        self._least, self._most, self._made = np.zeros((3, robot.na))  # torques, Nm
+        self._cost = np.eye(n), np.zeros(n)
+        self._limits: tuple[Limit, ...] = ()
+
+    def _place(self, limits: tuple[Limit, ...]) -> None:
+        """Make room for the rows of limits."""
+        self._limits, robot = limits, self.controller.robot
+        self._torque_limits = next((limit for limit in limits if isinstance(limit, TorqueLimits)), None)
+        others = [limit for limit in limits if limit is not self._torque_limits]
+        n = sum(limit.dim for limit in others)
+        self._rows, (self._lower, self._upper), self._share = (
+            np.zeros((n, robot.nv)),
+            np.zeros((2, n)),
+            np.ones(n),
+        )
+        self._blocks, stop = [], 0
+        for limit in others:
+            rows = slice(stop, stop := stop + limit.dim)
+            self._blocks.append((limit, self._rows[rows], self._lower[rows], self._upper[rows]))
+            self._share[rows] = 1.0 if isinstance(limit, JointLimits) else LIGHT
 
     def near(self, measurement: Measurement, asked: Array) -> Array:
         """Return the torques of all joints nearest to those of the policy, both of shape (na,), Nm.
@@ -100,15 +143,82 @@ class FilteredArms(PolicyArms):
         Where the QP has no solution the torques are those of the policy, within their limits, as of joints by
         themselves.
         """
-        robot = self.controller.robot
-        least, most = robot.torque_lower, robot.torque_upper
-        within = np.minimum(np.maximum(asked, least), most)
+        robot, (least, most), index = self.controller.robot, (self._least, self._most), self.index
+        if (limits := self.controller.limits) != self._limits:
+            self._place(limits)
+        least[:], most[:] = robot.torque_lower, robot.torque_upper
         ahead = robot.q[robot.base_nq :] + AHEAD * robot.v[robot.base_dof :]
-        torques = np.minimum(within, self._slope * (robot.position_upper - ahead))
+        torques = np.minimum(np.maximum(asked, least), most)
+        np.minimum(torques, self._slope * (robot.position_upper - ahead), out=torques)
         np.maximum(torques, self._slope * (robot.position_lower - ahead), out=torques)
         np.minimum(np.maximum(torques, least, out=torques), most, out=torques)
-        self._wish.target = torques[self.index]
-        arms = self.torques(measurement)
+        if self._torque_limits is not None:
+            self._torque_limits.interval(self.controller.dt, self._made, least, most)
+        arms = self._tried(self._nearest, measurement, torques[index])
         if arms is not None:
-            torques[self.index] = arms
+            torques[index] = arms
+        self._made[:] = torques
         return torques
+
+    def _stop(self, limits: JointLimits, lower: Array, upper: Array) -> None:
+        """Let arms that have become too fast for the braking of their limits brake as hard as it takes."""
+        robot, arms = self.controller.robot, self.index
+        q, v = robot.q[robot.base_nq :][arms], robot.v[self._columns]
+        room = np.where(v > 0.0, robot.position_upper[arms] - q, q - robot.position_lower[arms])
+        needed = 0.5 * v * v / np.maximum(room - SPARED, SPARED)
+        fast = needed > limits.braking[arms]
+        if fast.any():
+            up, down = fast & (v > 0.0), fast & (v < 0.0)
+            upper[arms[up]] = np.minimum(upper[arms[up]], -needed[up])
+            lower[arms[down]] = np.maximum(lower[arms[down]], needed[down])
+
+    def _nearest(self, measurement: Measurement, wish: Array) -> Array:
+        """Return the torques of the arms nearest to a wish, both of shape (number of joints,), Nm."""
+        controller, robot, columns, unit = (
+            self.controller,
+            self.controller.robot,
+            self._columns,
+            self._per_share,
+        )
+        acceleration, base, mass = self._acceleration, robot.base_dof, robot.mass_matrix
+        acceleration[self._others.columns] = self._others.feedforward_acceleration
+        acceleration[:base] = acceleration[columns] = 0.0
+        jacobian, error, drift = self._carried_rows
+        self._carried.measured(measurement)
+        self._carried.evaluate(jacobian, error, drift)
+        drift += jacobian.dot(acceleration)
+        acceleration[:base] = dgesv(jacobian[:, :base], -drift)[2]
+        rows = mass[columns]
+        per_share = dposv(rows[:, columns], self._cost[0])[1]
+        bias = robot.bias[columns] + rows.dot(acceleration)
+        if controller.outside is not None:
+            bias -= controller.outside[columns]
+        acceleration[columns] = per_share.dot(wish - bias)  # of the wish
+        per_share *= unit
+        for limit, matrix, lower, upper in self._blocks:
+            limit.write(controller.dt, matrix, lower, upper)
+            if isinstance(limit, JointLimits):
+                self._stop(limit, lower, upper)
+        chosen = ((self._lower > -np.inf) | (self._upper < np.inf)).nonzero()[0]
+        rows, share = self._rows[chosen], self._share[chosen]
+        wished = rows.dot(acceleration)
+        lower = np.concatenate(
+            [(self._least[self.index] - wish) / unit, (self._lower[chosen] - wished) * share]
+        )
+        upper = np.concatenate(
+            [(self._most[self.index] - wish) / unit, (self._upper[chosen] - wished) * share]
+        )
+        self.remark = ""
+        if (lower <= 0.0).all() and (upper >= 0.0).all():
+            return wish
+        matrix = rows[:, columns].dot(per_share) * share[:, None]
+        sense = np.full(lower.size, YIELDING, dtype=np.intc)
+        sense[: unit.size] = 0
+        x, _, flag, _ = daqp.solve(*self._cost, matrix, upper, lower, sense)
+        if flag < 1:
+            raise NoSolutionError(f"DAQP ends with {flag}")
+        made = matrix.dot(x)
+        over = np.maximum(made - upper[unit.size :], lower[unit.size :] - made)
+        if over.size and over[over.argmax()] > RELAXED:
+            self.remark = "relaxed: limits of the arms cannot all be kept"
+        return np.asarray(wish + unit * x)
