@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_machines import DESCRIPTION, PERIOD, Light, Recorded, Wrapped
+from made_machines import DESCRIPTION, PERIOD, Light, Wrapped
 
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
@@ -245,83 +245,3 @@ def test_an_imu_of_a_robot_that_hangs_is_told_by_the_vertical(angle: float, stat
     found = checks_of(Hung(turned))["IMU frame"]
     assert numbers(found)[0] == pytest.approx(float(turn[2, 2]), abs=1e-3)
     assert found.state == state == ("ok" if turn[2, 2] > 0.95 else "wrong")
-
-
-# A robot that stands: what a good loop has measured, scaled.
-
-
-def test_figures_of_a_body_that_stands_are_those_by_which_they_are_scaled() -> None:
-    """Rates by 0.9 and wrenches by 1.05."""
-
-    def fault(m: Measurement, tick: int) -> Measurement:
-        return replace(m, angular_velocity=0.9 * m.angular_velocity, sole_wrench=1.05 * m.sole_wrench)
-
-    good, found = checks_of(Recorded(lambda m, tick: m)), checks_of(Recorded(fault))
-    assert numbers(found["gyroscope"])[0] == pytest.approx(0.9 * numbers(good["gyroscope"])[0], abs=0.006)
-    assert numbers(found["weight"])[0] == pytest.approx(1.05 * numbers(good["weight"])[0], abs=0.006)
-    assert numbers(found["sides"])[0] == pytest.approx(1.05 * numbers(good["sides"])[0], abs=0.11)
-    assert {check.state for check in found.values()} == {"ok"}
-    # The centre of pressure is a quotient.
-    assert numbers(found["wrench frame"]) == pytest.approx(numbers(good["wrench frame"]), abs=0.011)
-
-
-@pytest.mark.parametrize(
-    ("name", "fault", "state"),
-    [
-        ("weight", lambda m, k: replace(m, sole_wrench=1.07 * m.sole_wrench), "ok"),
-        ("weight", lambda m, k: replace(m, sole_wrench=1.09 * m.sole_wrench), "wrong"),
-        ("weight", lambda m, k: replace(m, sole_wrench=0.91 * m.sole_wrench), "wrong"),
-        ("gyroscope", lambda m, k: replace(m, angular_velocity=0.53 * m.angular_velocity), "ok"),
-        ("gyroscope", lambda m, k: replace(m, angular_velocity=0.47 * m.angular_velocity), "wrong"),
-        ("gyroscope", lambda m, k: replace(m, angular_velocity=1.55 * m.angular_velocity), "ok"),
-        ("gyroscope", lambda m, k: replace(m, angular_velocity=1.7 * m.angular_velocity), "wrong"),
-    ],
-)
-def test_a_body_is_judged_from_a_bound_on(
-    name: str, fault: Callable[[Measurement, int], Measurement], state: str
-) -> None:
-    assert checks_of(Recorded(fault))[name].state == state
-
-
-def test_an_imu_that_is_turned_a_little_is_told_its_angle() -> None:
-    """About the vertical, which turns no gravity: by 20° turns agree to (1 + 2 cos 20°) / 3."""
-    robot = DESCRIPTION.robot()
-    frame = robot.placement(robot.imu_frame).rotation
-    for angle in (20.0, 50.0):
-        turn = frame.T @ pin.rpy.rpyToMatrix(0.0, 0.0, np.radians(angle)) @ frame
-
-        def fault(m: Measurement, tick: int, turn: np.ndarray = turn) -> Measurement:
-            return replace(
-                m, angular_velocity=turn @ m.angular_velocity, specific_force=turn @ m.specific_force
-            )
-
-        agree, _, by = numbers(checks_of(Recorded(fault))["IMU frame"])
-        assert agree == pytest.approx((1.0 + 2.0 * np.cos(np.radians(angle))) / 3.0, abs=0.03)
-        assert by == pytest.approx(angle, abs=2.0)
-
-
-def test_moments_about_another_point_are_told_by_its_place() -> None:
-    """A point 12 mm behind and 9 mm beside the centre of a sole puts the pressure as far ahead and aside."""
-    good = numbers(checks_of(Recorded(lambda m, tick: m))["wrench frame"])
-    for x, y in ((0.012, 0.0), (0.0, 0.009)):
-
-        def fault(m: Measurement, tick: int, x: float = x, y: float = y) -> Measurement:
-            moved = np.array(m.sole_wrench)
-            moved[:, 3] += y * moved[:, 2]
-            moved[:, 4] -= x * moved[:, 2]
-            return replace(m, sole_wrench=moved)
-
-        found = numbers(checks_of(Recorded(fault))["wrench frame"])
-        assert found[2:4] == pytest.approx([good[2] + 1e3 * x, good[3] + 1e3 * y], abs=1.6)
-
-
-def test_zeros_of_a_leg_show_in_the_height_and_tilt_of_its_sole() -> None:
-    """By 0.03 rad at the left ankle, which bends the sole of a robot that stands by 1.7°; from 2° on it is wrong."""
-    ankle = NAMES.index("left_ankle_pitch_joint")
-    for angle, state in ((0.03, "ok"), (0.04, "wrong")):
-        off = np.zeros(NA)
-        off[ankle] = angle
-        fault: Any = lambda m, tick, off=off: replace(m, joint_position=m.joint_position + off)  # noqa: E731
-        found = checks_of(Recorded(fault))["soles"]
-        _, tilt = numbers(found)
-        assert tilt == pytest.approx(np.degrees(angle), abs=0.11) and found.state == state

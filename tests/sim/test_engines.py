@@ -351,6 +351,22 @@ def test_a_file_that_cannot_be_run_is_named(tmp_path: Path) -> None:
         trial_loop(f"{path}:Loop")
 
 
+def test_an_engine_may_have_the_quaternion_of_its_base_with_either_sign() -> None:
+    """Both are the same rotation; one that is off by a thousandth in one place is refused, with its name."""
+
+    class Other(InAir):
+        off = 0.0
+
+        def state(self) -> tuple[np.ndarray, np.ndarray]:
+            q, v = self._state
+            return np.concatenate([q[:3] + [0.0, self.off, 0.0], -q[3:7], q[7:]]), v
+
+    assert Other("hrp4_class").time == 0.0
+    Other.off = 1e-3
+    with pytest.raises(InputError, match=r"Other\.state .* y is 0\.001"):
+        Other("hrp4_class")
+
+
 def test_a_registered_loop_is_found_by_its_name() -> None:
     register_loop("in the air", InAir)
     try:

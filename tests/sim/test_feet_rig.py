@@ -12,6 +12,7 @@ from properties import by_default
 from scipy.spatial.transform import Rotation
 
 from wbc.feet import Foot, foot
+from wbc.sim import DivergedError
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import GROUND_GRID, MIN_CONTACT_SHARE, FootTest, Rig
@@ -157,6 +158,20 @@ def test_figures_of_a_rig_are_those_of_mujocos_state() -> None:
     twin = rig.fork()
     rig.step()
     assert twin.data.time == pytest.approx(rig.data.time - rig.test.physics.timestep)
+
+
+@pytest.mark.parametrize("value", [np.nan, 1e12])
+def test_a_rig_that_diverges_says_so_whether_its_state_is_lost_or_mujoco_has_put_it_back(
+    value: float,
+) -> None:
+    test = FootTest(foot("rigid"), FLAT)
+    rig = Rig(test)
+    rig.step()
+    rig.data.qvel[2] = value
+    with pytest.raises(DivergedError):
+        for _ in range(3):
+            rig.step()
+    assert np.isfinite(rig.data.qpos).all() == np.isfinite(value)
 
 
 def test_the_servo_of_the_ankle_is_a_spring_with_critical_damping() -> None:

@@ -33,7 +33,7 @@ from wbc.sim.studies.journal import (
     trial_key,
 )
 from wbc.sim.studies.provenance import APART, LABEL, differences, provenance, sources
-from wbc.sim.studies.study import Cell, Study
+from wbc.sim.studies.study import Cell, Study, left_out
 from wbc.sim.studies.study_table import study_frame, study_table
 
 VERSION = {"wbc": "1", "code": "abc"}
@@ -123,6 +123,32 @@ def test_the_key_of_today_is_found_for_specs_that_only_some_seeds_allow() -> Non
     assert own_key(spec.to_json()) == trial_key(spec.to_json())
     plain = WalkSpec(seed=3).to_json()
     assert own_key(plain) == trial_key(plain) != own_key({**plain, "seed": 4})
+
+
+def test_entries_that_a_study_does_not_use_are_counted_by_their_reason() -> None:
+    """Of other code, of trials that the study has not, and of specs that cannot be read; its own are used."""
+    study = Study(
+        name="s", base={"plan": {"distance": 0.1}}, cells=(Cell("a", {}),), arms={"flat": {}}, seeds=(1, 2, 3)
+    )
+    other = {**provenance(), "files": "another"}
+    specs = [trial.plain for trial in study.trials()]
+    rows = [(specs[0], provenance()), (specs[1], other), (specs[2], other)]
+    rows += [({**specs[0], "seed": 7 + k}, provenance()) for k in range(4)]
+    rows += [({**specs[0], "robot": "nobody", "seed": k}, provenance()) for k in range(5)]
+    entries = {
+        entry.key: entry for entry in (Entry(spec, "done", {}, None, None, version) for spec, version in rows)
+    }
+    found = left_out(study, entries)
+    assert (found.entries, found.other_code, found.other_trials, found.unreadable) == (12, 2, 4, 5)
+    assert sum(found.differences.values()) == 2
+    text = found.text()
+    assert text is not None and text.startswith("11 of 12 entries are left out: 2 of another version")
+    assert "4 of trials that are not part of it" in text and "5 whose spec" in text
+    own = {key: entry for key, entry in entries.items() if entry.spec == specs[0]}
+    assert left_out(study, own).text() is None
+    foreign = {key: entry for key, entry in entries.items() if entry.spec.get("seed") == 8}
+    assert left_out(study, foreign).text() is not None  # nothing at all is of the study
+    assert left_out(study, own | foreign).text() is None
 
 
 def test_damaged_lines_are_passed_over_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
