@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import typing
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -219,6 +220,17 @@ def test_a_long_reason_is_cut_off(length: int, monkeypatch: pytest.MonkeyPatch, 
     assert len(line) == LONGEST_LINE and line.endswith("...") is (length > LONGEST_LINE)
 
 
+@pytest.fixture
+def endable() -> Iterator[None]:
+    """Signals that end a program; one that runs in the background may not have them."""
+    numbers = (signal.SIGTERM, signal.SIGHUP)
+    before = [signal.signal(number, signal.SIG_DFL) for number in numbers]
+    yield
+    for number, handler in zip(numbers, before, strict=True):
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("endable")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_leaves_all_blocks_and_ends_as_a_program_that_it_ends(
     number: signal.Signals, monkeypatch: pytest.MonkeyPatch
@@ -255,6 +267,15 @@ def test_commands_run_in_other_threads_and_with_words_of_the_process(
     assert codes == [BAD_INPUT] and "nothing_of_this_name" in capsys.readouterr().err
 
 
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Ctrl-C as in a program of a terminal; one that runs in the background may not have it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 def test_ctrl_c_ends_a_trial_and_a_second_one_interrupts() -> None:
     stops: list[int] = []
     trial: Any = SimpleNamespace(stop=lambda: stops.append(1))
