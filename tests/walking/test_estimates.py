@@ -1,0 +1,313 @@
+"""Estimates of ground, load and legs of a walk in closed form, and what a leg is wherever the world begins."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.base.errors import InputError
+from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
+from wbc.core.robot import GRAVITY, Robot
+from wbc.robots import load
+from wbc.walking import LoadSettings
+from wbc.walking.ground import HIGHEST, GroundEstimate
+from wbc.walking.load import LAG, REST_LAG, SETTLING, HeldLoad
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.plans.planners import MOST_STEPS, climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.plans.reach import Leg, Reach
+from wbc.walking.plans.sources import AT_REST, Standing
+from wbc.walking.steering import SteeredSteps
+from wbc.walking.swing import HEEL_TIME, SwingFoot
+
+START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
+
+
+# ---- ground ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_landing_moves_the_expected_ground_by_its_shares() -> None:
+    ground = GroundEstimate(0.5, 0.25)
+    ground.land(0.04, 0.03)
+    assert (ground.height, ground.rise, ground.uneven) == pytest.approx((0.02, 0.01, 0.03))
+    ground.land(-0.01, -0.02)
+    assert (ground.height, ground.rise) == pytest.approx((0.015, 0.0075))
+    assert ground.uneven == pytest.approx(0.9 * 0.03), "nine tenths of the greatest are remembered"
+    ground.land(0.0, -0.05)
+    assert ground.uneven == pytest.approx(0.05)
+    step = Footstep("left", 0.1, 0.2, 0.3)
+    assert ground.expect(step).z == pytest.approx(0.3 + 0.015 + 0.0075), "it rises from step to step"
+    ground.forget()
+    assert ground.height == ground.rise == ground.uneven == 0.0
+
+
+def test_the_ground_is_level_up_to_one_height_and_uneven_from_another_one_on() -> None:
+    ground = GroundEstimate(0.5, 0.25)
+    for uneven, share in ((0.0, 1.0), (0.01, 1.0), (0.02, 0.75), (0.04, 0.25), (0.05, 0.0), (0.2, 0.0)):
+        ground.uneven = uneven
+        assert ground.level(0.01, 0.05) == pytest.approx(share)
+
+
+def test_steps_from_where_the_feet_stand_are_on_the_ground_that_is_expected_there() -> None:
+    """A landing 40 mm too high moves the ground by 20: the next steps lie 20 mm below it."""
+    ground, steps = (
+        GroundEstimate(0.5, 0.25),
+        (Footstep("left", 0.1, 0.1, 0.3), Footstep("right", 0.2, -0.1, 0.4)),
+    )
+    assert ground.settled(steps, swings=False) is steps, "nothing has been found yet"
+    ground.land(0.04)
+    assert [step.z for step in ground.settled(steps, swings=False)] == pytest.approx([0.28, 0.38])
+    assert ground.settled(steps, swings=True) is steps
+
+
+def test_a_landing_is_put_on_what_is_seen_within_the_reach_of_the_legs() -> None:
+    place: Any = SimpleNamespace(x=0.5, y=0.6, z=0.1, slope=(0.2, -0.1))
+    asked: list[Any] = []
+    sight: Any = SimpleNamespace(
+        version=3,
+        support=lambda *at: asked.append(at) or place,
+        best=lambda *at: asked.append(at) or place,
+        stand=lambda *at: asked.append(at),
+        highest=lambda *at: 0.2,
+    )
+    step = Footstep("right", 0.1, 0.2, 0.0, 0.3)
+    ground = GroundEstimate(0.5, 0.25, 0.15)
+    assert ground.under(step) is step and not ground.news and ground.way(step.placement, step) == -math.inf
+    ground.sight = sight
+    assert ground.news
+    seen = ground.under(step)
+    assert not ground.news and asked.pop() == (1, 0.1, 0.2, 0.3)
+    assert (seen.x, seen.y, seen.z) == (0.5, 0.6, 0.1) and seen.side == "right"
+    assert (seen.pitch, seen.roll) == pytest.approx((-math.atan(0.2), math.atan(-0.1)))
+    for height, taken in ((0.149, True), (0.151, False), (-0.149, True), (-0.151, False)):
+        place.z = height
+        assert (ground.under(step).z == height) is taken
+    ground.lift(1, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])))
+    place.z = 0.44
+    assert ground.under(step).z == 0.44, "over the foot that stands"
+    for over, seen_over in ((0.2, 0.2), (0.9, 0.3 + HIGHEST)):
+        sight.highest = lambda *at, over=over: over
+        assert ground.way(pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3])), step) == pytest.approx(seen_over)
+        assert ground.way(step.placement, replace(step, z=0.3)) == pytest.approx(seen_over)
+
+
+def test_a_landing_that_is_seen_takes_the_place_of_what_was_expected() -> None:
+    ground = GroundEstimate(0.5, 0.25, 1.0)
+    ground.land(0.04)
+    place: Any = SimpleNamespace(x=0.1, y=0.2, z=0.1, slope=(0.0, 0.0))
+    ground.sight = SimpleNamespace(version=1, best=lambda *at: place, support=lambda *at: place)  # type: ignore[assignment]
+    step = Footstep("left", 0.1, 0.2, 0.02)
+    assert ground.expect(step, lambda x, y: True).z == 0.1
+    assert ground.height == pytest.approx(0.08) and ground.rise == 0.0
+    assert ground.raised == pytest.approx(0.1 - (0.02 + 0.02 + 0.01)), "over where it was expected"
+    place.z = 0.0
+    ground.expect(step, lambda x, y: True)
+    assert ground.raised == 0.0 and ground.height == pytest.approx(-0.02)
+
+
+# ---- load -----------------------------------------------------------------------------------------------------------
+
+
+def held(robot: Robot) -> tuple[HeldLoad, OutsideWrench]:
+    return HeldLoad(robot, LoadSettings()), OutsideWrench(robot, OutsideSettings(tare=0.0))
+
+
+def test_a_load_that_comes_is_followed_quickly_and_one_that_stays_slowly() -> None:
+    """The first sign of it at rest with T = 0.5 s, from then on with 0.1 s: m (1 − e^{−t/T})."""
+    robot, dt, mass = load("hrp4_class").robot(), 0.005, 4.0
+    held_load, outside = held(robot)
+    own = robot.mass
+    assert not held_load.changing
+    left, expected = mass, []
+    for tick in range(60):
+        outside.wrench = np.array([0.0, 0.0, -(mass - held_load.applied) * GRAVITY, 0.0, 0.0, 0.0])
+        held_load.update(outside, dt)
+        left *= math.exp(-dt / (REST_LAG if tick == 0 else LAG))
+        expected.append(mass - left)
+        assert held_load.mass == pytest.approx(expected[-1], rel=1e-6)
+        assert held_load.changing
+    for _ in range(round(1.5 * SETTLING / dt) + 200):
+        outside.wrench = np.array([0.0, 0.0, -(mass - held_load.applied) * GRAVITY, 0.0, 0.0, 0.0])
+        held_load.update(outside, dt)
+    assert not held_load.changing and held_load.mass == pytest.approx(mass, rel=1e-3)
+    before = held_load.mass
+    small = 0.9 * 0.01 * own
+    outside.wrench = np.array([0.0, 0.0, -(mass + small - held_load.applied) * GRAVITY, 0.0, 0.0, 0.0])
+    held_load.update(outside, dt)
+    assert not held_load.changing, "an error of the sensors is no change"
+    assert held_load.mass - before == pytest.approx(
+        (mass + small - before) * (1.0 - math.exp(-dt / REST_LAG))
+    )
+
+
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.2, 0.3, 0.0), (-0.1, 0.4, 2.0), (0.3, -0.2, -1.2)])
+def test_a_load_lies_beside_the_hands_in_the_heading_of_a_tilted_robot(
+    rpy: tuple[float, float, float],
+) -> None:
+    """Its moment about the hands, over its weight, whatever roll and pitch of the base."""
+    robot = load("hrp4_class").robot()
+    q = np.array(robot.q)
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(*rpy)).coeffs()
+    robot.update(q, np.zeros(robot.nv))
+    held_load, outside = held(robot)
+    c, s = math.cos(rpy[2]), math.sin(rpy[2])
+    ahead, aside, mass = 0.06, -0.04, 4.0
+    away = np.array([c * ahead - s * aside, s * ahead + c * aside, 0.0])
+    for _ in range(400):
+        robot.update(q, np.zeros(robot.nv))
+        at = held_load.middle + away
+        force = np.array([0.0, 0.0, -(mass - held_load.applied) * GRAVITY])
+        moment = np.cross(at - robot.com, [0.0, 0.0, -mass * GRAVITY])
+        moment -= np.cross(held_load.place - robot.com, [0.0, 0.0, -held_load.applied * GRAVITY])
+        outside.wrench = np.concatenate([force, moment])
+        held_load.update(outside, 0.01)
+    np.testing.assert_allclose(held_load.place - held_load.middle, away, atol=2e-3)
+    hands = [robot.placement(frame).translation for frame in robot.frames.values()]
+    np.testing.assert_allclose(held_load.middle, np.mean(hands, axis=0))
+
+
+# ---- legs -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["hrp4_class", "g1", "talos"])
+def test_a_leg_is_the_same_wherever_its_half_sitting_stands(name: str) -> None:
+    """Heights are those over the sole, not those of the world."""
+    robot = load(name).robot()
+    leg = Leg(robot)
+    half = np.array(robot.half_sitting)
+    half[:3] += (1.0, -2.0, 0.4)
+    moved = load(name).robot()
+    vars(moved)["half_sitting"] = half
+    other = Leg(moved)
+    for figure in (
+        "length",
+        "shank",
+        "knee",
+        "shortest",
+        "ankle_height",
+        "hip_height",
+        "com_height",
+        "spacing",
+    ):
+        assert getattr(other, figure) == pytest.approx(getattr(leg, figure), abs=1e-9), figure
+    low = leg.com_height - 0.03
+    assert other.hips(low) == pytest.approx(leg.hips(low)) and other.span(low) == pytest.approx(leg.span(low))
+    assert other.carried_height() == pytest.approx(leg.carried_height())
+    assert other.bent_height(0.9) == pytest.approx(leg.bent_height(0.9))
+    assert other.swing(None) == pytest.approx(leg.swing(None))
+
+
+# ---- plans ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_plan_has_as_many_steps_as_it_may_and_no_more() -> None:
+    """Of a turn two for each pair of feet; of stairs two each, and two of the approach."""
+    half = MOST_STEPS // 2
+    step = START.gait.full.step_length
+    assert len(turn_in_place(START, 0.001 * half, per_step=0.001)) == MOST_STEPS
+    with pytest.raises(InputError, match=f"takes {MOST_STEPS + 2} steps"):
+        turn_in_place(START, 0.001 * (half + 1), per_step=0.001)
+    assert len(walk_distance(START, step * MOST_STEPS)) == MOST_STEPS + 1
+    with pytest.raises(InputError, match=f"takes {MOST_STEPS + 1} steps"):
+        walk_distance(START, -step * (MOST_STEPS + 0.5))
+    with pytest.raises(InputError, match=f"takes {MOST_STEPS + 1} steps"):
+        walk_velocity(START, (0.1, 0.0, 0.0), MOST_STEPS + 1)
+    with pytest.raises(InputError, match=f"takes {MOST_STEPS + 2} steps"):
+        climb_stairs(START, rise=0.1, tread=0.3, count=half, first_edge=0.4)
+    assert climb_stairs(START, rise=1e-5, tread=0.3, count=half - 1, first_edge=0.15)
+
+
+def test_feet_stand_half_a_tread_before_the_first_edge() -> None:
+    plan = climb_stairs(START, rise=0.1, tread=0.3, count=1, first_edge=0.15)
+    assert [step.x for step in plan.steps] == pytest.approx([0.3, 0.3]), "there is nothing to approach"
+    with pytest.raises(InputError, match=r"half a tread, 0\.15 m, before the edge, got 0\.14 m"):
+        climb_stairs(START, rise=0.1, tread=0.3, count=1, first_edge=0.14)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "side"),
+    [
+        ((0.1, 0.0, 0.0), "left"),
+        ((0.1, 0.05, -0.1), "left"),
+        ((0.1, -0.05, 0.1), "right"),
+        ((0.0, 0.0, 0.1), "left"),
+        ((0.0, 0.0, -0.1), "right"),
+    ],
+)
+def test_a_robot_sets_off_with_the_foot_on_the_side_of_the_motion_else_of_the_turn(
+    velocity: tuple[float, float, float], side: str
+) -> None:
+    planner = SteeredSteps(Reach.of(load("hrp4_class").robot()))
+    planner.steering.command(velocity)
+    plan = planner.footsteps(Standing(START, None, 0, False, 0.0))
+    assert plan.steps[0].side == side == walk_velocity(START, velocity, 3).steps[0].side
+    assert planner.granted != AT_REST
+    given = SteeredSteps(Reach.of(load("hrp4_class").robot()))
+    given.steering.command(velocity)
+    assert given.footsteps(Standing(START, "right", 0, False, 0.0)).steps[0].side == "right"
+
+
+# ---- swings ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("duration", [0.6, 0.8, 1.2])
+def test_the_heel_is_highest_after_a_third_of_a_swing_onto_a_stair(duration: float) -> None:
+    gait = StepGait()
+    start = Footstep("left", 0.0, 0.0875)
+    foot = SwingFoot(start.placement, replace(start, x=0.3, z=2.0 * gait.swing_height), duration, gait.swing)
+    times = np.linspace(0.0, duration, 1201)
+    pitch = [math.asin(-foot.at(float(t)).placement.rotation[2, 0]) for t in times]
+    assert times[int(np.argmax(pitch))] == pytest.approx(HEEL_TIME * duration, abs=2e-3)
+    assert max(pitch) == pytest.approx(gait.swing.heel, abs=1e-6)
+    half = SwingFoot(start.placement, replace(start, x=0.3, z=1.25 * gait.swing_height), duration, gait.swing)
+    pitch = [math.asin(-half.at(float(t)).placement.rotation[2, 0]) for t in times]
+    assert max(pitch) == pytest.approx(0.5 * gait.swing.heel, abs=1e-6), (
+        "from its own height on, to one and a half"
+    )
+
+
+@pytest.mark.parametrize("duration", [0.3, 0.8])
+def test_a_foot_has_its_apex_after_the_shortest_piece_at_least(duration: float) -> None:
+    shape = StepGait(takeoff_time=0.0, landing_time=0.0, apex=0.3).swing
+    start = Footstep("left", 0.0, 0.0875)
+    foot = SwingFoot(start.placement, start, duration, shape)
+    assert foot.apex_time == pytest.approx(max(0.3 * duration, 1.02 * shape.piece))
+    heights = [foot.motion(t)[0][2] for t in np.linspace(0.0, duration, 601)]
+    assert np.linspace(0.0, duration, 601)[int(np.argmax(heights))] == pytest.approx(foot.apex_time, abs=2e-3)
+
+
+def test_a_foot_rolls_into_its_landing_over_its_share_of_the_swing() -> None:
+    start = Footstep("left", 0.0, 0.0875)
+    landing = replace(start, x=0.2, roll=0.1, pitch=-0.1)
+    shape = StepGait(takeoff_time=0.0, landing_time=0.0).swing._replace(level=0.5, edge=0.0)
+    foot = SwingFoot(start.placement, landing, 0.8, shape)
+    times = np.linspace(0.0, 0.8, 801)
+    rolls = np.array([pin.rpy.matrixToRpy(foot.at(float(t)).placement.rotation)[0] for t in times])
+    assert times[int(np.argmax(rolls > 0.1 - 1e-7))] == pytest.approx(0.4, abs=0.01)
+    np.testing.assert_allclose(foot.at(0.4).placement.rotation, foot.at(0.8).placement.rotation, atol=1e-6)
+
+
+def test_a_foot_leaves_the_ground_with_the_speed_of_its_shape_and_its_heading_turns_the_short_way() -> None:
+    start = Footstep("left", 0.0, 0.0875, 0.0, 3.0)
+    shape = StepGait().swing._replace(lift_speed=0.3)
+    foot = SwingFoot(start.placement, replace(start, x=0.2, yaw=-3.0), 0.8, shape)
+    assert foot.motion(0.0)[1] == pytest.approx((0.0, 0.0, 0.3))
+    assert foot.heading(0.0) == pytest.approx(3.0) and foot.heading(0.8) == pytest.approx(math.tau - 3.0)
+
+
+def test_a_foot_in_the_air_goes_on_over_the_ground_that_it_is_given() -> None:
+    """Its apex is over the higher one of that ground and of its landing, with no more lift than legs have."""
+    start = Footstep("left", 0.0, 0.0875)
+    for ground in (0.0, 0.06):
+        foot = SwingFoot(start.placement, replace(start, x=0.2), 0.8, StepGait().swing)
+        place = pin.SE3(np.eye(3), np.array([0.05, 0.09, 0.02]))
+        foot.join(0.1, place, (0.2, 0.0, 0.0), ground, 3.0)
+        assert foot.motion(0.1) == (pytest.approx((0.05, 0.09, 0.02)), pytest.approx((0.2, 0.0, 0.0)))
+        top = max(foot.motion(float(t))[0][2] for t in np.linspace(0.1, 0.8, 701))
+        assert top == pytest.approx(ground + StepGait().swing_height, abs=1e-4)
