@@ -20,15 +20,14 @@ from wbc.feet import foot as foot_by_name
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.foreign.mujoco_model import MujocoLoop
-from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, check_clear
+from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.link_geoms import SHAPE_GROUP, add_stage, add_visuals
-from wbc.sim.plant.model import bare_spec, compiled, equip, furniture
+from wbc.sim.plant.model import bare_spec, compiled, equip, furniture, surround
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.scenes.base import Scene
 from wbc.sim.simulation.machine import Machine, Step
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
 from wbc.sim.simulation.simulation import ANOTHER, step_together
-from wbc.sim.terrain.render import add_to_spec
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 
@@ -105,20 +104,19 @@ class SharedPlant:
         spec = mujoco.MjSpec()
         PhysicsSettings(timestep=timestep).apply(spec)
         ground = terrain_by_name(terrain) if isinstance(terrain, str) else terrain
-        add_to_spec(spec, ground, sole_radius=foot.contact.radius)
-        if scene is not None:
-            spec.attach(furniture(scene), prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
+        things = None if scene is None else furniture(scene)
+        models = {f"{name}/": description.robot() for name, description in descriptions.items()}
         every = (1 << len(robots)) - 1
         for i, (name, description) in enumerate(descriptions.items()):
             description.needs_feet("a shared plant")
-            robot, part = description.robot(), bare_spec(description)
+            robot, part = models[f"{name}/"], bare_spec(description)
             add_visuals(part, description, robot)
             equip(part, description, robot, foot, Machine(), hands=True, shapes=scene is not None)
             for geom in part.geoms:
                 if geom.group == SHAPE_GROUP:  # touches things, and the other robots
                     geom.contype, geom.conaffinity = 2 << i, 1 | (every & ~(1 << i)) << 1
             spec.attach(part, prefix=f"{name}/", frame=spec.worldbody.add_frame())
-            add_grips(spec, robot, f"{name}/")
+        surround(spec, ground, things, models, sole_radius=foot.contact.radius)
         add_stage(spec)
         self.model = compiled(spec, " and ".join(robots))
         self.data = mujoco.MjData(self.model)

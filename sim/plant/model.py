@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
@@ -48,7 +49,7 @@ def build_model(
     foot: Foot,
     terrain: Terrain,
     physics: PhysicsSettings,
-    machine: Machine | None = None,
+    machine: Machine,
     scene: mujoco.MjSpec | None = None,
     visuals: bool = True,
 ) -> tuple[mujoco.MjModel, tuple[FootParts, ...], Terrain]:
@@ -59,14 +60,9 @@ def build_model(
     """
     spec = bare_spec(description)
     physics.apply(spec)
-    ground = add_to_spec(spec, terrain, sole_radius=foot.contact.radius)
-    sensors = scene is not None or (machine is not None and machine.hand_sensors)
-    feet = equip(
-        spec, description, robot, foot, machine or Machine(), hands=sensors, shapes=scene is not None
-    )
-    if scene is not None:
-        spec.attach(scene, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
-        add_grips(spec, robot)
+    sensors = scene is not None or machine.hand_sensors
+    feet = equip(spec, description, robot, foot, machine, hands=sensors, shapes=scene is not None)
+    ground = surround(spec, terrain, scene, {"": robot}, sole_radius=foot.contact.radius)
     if visuals:
         add_visuals(spec, description, robot)
         add_stage(spec)
@@ -83,6 +79,38 @@ def build_model(
     clamps = model.jnt_actfrcrange[model.actuator_trnid[:, 0]]
     assert (clamps == model.actuator_forcerange).all(), "joint and actuator are clamped differently"
     return model, feet, ground
+
+
+def surround(
+    spec: mujoco.MjSpec,
+    terrain: Terrain,
+    scene: mujoco.MjSpec | None = None,
+    robots: Mapping[str, Robot] | None = None,
+    *,
+    sole_radius: float | None = None,
+) -> Terrain:
+    """Put all that is no robot into a model: the ground, and the bodies that stand or move on it.
+
+    This is the one place where surroundings enter the model of one robot, of several, and of a picture. How a ground
+    gives and how slippery it is are the contact parameters of its geoms, `wbc.sim.terrain.render.CONTACT`. Bodies that
+    can move have names that begin with `SCENE_PREFIX`, by which logs, replays and eyes find their poses.
+
+    Args:
+        spec: Model with the robots in it.
+        terrain: The ground.
+        scene: Furniture, made by `furniture`.
+        robots: Beginning of all names of a robot → robot; their hands can grip the handles of the scene.
+        sole_radius: Radius of the spheres under the soles, m; that of the terrain when None.
+
+    Returns:
+        The terrain as drawn.
+    """
+    ground = add_to_spec(spec, terrain, sole_radius=sole_radius)
+    if scene is not None:
+        spec.attach(scene, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
+        for owner, robot in (robots or {}).items():
+            add_grips(spec, robot, owner)
+    return ground
 
 
 def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
@@ -127,7 +155,7 @@ def equip(
 def drawing_model(description: RobotDescription, robot: Robot, terrain: Terrain) -> mujoco.MjModel:
     """Return a model of a robot's links on a terrain that is drawn and never stepped."""
     spec = bare_spec(description)
-    add_to_spec(spec, terrain)
+    surround(spec, terrain)
     add_visuals(spec, description, robot)
     add_stage(spec)
     return compiled(spec, robot.name)

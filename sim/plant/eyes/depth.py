@@ -18,11 +18,9 @@ from wbc.base.settings import Angle, NonNegative, Positive, Share, settings
 from wbc.core.robot import Robot
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
-from wbc.sim.plant.hands import SCENE_PREFIX
 from wbc.sim.plant.link_geoms import SHAPE_GROUP
-from wbc.sim.plant.model import bare_spec, compiled, equip
+from wbc.sim.plant.model import bare_spec, compiled, equip, surround
 from wbc.sim.plant.places import RobotPlaces, body_frame
-from wbc.sim.terrain.render import add_to_spec
 
 SOLE_HEIGHT = 0.02
 """Height of a sole as the camera sees it, m: that of the soft soles' phalanges, and a little more."""
@@ -101,7 +99,6 @@ def visible_model(plant: Carrier) -> mujoco.MjModel:
     """Return the model of a plant with the shapes of its links and soles, which hide the ground."""
     spec = bare_spec(plant.description)
     plant.physics.apply(spec)
-    add_to_spec(spec, plant.terrain)
     feet = equip(spec, plant.description, plant.robot, plant.foot, plant.machine, hands=False, shapes=True)
     for foot in feet:
         site, sole = spec.site(foot.wrench_site), foot.fit.sole
@@ -117,9 +114,8 @@ def visible_model(plant: Carrier) -> mujoco.MjModel:
     for geom in spec.geoms:
         if geom.group == SHAPE_GROUP:
             geom.rgba[3] = 1.0  # rays pass through what cannot be seen
-    if plant.scene is not None:
-        things = mujoco.MjSpec.from_string(plant.scene)
-        spec.attach(things, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
+    things = None if plant.scene is None else mujoco.MjSpec.from_string(plant.scene)
+    surround(spec, plant.terrain, things)
     return compiled(spec, plant.description.name)
 
 
