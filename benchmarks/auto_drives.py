@@ -57,7 +57,7 @@ class RandomOrders(TrialHook):
 
     def before(self, trial: Any) -> None:
         """Give an order when the last one is over: after its time, or once the robot is there and stands."""
-        walking, now, draw = trial.walking, trial.plant.time, self._random
+        walking, now, draw = trial.control, trial.plant.time, self._random
         there = self._kind in ("goal", "plan") and walking.finished
         if (now < self._until and not there) or now > SECONDS - 10.0:
             return
@@ -110,7 +110,7 @@ class RandomOrders(TrialHook):
 
     def tick(self, tick: TrialTick) -> None:
         """Count the kinds of steps."""
-        walking = tick.walking
+        walking = tick.control
         self.ticks[walking.step_kind] += 1
         self.counts["changes"] += walking.step_kind != self._kind_before != ""
         self._kind_before = walking.step_kind

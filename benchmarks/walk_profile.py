@@ -54,7 +54,7 @@ def parts_of(trial: WalkTrial, hooks: Sequence[TrialHook] = ()) -> list[Timed]:
     is that of the soles' stiffness. Figures are the result's. The rest is the loop around, the fall test on the true
     state and the making of the result.
     """
-    plant, walking = trial.plant, trial.walking
+    plant, walking = trial.plant, trial.control
     control, controller, source = walking.control, walking.controller, walking.source
     observing = [task for task in controller.tasks if type(task).observe is not Task.observe]
     return [
@@ -101,7 +101,7 @@ def profile_walk(
             for method in methods if owner is not None else ():
                 _time(clocks, owner, method, [spent[part]], inside)
         solution = [spent[f"QP: {part}"] for part in ("assembly", "solve", "decode")]
-        _time(clocks, trial.walking.controller, "solve", solution, inside)
+        _time(clocks, trial.control.controller, "solve", solution, inside)
         start = time.perf_counter()
         result = trial.run(hooks)
         whole = time.perf_counter() - start

@@ -32,7 +32,7 @@ class Seen(TrialHook):
 
     def start(self, trial: Any) -> None:
         """Keep the plan."""
-        self.walk = trial.walking.source
+        self.walk = trial.control.source
         self.plan, self.done = self.walk.plan, 0
         self.chosen: Any = None
 
@@ -47,7 +47,7 @@ class Seen(TrialHook):
             self.landings.append((self.plan.steps[self.done], self.chosen, true))
             self.done = walk.steps_done
             drift = self.chosen.z - true[2]  # of the estimate
-            for x, y, z in tick.walking.ground.map.known()[0].tolist():
+            for x, y, z in tick.control.ground.map.known()[0].tolist():
                 self.cells[math.floor(x / 0.02), math.floor(y / 0.02)] = (x, y, z - drift)
 
 

@@ -153,7 +153,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self.trial, self._hooks = WalkTrial(spec, visuals=bool(hooks)), hooks
         self._actions = []
         if self._task == "stand":
-            self._height = self.trial.walking.body.com_height
+            self._height = self.trial.control.body.com_height
         with one_thread():  # sums of several threads depend on their number
             self.trial.start(hooks)
             self.trial.step()
@@ -233,9 +233,9 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
     def _order(self, trial: WalkTrial, action: Array) -> None:
         if self._task == "walk":
-            trial.walking.velocity = tuple(action.tolist())
+            trial.control.velocity = tuple(action.tolist())
             return
-        body = trial.walking.body
+        body = trial.control.body
         body.com_height = self._height - float(action[0])
         body.lean, body.turn = (float(action[1]), float(action[2])), float(action[3])
 

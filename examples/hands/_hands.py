@@ -60,8 +60,8 @@ def grip(trial: Trial, limit: float, **handles: tuple[str, Sequence[float]]) -> 
     """Go with hands to handles ahead of them and close them; `handles` is hand = (handle of the scene, place in m)."""
     trial.advance(0.5)
     for hand, (_, place) in handles.items():
-        trial.walking.hands.grip(hand, place, (1.0, 0.0, 0.0), limit)
-    trial.until(lambda: bool(trial.walking.hands.there), 20.0)
+        trial.control.hands.grip(hand, place, (1.0, 0.0, 0.0), limit)
+    trial.until(lambda: bool(trial.control.hands.there), 20.0)
     for hand, (handle, _) in handles.items():
         trial.plant.grip(hand, handle)
     trial.advance(0.5)
@@ -70,4 +70,4 @@ def grip(trial: Trial, limit: float, **handles: tuple[str, Sequence[float]]) -> 
 def report(trial: Trial, options: _common.Options, **facts: Any) -> dict[str, Any]:
     """Print and return a result."""
     common = {"robot": options.robot, "seed": options.seed, "stage": trial.stage, "upright": not trial.fallen}
-    return _common.report(**common, failures=trial.walking.control.failures, **facts)
+    return _common.report(**common, failures=trial.control.control.failures, **facts)

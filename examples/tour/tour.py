@@ -29,7 +29,7 @@ from wbc.app import Recorder
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.sim import Machine, MujocoLoop, Simulation, trial_loop
 from wbc.sim.studies import Journal, SweepSummary, register_trial, sweep
-from wbc.sim.studies.trials import KINDS, Outcome, TrialKind
+from wbc.sim.studies.outcomes import KINDS, Outcome, TrialKind
 from wbc.walking import WalkingControl, WalkingControlSettings
 
 HERE = Path(__file__).resolve().parent

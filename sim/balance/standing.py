@@ -12,7 +12,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
-from wbc.core.drive.control import Mode
+from wbc.core.drive.control import DriveControl, Mode
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -99,28 +99,24 @@ class StandResult(TrialResult):
 
 
 class StandTrial(Trial):
-    """One stand about to begin: plant and controller, connected; `control` is the controller with its observer."""
+    """One stand about to begin: plant and controller, connected."""
 
     @checked
     def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = (), *, visuals: bool = True) -> None:
         """Build robot, plant (see it for `visuals`) and controller; `scenario` are hooks that act, such as pushes."""
         self.spec = spec
         robot, plant, observer = spec.build(visuals=visuals)
-        self.control: PositionControl | TorqueControl
+        control: WalkingControl | DriveControl
         if spec.steps == "allowed":
             settings = WalkingControlSettings(mode=spec.chosen, step_kind="free")
-            walking: Any = WalkingControl(robot, None, spec.period, settings, observer=observer)
-            self.control = walking.control
+            control = WalkingControl(robot, None, spec.period, settings, observer=observer)
         else:
             controller = balance_controller(robot, spec.period, spec.gains)
             if spec.chosen == "position":
-                self.control = PositionControl(controller, observer, feedback=spec.feedback)
+                control = PositionControl(controller, observer, feedback=spec.feedback)
             else:
-                self.control = (TorqueControl if spec.chosen == "torque" else HybridControl)(
-                    controller, observer
-                )
-            walking = self.control
-        super().__init__(plant, walking, scenario=scenario)
+                control = (TorqueControl if spec.chosen == "torque" else HybridControl)(controller, observer)
+        super().__init__(plant, control, scenario=scenario)
         self.sway = Sway(plant.truth().com)
         self.meters.append(self.sway)
 
@@ -145,8 +141,8 @@ class StandTrial(Trial):
             real_time_factor=self.real_time_factor,
             tick_us=self.tick_us(),
             seconds=self.plant.time,
-            steps_taken=self.walking.steps_done if spec.steps == "allowed" else 0,
-            failures=self.control.failures,
+            steps_taken=self.control.steps_done if spec.steps == "allowed" else 0,
+            failures=self.drives.failures,
             noise=spec.noise,
             foot=spec.foot,
             seed=spec.seed,

@@ -104,7 +104,7 @@ class TrackResult(TrialResult):
 class TrackTrial(Trial):
     """One clip about to be tracked: plant and controller with its references (`source`), connected."""
 
-    walking: WalkingControl
+    control: WalkingControl
 
     @checked
     def __init__(self, clip: MotionClip, spec: TrackSpec | None = None, *, visuals: bool = True) -> None:
@@ -143,7 +143,7 @@ class TrackTrial(Trial):
 
     def result(self) -> TrackResult:
         """Return how well the clip was tracked."""
-        control, spec, errors = self.walking, self.spec, self._errors
+        control, spec, errors = self.control, self.spec, self._errors
         joints = np.degrees(np.array(errors.joints))
         each = np.sqrt((joints**2).mean(axis=0))
         worst = int(each.argmax())
@@ -163,7 +163,7 @@ class TrackTrial(Trial):
             com_rms_mm=1e3 * float(np.sqrt((np.array(errors.com) ** 2).sum(axis=1).mean())),
             foot_slide_mm=1e3 * errors.slide,
             landings=self.source.landings,
-            failures=control.control.failures,
+            failures=self.drives.failures,
             tick_us=self.tick_us(),
         )
 

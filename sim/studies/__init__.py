@@ -14,15 +14,17 @@ from wbc.sim.studies.intervals import (
     sign_flip_p,
 )
 from wbc.sim.studies.journal import Entry, Journal, JournalError, read_journal
+from wbc.sim.studies.outcomes import Outcome, TrialKind, register_trial, run_trial, trial_from_json
 from wbc.sim.studies.study import Cell, Study, study_entries
 from wbc.sim.studies.study_table import StudyTable, study_frame, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, local_executor, sweep
-from wbc.sim.studies.trials import register_trial, run_trial, trial_from_json
 
 __all__ = [
     # A study and its trials
     "Cell",
     "Study",
+    "Outcome",
+    "TrialKind",
     "register_trial",
     "run_trial",
     "trial_from_json",

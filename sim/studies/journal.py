@@ -41,8 +41,8 @@ from wbc.base.errors import InputError, WbcError, check_parts, shown_path
 from wbc.base.files import decoding
 from wbc.base.numbers import plain
 from wbc.base.settings import to_json
+from wbc.sim.studies.outcomes import KINDS, AnyTrialSpec, Status, trial_from_json
 from wbc.sim.studies.provenance import code_of, provenance
-from wbc.sim.studies.trials import KINDS, AnyTrialSpec, Status, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
 PACKED = ".xz"

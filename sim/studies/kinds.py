@@ -8,7 +8,7 @@ from wbc.base.settings import to_json, units
 from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial
 from wbc.sim.balance.tracking import MotionSpec, TrackResult, TrackTrial
 from wbc.sim.simulation.simulation import DivergedError
-from wbc.sim.studies.trials import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
+from wbc.sim.studies.outcomes import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
 from wbc.sim.trial.trial import Trial
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec

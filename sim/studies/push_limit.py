@@ -13,7 +13,7 @@ from wbc.base.settings import Positive, from_json, json_object, settings, to_jso
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.simulation.simulation import DivergedError
-from wbc.sim.studies.trials import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
+from wbc.sim.studies.outcomes import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import walk

@@ -23,8 +23,8 @@ from wbc.base.errors import InputError, choose, unknown_name
 from wbc.base.registry import allow_code, in_file, is_data, reading_data
 from wbc.base.settings import Count, Seed, from_json, json_object, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
+from wbc.sim.studies.outcomes import KINDS, AnyTrialSpec, TrialKind, trial_from_json, with_seed
 from wbc.sim.studies.provenance import differences
-from wbc.sim.studies.trials import KINDS, AnyTrialSpec, TrialKind, trial_from_json, with_seed
 
 ALL = "all"
 """Name of the row of all cells together in tables; no cell has it."""

@@ -28,8 +28,8 @@ from wbc.base.errors import InputError, WbcError, check_parts
 from wbc.base.registry import allow_code, in_file
 from wbc.base.settings import Count, Positive, to_json
 from wbc.sim.studies.journal import Entry, Journal, trial_key
+from wbc.sim.studies.outcomes import AnyTrialSpec, Outcome, run_trial, trial_from_json
 from wbc.sim.studies.provenance import differences, provenance
-from wbc.sim.studies.trials import AnyTrialSpec, Outcome, run_trial, trial_from_json
 
 TIMEOUT = 600.0
 """Default time-out of a trial, s: a walk of 22 steps takes some ten seconds of wall time."""

@@ -28,9 +28,10 @@ from typing import Any
 
 import numpy as np
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError, MeasurementError, WbcError, check_parts
 from wbc.base.numbers import ROUNDING
+from wbc.core.drive.control import DriveControl
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.simulation.simulation import DivergedError, Simulation
@@ -54,15 +55,17 @@ class TrialTick:
 
     Attributes:
         plant: The plant in the state that was measured; it moves on after the hooks.
-        walking: The controller, with the references of this tick, or of the last one whose measurement was good.
+        control: The controller, with the references of this tick, or of the last one whose measurement was good.
         measurement: Readings of the sensors.
         command: Command to the drives.
     """
 
     plant: Simulation
-    walking: Any
+    control: Any
     measurement: Measurement
     command: Command
+
+    walking = renamed("control")
 
 
 class TrialHook:
@@ -94,7 +97,7 @@ class Trial:
 
     Attributes:
         plant: The plant.
-        walking: The controller.
+        control: The controller; of any kind, such as a `WalkingControl` or one that only stands.
         meters: Hooks that measure the figures of the result; they come first in every tick.
         hooks: Hooks that observe; their time is not part of the timings. Hooks in `scenario` act: they steer, push or
             give orders.
@@ -108,13 +111,14 @@ class Trial:
         loop_time: Wall time of `run` without the time in `hooks`, s.
     """
 
+    walking = renamed("control")
     _started = False
 
     @checked
     def __init__(
         self,
         plant: Simulation | Any,
-        walking: Control,
+        control: Control,
         limits: BodyLimits | None = None,
         scenario: Sequence[TrialHook] = (),
     ) -> None:
@@ -122,18 +126,18 @@ class Trial:
 
         Args:
             plant: The plant.
-            walking: The controller.
+            control: The controller.
             limits: Limits of the body in the fall test; those of a standing robot when None.
             scenario: Hooks that act.
         """
         check_parts("a loop", plant, "robot", "control_period", "measure", "step")
-        if isinstance(walking, WalkingControl) and abs(walking.dt - plant.control_period) > ROUNDING:
+        if isinstance(control, WalkingControl) and abs(control.dt - plant.control_period) > ROUNDING:
             raise InputError(
-                f"the control is made for a period of {1e3 * walking.dt:g} ms, and the plant advances by "
+                f"the control is made for a period of {1e3 * control.dt:g} ms, and the plant advances by "
                 f"{1e3 * plant.control_period:g} ms: give both the same control_period"
             )
         self.plant = plant
-        self.walking: Any = walking
+        self.control: Any = control
         self.meters: list[TrialHook] = []
         self.hooks: list[TrialHook] = []
         self.scenario = list(scenario)
@@ -145,6 +149,12 @@ class Trial:
         self.tick_times = array("d")
         self.physics_time = self.hook_time = self.loop_time = 0.0
         self._falls = TrueFallDetector(plant.robot, limits)
+
+    @property
+    def drives(self) -> DriveControl:
+        """Drives of the controller, with its observer."""
+        drives: DriveControl = getattr(self.control, "control", self.control)
+        return drives
 
     @property
     def fallen(self) -> bool:
@@ -167,7 +177,7 @@ class Trial:
 
     def find_fall(self) -> FallReason | None:
         """Return why the robot has fallen, by its controller or by the true state; None if it has not fallen."""
-        return self.walking.fallen or (None if self.plant.diverged else self.true_fall())
+        return self.control.fallen or (None if self.plant.diverged else self.true_fall())
 
     def run(self, hooks: Sequence[TrialHook] = ()) -> Any:
         """Run a trial that has an end, and return its result; a trial can run only once.
@@ -205,7 +215,7 @@ class Trial:
 
     def step(self) -> bool:
         """Advance by one control period; return False after a fall or a divergence, and in the last tick."""
-        plant, walking = self.plant, self.walking
+        plant, control = self.plant, self.control
         for part in self.scenario:
             part.before(self)
         if self._stopping:
@@ -218,10 +228,10 @@ class Trial:
         clouds = plant.clouds()
         start = time.perf_counter()
         for cloud in clouds:
-            walking.see(cloud)
-        command = walking.command(measurement)
+            control.see(cloud)
+        command = control.command(measurement)
         self.tick_times.append(time.perf_counter() - start)
-        tick = TrialTick(plant, walking, measurement, command)
+        tick = TrialTick(plant, control, measurement, command)
         for meter in self.meters:
             meter.tick(tick)
         if self.hooks:
@@ -284,12 +294,12 @@ class Trial:
         Raises:
             StageError: The robot does not reach the end of the plan, because a step is refused or takes too long.
         """
-        walking = self.walking
-        walking.follow(plan)
+        control = self.control
+        control.follow(plan)
         self.advance(1.0, look)
-        self.until(lambda: bool(walking.done), 3.0 * (len(plan) + 4), look)
-        if walking.source.reason:
-            raise StageError(f"stage '{self.stage}' ended: {walking.source.reason}")
+        self.until(lambda: bool(control.done), 3.0 * (len(plan) + 4), look)
+        if control.source.reason:
+            raise StageError(f"stage '{self.stage}' ended: {control.source.reason}")
         self.advance(rest, look)
 
     @contextmanager

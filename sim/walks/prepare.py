@@ -19,7 +19,7 @@ from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plans import FASTER, WalkPlan, check_velocity
-from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
@@ -40,7 +40,7 @@ class PreparedWalk:
     plant_description: RobotDescription  # the robot on its own soles, for the plant
     controller_description: RobotDescription  # the robot on the feet of the walk, for the controller
     foot: Foot
-    settings: TrialSettings
+    settings: WalkTrialSettings
     configuration: Array  # configuration of the controller's robot at the start, shape (nq,)
     plan: FootstepPlan  # footsteps, with timings on the grid of the control period; none of free steps to a goal
     way: FootstepPlan
@@ -81,7 +81,7 @@ def prepare(
     foot: Foot,
     plan: WalkPlan,
     gait: Gait,
-    settings: TrialSettings,
+    settings: WalkTrialSettings,
     period: float,
     start: tuple[float, float, float],
     extent: tuple[float, float, float, float] | None,

@@ -69,11 +69,11 @@ class Surroundings:
 
 
 @settings
-class TrialSettings(Surroundings, WalkingControlSettings):
+class WalkTrialSettings(Surroundings, WalkingControlSettings):
     """Settings of a simulated walk: those of the controller, and those of what surrounds it."""
 
     @staticmethod
-    def preset(name: str) -> TrialSettings:
+    def preset(name: str) -> WalkTrialSettings:
         """Return settings by name.
 
         "no_bias" is the plain law: planned steps, position servos without feed-forward, gains and costs of mc_rtc, feet
@@ -82,9 +82,9 @@ class TrialSettings(Surroundings, WalkingControlSettings):
         detected as in "default": a walk over unknown ground needs it.
         """
         if choose("gains", name, PRESETS) == "default":
-            return TrialSettings()
+            return WalkTrialSettings()
         paper, plain = name == "frizza", StabilizerGains.mc_rtc()
-        return TrialSettings(
+        return WalkTrialSettings(
             step_kind="planned",
             feedforward=False,
             gains=replace(plain, **PAPER_GAINS) if paper else plain,
@@ -99,15 +99,15 @@ class TrialSettings(Surroundings, WalkingControlSettings):
         )
 
 
-def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> TrialSettings:
+def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> WalkTrialSettings:
     """Return a preset with changes that `checked_changes` returned."""
-    trial = changed(TrialSettings.preset(preset), changes)
+    trial = changed(WalkTrialSettings.preset(preset), changes)
     return replace(trial, mode=mode, physics=replace(trial.physics, timestep=timestep))
 
 
 def checked_changes(preset: str, changes: Changes) -> Changes:
     """Return changes in their normal form; what is a setting of its own elsewhere, or out of range, is refused."""
-    normal = normal_changes(TrialSettings.preset(preset), changes)
+    normal = normal_changes(WalkTrialSettings.preset(preset), changes)
     for path, _ in normal:
         if path in DERIVED:
             raise InputError(f"'{path}' is not a setting to be changed, it follows from {DERIVED[path]}")
@@ -132,7 +132,7 @@ OF_KIND: dict[Kind, tuple[str, ...]] = {
 """Kind of steps → settings that count in these alone."""
 
 
-def check_read(changes: Changes, trial: TrialSettings) -> None:
+def check_read(changes: Changes, trial: WalkTrialSettings) -> None:
     """Refuse changes of settings of a kind of steps that a walk does not take."""
     for kind, groups in OF_KIND.items():
         for path, _ in changes if kind not in trial.kinds else ():

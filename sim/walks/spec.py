@@ -30,7 +30,7 @@ from wbc.sim.walks.plans import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import (
     Eyes,
-    TrialSettings,
+    WalkTrialSettings,
     check_read,
     checked_changes,
     trial_settings,
@@ -95,7 +95,7 @@ class WalkSpec(TrialSpec):
         eyes: Sensors by which the robot sees the ground: none, depth (a camera) or toes (range sensors).
         gains: Preset of settings: default; frizza, the law of the paper; or no_bias, the law of the paper without the
             estimate of the bias.
-        changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
+        changes: Settings that differ from the preset; see `wbc.sim.walks.settings.WalkTrialSettings`.
         start: Pose of the robot at the start: x (m), y (m) and heading (rad).
         pushes: Pushes during the walk.
         trained: ONNX file of a trained policy that walks in torque control in place of the library's steps, such as
@@ -251,7 +251,7 @@ class WalkSpec(TrialSpec):
         """Smallest and largest x, smallest and largest y of the ground, m; None for an endless floor."""
         return None if self.terrain == "flat" else self.ground().extent
 
-    def settings(self) -> TrialSettings:
+    def settings(self) -> WalkTrialSettings:
         """Return preset and changes as settings."""
         stated = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
         given = dict(self.changes)

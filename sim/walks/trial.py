@@ -15,7 +15,6 @@ import numpy as np
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, choose
-from wbc.core.drive.control import DriveControl
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor
@@ -36,7 +35,7 @@ from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.plans import Drive, WalkPlan, plan_over
 from wbc.sim.walks.prepare import PreparedWalk, moved
 from wbc.sim.walks.result import WalkResult, WallClock, identity, objective
-from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter
 from wbc.sim.walks.stiffness_policy import make_policy
@@ -128,7 +127,6 @@ class WalkTrial(Trial):
         walked = None if planned is None else planned.source.com_height
         lowering = max(0.0, standing_com - (walked or standing_com))
         com = plant.com_height - _ground(plant) - lowering
-        self.walking: Any
         limits = prepared.settings.falls
         super().__init__(plant, walking, BodyLimits(com - limits.drop * robot.length_scale, limits.tilt))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
@@ -151,13 +149,7 @@ class WalkTrial(Trial):
     @property
     def walker(self) -> WalkingControl:
         """The controller; of a trained policy, its `PolicyControl`."""
-        return cast(WalkingControl, self.walking)
-
-    @property
-    def drives(self) -> DriveControl:
-        """Drives of the controller, with the observer."""
-        drives: DriveControl = getattr(self.walking, "control", self.walking)
-        return drives
+        return cast(WalkingControl, self.control)
 
     @property
     def ground(self) -> float:
@@ -172,10 +164,10 @@ class WalkTrial(Trial):
 
     def result(self) -> WalkResult:
         """Return the result of the walk."""
-        walking, diverged = self.walking, self.diverged
+        control, diverged = self.control, self.diverged
         fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
         # A robot that a hook has steered has another goal than its plan's.
-        arrival = self._arrival if self._steered or not walking.steered else None
+        arrival = self._arrival if self._steered or not control.steered else None
         if diverged is not None:
             outcome = "diverged"
         elif fall is not None:
@@ -187,15 +179,15 @@ class WalkTrial(Trial):
         elif arrival is None or arrival.arrived(middle(self.plant), self._heading()):
             outcome = "completed"
         else:
-            outcome = "stopped" if walking.stopped else "strayed"
-        planned = len(self._prepared.plan) or walking.steps_done
+            outcome = "stopped" if control.stopped else "strayed"
+        planned = len(self._prepared.plan) or control.steps_done
         figures = self.meter.figures()
         return WalkResult(
             **(identity(self.spec) | {"policy": self._policy}),
             outcome=outcome,
             steps_planned=planned,
-            steps_done=walking.steps_done,
-            J=objective(planned - walking.steps_done, figures["zmp_error"], figures["com_error"]),
+            steps_done=control.steps_done,
+            J=objective(planned - control.steps_done, figures["zmp_error"], figures["com_error"]),
             fell=fall is not None,
             fall_reason=None if fall is None else fall.reason,
             fall=fall,
@@ -230,7 +222,7 @@ class WalkTrial(Trial):
         c, s = math.cos(yaw), math.sin(yaw)
         dx, dy = (middle(self.plant) - self._origin).tolist()
         weight = self.plant.robot.mass * GRAVITY
-        reference = getattr(self.walking, "reference", None)
+        reference = getattr(self.control, "reference", None)
         desired = yaw if reference is None else reference.heading
         if self.spec.trained is not None:  # which has no reference
             desired += turned(self._prepared.orders or ())
@@ -305,7 +297,7 @@ def _name(policy: PolicyLike) -> str:
     return str(getattr(policy, "__name__", type(policy).__name__))
 
 
-def _range_sensor(spec: WalkSpec, settings: TrialSettings) -> RangeSensor | None:
+def _range_sensor(spec: WalkSpec, settings: WalkTrialSettings) -> RangeSensor | None:
     """Return the range sensor under each toe; None for soles without a policy."""
     if spec.scheduling[0] is None:
         return None
@@ -315,7 +307,7 @@ def _range_sensor(spec: WalkSpec, settings: TrialSettings) -> RangeSensor | None
     return sensor
 
 
-def _eyes(spec: WalkSpec, settings: TrialSettings) -> tuple[DepthCamera | ToeSensors, ...]:
+def _eyes(spec: WalkSpec, settings: WalkTrialSettings) -> tuple[DepthCamera | ToeSensors, ...]:
     """Return what sees the ground, perfectly with the sensor noise "none"."""
     if spec.eyes == "none":
         return ()

@@ -446,7 +446,7 @@ def pages(monkeypatch: pytest.MonkeyPatch) -> list[Shown]:
 
 
 def trial_of(plant: Any) -> Any:
-    return SimpleNamespace(plant=plant, walking="walking")
+    return SimpleNamespace(plant=plant, control="walking")
 
 
 def test_a_hook_opens_one_page_waits_for_it_and_ends_it(pages: list[Shown]) -> None:

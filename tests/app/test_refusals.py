@@ -121,7 +121,7 @@ def test_a_value_of_a_journal_that_is_no_number_is_refused(
 
 CODE = """
 import wbc
-from wbc.sim.studies.trials import Outcome, TrialKind
+from wbc.sim.studies.outcomes import Outcome, TrialKind
 open("RAN", "w").close()
 
 class Spec:

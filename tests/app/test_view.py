@@ -70,7 +70,7 @@ def short_walk(**values: Any) -> WalkSpec:
 def tick(trial: WalkTrial) -> Any:
     """One control period; returns what was measured before the plant moved on."""
     measurement = trial.plant.measure()
-    trial.plant.step(trial.walking.command(measurement))
+    trial.plant.step(trial.control.command(measurement))
     return measurement
 
 
@@ -264,7 +264,7 @@ def test_arrows_of_forces_are_as_long_as_their_share_of_the_weight() -> None:
 @pytest.mark.slow
 def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> None:
     trial = WalkTrial(short_walk(plan=WalkPlan(distance=0.2), noise="none"))
-    stage, walking = SimulatedStage(trial.plant, trial.walking), trial.walking
+    stage, walking = SimulatedStage(trial.plant, trial.control), trial.control
     steps = walking.walk.plan.steps
     first = stage.picture()
     for mark, step in zip(named(first, "planned step").values(), steps, strict=True):
@@ -293,7 +293,7 @@ def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> N
 
 def test_what_is_planned_is_shown_where_it_lies_in_the_true_world() -> None:
     trial = WalkTrial(short_walk(plan=WalkPlan(distance=0.2), noise="none"))
-    stage = SimulatedStage(trial.plant, trial.walking)
+    stage = SimulatedStage(trial.plant, trial.control)
     for _ in range(20):
         tick(trial)
     before, data = stage.picture(), trial.plant.data
@@ -313,7 +313,7 @@ def test_what_is_planned_is_shown_where_it_lies_in_the_true_world() -> None:
 
 def test_balance_is_shown_as_it_is_and_as_planned() -> None:
     trial = WalkTrial(short_walk(foot="soft", noise="none"))
-    stage, walking = SimulatedStage(trial.plant, trial.walking), trial.walking
+    stage, walking = SimulatedStage(trial.plant, trial.control), trial.control
     while walking.walk.swing is None:
         tick(trial)
     for _ in range(40):
@@ -368,7 +368,7 @@ def test_progress_is_told_ten_times_a_second_of_the_run() -> None:
     line = live.ProgressLine(bar)
     for number in range(201):
         now = SimpleNamespace(
-            plant=SimpleNamespace(time=0.005 * number), walking=SimpleNamespace(steps_done=number)
+            plant=SimpleNamespace(time=0.005 * number), control=SimpleNamespace(steps_done=number)
         )
         line.tick(now)  # type: ignore[arg-type]
     assert len(told) == pytest.approx(11, abs=1) and told[0].startswith("0.0 s") and "20 steps" in told[1]
@@ -386,7 +386,7 @@ def test_a_push_is_an_arrow_that_ends_where_it_pushes() -> None:
 
 def test_soles_have_the_colour_of_their_stiffness() -> None:
     trial = WalkTrial(short_walk(foot="variable", stiffness=10.0))
-    plant, stage = trial.plant, SimulatedStage(trial.plant, trial.walking)
+    plant, stage = trial.plant, SimulatedStage(trial.plant, trial.control)
     colours = stage.picture().colours
     assert len(colours) == 2 * 10 and set(colours.values()) == {stiffness_colour(10.0)}  # the phalanges
     joints = [plant.model.joint(name).id for name in plant.feet[1].variable_joints]
@@ -402,7 +402,7 @@ def test_soles_have_the_colour_of_their_stiffness() -> None:
 def test_scans_lie_on_the_ground() -> None:
     spec = short_walk(foot="variable", policy="fixed", noise="none", terrain="stones", amplitude=0.02, seed=3)
     trial = WalkTrial(spec)
-    ground, stage, scans = spec.ground(), SimulatedStage(trial.plant, trial.walking), dict[str, Mark]()
+    ground, stage, scans = spec.ground(), SimulatedStage(trial.plant, trial.control), dict[str, Mark]()
     while not scans:
         tick(trial)
         scans = named(stage.picture(), "scan")
@@ -477,13 +477,13 @@ def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
 
 async def captions(trial: WalkTrial) -> list[dict[str, Any]]:
     """Captions that a walk's page gets while the robot is pushed over."""
-    with MeshcatView(trial.plant, trial.walking, port=0, rate=1e6) as view:
+    with MeshcatView(trial.plant, trial.control, port=0, rate=1e6) as view:
         address = view.url.replace("http", "ws").replace("static/", "caption")
         with pytest.raises(HTTPClientError, match="403"):  # the page of another site
             await websocket_connect(HTTPRequest(address, headers={"Origin": "http://evil.example"}))
         reader = await websocket_connect(address)
         trial.plant.push("torso", (0.0, 500.0, 0.0), 0.1)
-        while trial.walking.fallen is None and trial.plant.time < 3.0:
+        while trial.control.fallen is None and trial.plant.time < 3.0:
             tick(trial)
             view.update()
         view.ended("<b>fell</b>")
@@ -501,7 +501,7 @@ def test_the_caption_has_time_state_and_legend_and_is_not_made_while_nobody_watc
         first["lines"][:2] == ["0.00 s", "double support, 0 steps done"] and "control: ok" in first["lines"]
     )
     assert ["DCM", css(DCM_COLOUR)] in first["legend"] and "push" not in dict(first["legend"])
-    fallen = trial.walking.fallen
+    fallen = trial.control.fallen
     assert fallen is not None and last["lines"][0] == f"{trial.plant.time:.2f} s"
     assert any(line.startswith(f"control: fallen: {fallen.value}") for line in last["lines"])
     assert (
@@ -540,7 +540,7 @@ def test_the_command_shows_a_walk(
 @needs_chromium
 def test_a_browser_shows_the_robot_where_it_is(tmp_path: Path) -> None:
     trial = WalkTrial(short_walk(terrain="stones", amplitude=0.02))
-    with MeshcatView(trial.plant, trial.walking, port=0) as view, Browser(tmp_path / "profile") as browser:
+    with MeshcatView(trial.plant, trial.control, port=0) as view, Browser(tmp_path / "profile") as browser:
         browser.open(view.url)
         assert view.wait_for_page(60.0)
         trial.plant.push("torso", (1.0, 0.0, 0.0), 0.05)

@@ -364,10 +364,10 @@ def test_soles_take_a_stiffness_in_their_next_swing() -> None:
     plan = WalkPlan(distance=0.1)
     spec = WalkSpec(plan=plan, gait=gait, foot="variable", stiffness=10.0, noise="none", changes=in_time)
     trial = WalkTrial(spec)
-    LiveControls(trial.plant, trial.walking).apply({"do": "set", "name": "soles/stiffness", "value": 30.0})
-    while trial.walking.steps_done < 1:
+    LiveControls(trial.plant, trial.control).apply({"do": "set", "name": "soles/stiffness", "value": 30.0})
+    while trial.control.steps_done < 1:
         measured = trial.plant.measure()
-        trial.plant.step(trial.walking.command(measured))
+        trial.plant.step(trial.control.command(measured))
     assert measured.sole_stiffness == pytest.approx([30.0, 10.0], abs=0.5)  # the foot that has swung
 
 

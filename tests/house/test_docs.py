@@ -61,7 +61,7 @@ REGISTERS = (
     ("wbc.feet.soles.catalog", "_FEET"),
     ("wbc.sim.terrain.families.base", "_FAMILIES"),
     ("wbc.tasks.scheduling.policies", "_POLICIES"),
-    ("wbc.sim.studies.trials", "KINDS"),
+    ("wbc.sim.studies.outcomes", "KINDS"),
 )
 """Registries that pages add to, hidden from other tests."""
 

@@ -62,7 +62,7 @@ def test_an_environment_steers_a_policy(standing: Path) -> None:
     observation, _ = env.reset(seed=0)
     for _ in range(3):
         observation, _, terminated, _, _ = env.step([0.3, 0.0, 0.1])
-    assert env.trial.walking.velocity == (0.3, 0.0, 0.1) and not terminated and np.isfinite(observation).all()
+    assert env.trial.control.velocity == (0.3, 0.0, 0.1) and not terminated and np.isfinite(observation).all()
     with pytest.raises(InputError, match="trained"):
         environment.WbcEnv("stand", robot="g1", trained=str(standing))
 

@@ -25,7 +25,7 @@ from wbc.robots.derivation.soles import sole_rectangle
 from wbc.robots.models import example_robots, hrp4_class
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.balance.tracking import TrackSpec
-from wbc.sim.studies.trials import Outcome, TrialKind
+from wbc.sim.studies.outcomes import Outcome, TrialKind
 from wbc.sim.walks.spec import WalkSpec
 from wbc.tasks import CoMTask, PositionTask
 

@@ -48,7 +48,7 @@ from wbc.sim.studies import (
     study_frame,
     study_table,
 )
-from wbc.sim.studies.trials import trial_from_json
+from wbc.sim.studies.outcomes import trial_from_json
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.simulations import trial_loop
 from wbc.sim.trial.trial import Trial

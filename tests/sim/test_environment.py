@@ -164,9 +164,9 @@ def test_a_stand_is_pushed_and_takes_postures() -> None:
     assert env.trial is not None and env.trial.spec.pushes[0].time == 2.0
     *_, truncated, info = [env.step([0.03, 0.0, 0.1, 0.2]) for _ in range(2)][-1]
     assert not truncated and info["fall"] is None
-    assert env.trial.walking.body.lean == (0.0, 0.1)
-    robot = env.trial.walking.control.observer.robot
-    assert env.trial.walking.body.com_height < float(robot.com[2]) + 0.04
+    assert env.trial.control.body.lean == (0.0, 0.1)
+    robot = env.trial.control.control.observer.robot
+    assert env.trial.control.body.com_height < float(robot.com[2]) + 0.04
 
 
 def test_the_reward_of_a_walk_is_the_way_of_its_feet_and_its_end_is_its_time() -> None:
@@ -182,7 +182,7 @@ def test_the_reward_of_a_walk_is_the_way_of_its_feet_and_its_end_is_its_time() -
     begin, before, total, ends = place(), plant.time, 0.0, []
     for _ in range(3):
         *_, reward, terminated, truncated, info = env.step([9.0, -9.0, 0.2])
-        assert env.trial.walking.velocity == pytest.approx((0.3, -0.15, 0.2))  # the bounds of an action
+        assert env.trial.control.velocity == pytest.approx((0.3, -0.15, 0.2))  # the bounds of an action
         assert plant.time - before == pytest.approx(0.1) and info["time"] == plant.time
         before, total = plant.time, total + reward
         ends.append((terminated, truncated))
@@ -209,7 +209,7 @@ def test_an_observation_is_the_same_wherever_the_robot_is_and_heads() -> None:
     env = WbcEnv("stand", robot="g1", noise="none")
     env.reset(seed=0)
     assert env.trial is not None
-    observer, rng = env.trial.walking.control.observer, np.random.default_rng(1)
+    observer, rng = env.trial.control.control.observer, np.random.default_rng(1)
     robot, v = observer.robot, rng.normal(size=observer.robot.nv)
     q = robot.half_sitting.copy()
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.2, -0.3, 0.0)).coeffs()

@@ -339,7 +339,7 @@ def blind() -> Sent:
 @pytest.mark.slow
 def test_a_walk_that_knows_nothing_walks_as_a_blind_one_to_the_bit(blind: Sent) -> None:
     _, sent, trial = walked(eyes="depth", changes={"camera.end": 0.0})
-    assert trial.walking.ground is not None
+    assert trial.control.ground is not None
     assert all(np.array_equal(a, b) for a, b in zip(blind.commands, sent.commands, strict=True))
 
 
@@ -356,8 +356,8 @@ def test_a_stepping_walk_lands_on_what_it_sees_and_is_blind_where_it_sees_nothin
         for seed in seeds:
 
             def listen(trial: WalkTrial, landings=errors[name]) -> None:
-                ground = trial.walking.source.ground
-                if trial.walking.time == 0.0:
+                ground = trial.control.source.ground
+                if trial.control.time == 0.0:
                     land = ground.land
                     ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
 
@@ -378,8 +378,8 @@ def test_a_stepping_walk_lands_on_what_it_sees_and_is_blind_where_it_sees_nothin
 
 def _map(height: float):
     def change(trial: WalkTrial) -> None:
-        if trial.walking.time == 0.0:
-            trial.walking.see(ElevationMap(np.full((400, 200), height), 0.02, (-2.0, -2.0, 0.0)))
+        if trial.control.time == 0.0:
+            trial.control.see(ElevationMap(np.full((400, 200), height), 0.02, (-2.0, -2.0, 0.0)))
 
     return change
 
@@ -387,7 +387,7 @@ def _map(height: float):
 @pytest.mark.slow
 def test_a_map_that_contradicts_the_soles_is_not_used(blind: Sent) -> None:
     result, sent, trial = walked(_map(40.0), eyes="depth", changes={"camera.end": 0.0})
-    assert "sole" in trial.walking.ground.status
+    assert "sole" in trial.control.ground.status
     assert all(np.array_equal(a, b) for a, b in zip(blind.commands, sent.commands, strict=True))
     assert result.failures == 0
 
@@ -400,7 +400,7 @@ def test_wrong_clouds_never_fail_a_tick() -> None:
         if random.random() < 0.05:
             points = random.normal(0.0, 1.0, (300, 3)) * 10.0 ** random.integers(-3, 5)
             points[::7] = np.nan
-            trial.walking.see(PointCloud(points, trial.plant.time - random.random(), "world", 0.01))
+            trial.control.see(PointCloud(points, trial.plant.time - random.random(), "world", 0.01))
 
     result, _, _ = walked(change, eyes="depth")
     assert result.failures == 0
@@ -414,8 +414,8 @@ def test_feet_land_where_the_ground_is() -> None:
         landings: list[float] = []
 
         def listen(trial: WalkTrial, landings=landings) -> None:
-            ground = trial.walking.source.ground
-            if trial.walking.time == 0.0:
+            ground = trial.control.source.ground
+            if trial.control.time == 0.0:
                 land = ground.land
                 ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
 

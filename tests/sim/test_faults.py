@@ -98,11 +98,11 @@ class Doubts(TrialHook):
         self.found: list[str] = []
 
     def tick(self, tick: TrialTick) -> None:
-        if tick.walking.fallen is None:
-            self.found += tick.walking.control.monitor.doubts
+        if tick.control.fallen is None:
+            self.found += tick.control.control.monitor.doubts
 
     def start(self, trial: Any) -> None:
-        trial.walking.control.watch()
+        trial.control.control.watch()
 
 
 @pytest.mark.long

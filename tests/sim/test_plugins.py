@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import wbc
 from wbc.feet import SoftFoot
 from wbc.sim import FieldFamily, family
-from wbc.sim.studies.trials import TrialKind
+from wbc.sim.studies.outcomes import TrialKind
 from wbc.tasks.scheduling.policies import FixedPolicy
 
 def describe():

@@ -34,8 +34,8 @@ from wbc.sim.balance.standing import MODES, StandSpec, StandTrial, centre_of_pre
 from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
+from wbc.sim.studies.outcomes import run_trial, trial_from_json, with_seed
 from wbc.sim.studies.push_limit import WalkPushLimitSpec, _searched, largest_recovered
-from wbc.sim.studies.trials import run_trial, trial_from_json, with_seed
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.trial import Trial

@@ -24,11 +24,11 @@ from sweep_trials import MadeUpTrial
 from wbc.app.plot.study import draw_study
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.sim.studies.journal import Entry, Journal, read_journal
+from wbc.sim.studies.outcomes import run_trial
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import study_frame, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
-from wbc.sim.studies.trials import run_trial
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 
@@ -478,7 +478,7 @@ def test_studies_are_data() -> None:
 OF_A_FILE = """
 from __future__ import annotations
 from dataclasses import asdict, dataclass
-from wbc.sim.studies.trials import Outcome, TrialKind
+from wbc.sim.studies.outcomes import Outcome, TrialKind
 
 @dataclass(frozen=True)
 class Square:
@@ -532,7 +532,7 @@ def test_a_kind_of_trial_in_a_file_is_run_in_processes_that_have_not_imported_it
     ("name", "message"),
     [
         ("CUBE", "no kind of trial 'CUBE'; it has SQUARE, FORGETFUL"),
-        ("run", "must be a wbc.sim.studies.trials.TrialKind"),
+        ("run", "must be a wbc.sim.studies.TrialKind"),
         ("FORGETFUL", "must keep the kind"),
         ("SQUARE#0123", "has changed"),
     ],

@@ -65,7 +65,7 @@ def test_the_result_is_what_joints_and_centre_of_mass_did_against_the_clip() -> 
     slid = np.linalg.norm((soles - soles[0])[:, :, :2], axis=2).max()
     assert result.foot_slide_mm == pytest.approx(1e3 * slid, rel=1e-6)
     assert result.completed and result.fall is None and result.failures == result.landings == 0
-    assert (result.motion, result.robot, result.mode) == ("wave", "g1", trial.walking.settings.mode)
+    assert (result.motion, result.robot, result.mode) == ("wave", "g1", trial.control.settings.mode)
 
 
 def com_height(q: np.ndarray) -> float:

@@ -49,7 +49,7 @@ class Pushed:
         self.time, self.robot, self.pushes = 0.0, SimpleNamespace(mass=mass), []
         self.reference = SimpleNamespace(events=())
         self.progress = SimpleNamespace(steps_done=0, cycle=0.8)
-        self.plant = self.walking = self
+        self.plant = self.control = self
 
     def push(self, body: str, force: np.ndarray, duration: float) -> None:
         self.pushes.append((self.time, body, force, duration))
@@ -94,7 +94,7 @@ def test_a_push_at_a_step_begins_at_its_phase_after_the_lift_off() -> None:
         len(schedule.not_begun) == 2 and "step 5" in schedule.not_begun[0] and "9 s" in schedule.not_begun[1]
     )
     unable: Any = Pushed(50.0)
-    unable.walking, unable.time = SimpleNamespace(), 9.0
+    unable.control, unable.time = SimpleNamespace(), 9.0
     schedule.tick(unable)
     assert len(unable.pushes) == 1
     for times in ({}, {"time": 1.0, "step": 1}):

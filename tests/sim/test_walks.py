@@ -24,7 +24,7 @@ from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import StageError, TrialHook, TrialTick
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
-from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.contact import Event
@@ -33,7 +33,7 @@ from wbc.walking.settings import Kind
 
 TWO_STEPS = WalkPlan(distance=0.1)
 EXAMPLE = Path(__file__).parents[2] / "examples" / "biped.xml"
-DROP = TrialSettings().falls.drop
+DROP = WalkTrialSettings().falls.drop
 QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)
 SPEC = WalkSpec(plan=TWO_STEPS, seed=3, gait=QUICK)
 
@@ -188,8 +188,8 @@ class Impulse(TrialHook):
         self.total += force * tick.plant.control_period
         if self.first is None and force.any():
             self.first = tick.plant.time - tick.plant.control_period
-        assert tick.walking.reference is not None
-        if self.lift_off is None and Event.LIFT_OFF in tick.walking.reference.events:
+        assert tick.control.reference is not None
+        if self.lift_off is None and Event.LIFT_OFF in tick.control.reference.events:
             self.lift_off = tick.plant.time
 
 
@@ -386,9 +386,9 @@ def test_changes_reach_the_controller() -> None:
             plan=TWO_STEPS, foot="soft", stiffness=7, foot_changes={"contact.friction": 0.5}, changes=changes
         )  # type: ignore[arg-type]
     )
-    assert trial.walking.stabilizer.gains.dcm_p == (3.0, 3.0)
-    assert trial.walking.settings.walk.adjustment is None
-    assert trial.walking.control.observer.settings.min_load == 25.0
+    assert trial.control.stabilizer.gains.dcm_p == (3.0, 3.0)
+    assert trial.control.settings.walk.adjustment is None
+    assert trial.control.control.observer.settings.min_load == 25.0
     assert trial.plant.model.opt.impratio == 5.0
     assert trial.plant.foot.contact.friction == 0.5
     assert trial.plant.foot.stiffness == 7.0  # type: ignore[attr-defined]

@@ -305,7 +305,7 @@ def run(task: str, mode: str, names: Sequence[str], *, lasting: bool) -> Report:
             robot="hrp4_class", foot="rigid", mode=mode, plan=plan, changes={"step_kind": "planned"}
         )
         trial = WalkTrial(spec)
-        plant, control, command = trial.plant, trial.walking.control, trial.walking.command
+        plant, control, command = trial.plant, trial.control.control, trial.control.command
         start, end, every = 2.2, 5.5, 0.15
         if lasting:
             end, every = 5.0, None

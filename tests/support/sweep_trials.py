@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from wbc.sim.studies.journal import Journal
+from wbc.sim.studies.outcomes import Outcome, TimeoutCheck, TrialKind, register_trial
 from wbc.sim.studies.sweep import sweep
-from wbc.sim.studies.trials import Outcome, TimeoutCheck, TrialKind, register_trial
 
 
 @dataclass(frozen=True)

@@ -252,10 +252,10 @@ class Reach(TrialHook):
         self.target, self.frame, self.errors = target, frame, []
 
     def tick(self, tick: TrialTick) -> None:
-        hand = tick.walking.arms["left_hand"]
-        if not hand.active and tick.walking.time > 0.5:
+        hand = tick.control.arms["left_hand"]
+        if not hand.active and tick.control.time > 0.5:
             hand.reach(self.target, self.frame)
-        if tick.walking.time > 2.5:
+        if tick.control.time > 2.5:
             self.errors.append(hand.error[:3])
 
 

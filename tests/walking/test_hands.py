@@ -87,7 +87,7 @@ def pressing(noise: str | SensorNoise = "none") -> tuple[Trial, Hands]:
 def shift_of(trial: Trial) -> np.ndarray[Any, Any]:
     """Return the shift of the CoM to the point about which feet and hands together turn the pendulum."""
     place = np.mean([trial.plant.data.site(f"{side}_hand site").xpos for side in ("left", "right")], axis=0)
-    weight = trial.walking.controller.robot.mass * GRAVITY
+    weight = trial.control.controller.robot.mass * GRAVITY
     return -zmp_offset(wrench_at(place, (0.0, 0.0, 50.0)), np.zeros(3), weight)
 
 
@@ -106,8 +106,8 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
 
     for _ in range(3):  # the sensors drop out
         measured = replace(plant.measure(), hand_wrenches=np.full((2, 6), np.nan))
-        plant.step(trial.walking.command(measured))
-    assert trial.walking.control.failures == 0
+        plant.step(trial.control.command(measured))
+    assert trial.control.control.failures == 0
     assert [hand.pressed for hand in both] == pytest.approx(felt[-1], abs=1.0)
     assert hands.shift == pytest.approx(expected, abs=4e-3)
 
@@ -125,7 +125,7 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
 def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None:
     """The asked force within the friction cone; what is left where a shoulder gets weaker, and the balance knows it."""
     trial, hands = pressing()
-    controller, hand = trial.walking.controller, hands.all["left_hand"]
+    controller, hand = trial.control.controller, hands.all["left_hand"]
     given = controller.solution.wrenches["left_hand press"]
     assert given == pytest.approx([0.0, 0.0, 25.0], abs=0.1) and not hand.bounded
     (limits,) = (each for each in controller.limits if isinstance(each, TorqueLimits))
@@ -136,7 +136,7 @@ def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None
     limits._most[index], limits._least[index] = bound, -bound
     bounded: list[bool] = []
     trial.advance(1.5, lambda: bounded.append(hand.bounded))
-    assert abs(trial.walking.controller.solution.torques[index]) <= bound + 1e-6
+    assert abs(trial.control.controller.solution.torques[index]) <= bound + 1e-6
     assert all(bounded[40:]) and 5.0 < hand.target < 20.0
     assert hand.pressed == pytest.approx(hand.target, abs=2.0) and hand.state is HandState.HOLD
     assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.target, abs=3.0)
@@ -146,7 +146,7 @@ class Grip(TrialHook):
     """Lets both hands grip ahead of where they hang, where nothing is, and the robot walk then."""
 
     def before(self, trial: Any) -> None:
-        walking, time = trial.walking, trial.plant.time
+        walking, time = trial.control, trial.plant.time
         if time > 0.5 and not walking.hands.wanted:
             for name, hand in walking.hands.all.items():
                 walking.hands.grip(name, hand.arm.place.translation + (0.1, 0.0, 0.05), AHEAD, 10.0)
@@ -163,7 +163,7 @@ def test_stretched_arms_that_grip_nothing_make_no_robot_fall_in_torque_control()
     trial.scenario.append(Grip())
     result = trial.run()
     assert result.outcome == "completed" and result.failures == 0 and result.steps_done >= 3
-    assert trial.walking.hands.gripping
+    assert trial.control.hands.gripping
 
 
 def test_hands_without_orders_have_nothing_in_the_qp() -> None:

@@ -39,7 +39,7 @@ def handed_over(share: float, noise: str) -> tuple[Trial, float]:
 def test_a_load_in_the_hands_is_found_taken_over_by_both_models_and_let_go_of() -> None:
     """20 % of the weight 0.35 m ahead, handed over in a second, with realistic sensors."""
     trial, mass = handed_over(0.2, "realistic")
-    walking, plant, load = trial.walking, trial.plant, trial.walking.load
+    walking, plant, load = trial.control, trial.plant, trial.control.load
     assert walking.control.failures == 0
     assert load.mass == pytest.approx(mass, rel=0.05)
     assert np.hypot(*(load.place - load.middle)[:2]) < 0.01
@@ -86,7 +86,7 @@ def test_a_load_that_is_dropped_leaves_the_models() -> None:
         trial.plant.load(frame, 0.0, over=0.0)
     trial.advance(4.0)
     assert trial.plant.load_mass == 0.0
-    assert trial.walking.controller.robot.mass == pytest.approx(trial.plant.robot.mass, abs=0.02)
+    assert trial.control.controller.robot.mass == pytest.approx(trial.plant.robot.mass, abs=0.02)
 
 
 @pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.05, -0.02, 0.1)])

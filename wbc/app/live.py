@@ -148,7 +148,7 @@ class ProgressLine(TrialHook):
         time = tick.plant.time
         if time >= self._next:
             self._next = time + 0.1
-            steps = getattr(tick.walking, "steps_done", None)
+            steps = getattr(tick.control, "steps_done", None)
             text = f"{time:.1f} s simulated" + ("" if steps is None else f", {steps} steps")
             self._bar.update(self._task, description=text)
 

@@ -126,7 +126,7 @@ class RepeatWalk(TrialHook):
 
     def start(self, trial: WalkTrial) -> None:
         """See `TrialHook`."""
-        self.controls = LiveControls(trial.plant, trial.walking, repeat=self._changes)
+        self.controls = LiveControls(trial.plant, trial.control, repeat=self._changes)
         self.after(trial)
 
     def tick(self, tick: TrialTick) -> None:

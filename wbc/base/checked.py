@@ -131,6 +131,33 @@ def result(source: str, instead: str) -> Any:
     return Result(source, instead)
 
 
+class Renamed:
+    """Attribute that has another name now: whoever uses the old one is told the new one."""
+
+    def __init__(self, now: str) -> None:
+        """Take the name of today."""
+        self._now = now
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        """Take the old name."""
+        self._was = name
+
+    def __get__(self, of: Any, owner: type) -> Any:
+        """Raise an `AttributeError`."""
+        if of is None:
+            return self
+        raise AttributeError(f"'{self._was}' of {owner.__name__} is '{self._now}' now")
+
+    def __set__(self, of: Any, value: Any) -> None:
+        """Raise an `AttributeError`."""
+        self.__get__(of, type(of))
+
+
+def renamed(now: str) -> Any:
+    """Return an attribute of which an error says what it is called now."""
+    return Renamed(now)
+
+
 def _not_assigned(name: str, of: Any, instead: str) -> InputError:
     return InputError(f"{name} of {type(of).__name__} cannot be assigned: {instead}")
 

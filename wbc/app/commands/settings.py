@@ -12,7 +12,7 @@ from wbc.app.arguments import attribute_docs
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
 from wbc.sim.simulation.machine import Machine
-from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.plans.gait import Gait
 
 
@@ -33,7 +33,7 @@ def settings(
     output: Output,
 ) -> Report:
     """List the settings of a walk, which `wbc walk --set NAME=VALUE` changes."""
-    trees = ((TrialSettings, ""), (Gait, "gait"), (Machine, "machine"))
+    trees = ((WalkTrialSettings, ""), (Gait, "gait"), (Machine, "machine"))
     found = [each for kind, path in trees for each in settings_of(kind, path) if part in each.name]
     if not found:
         raise InputError(f"no setting has '{part}' in its name; `wbc settings` lists all")

@@ -25,7 +25,7 @@ def stand(
     failed = None
     if result.failures:
         ticks = round(result.seconds / options.period)
-        failed = WbcError(f"{result.failures} of {ticks} ticks failed: {trial.control.reason}")
+        failed = WbcError(f"{result.failures} of {ticks} ticks failed: {trial.drives.reason}")
     state = "FELL after" if not result.upright else "stood" if failed is None else "FAILED within"
     steps = f", {result.steps_taken} steps" if options.steps == "allowed" else ""
     text = (

@@ -31,7 +31,7 @@ from wbc.sim.trial.simulations import PLANT
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.plans import FASTER, plan_over
 from wbc.sim.walks.presets import WALK_PRESETS
-from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 
@@ -247,7 +247,7 @@ def place_of(name: str) -> str:
     if name in own or name.partition(".")[0] in PAIRS:
         return name
     found = [path for path in own if path.endswith(f".{name}")]
-    known = setting_names(TrialSettings())
+    known = setting_names(WalkTrialSettings())
     others = [path for path in known if path == name or path.endswith(f".{name}")]
     if found and len(others) == 1:
         raise InputError(f"setting '{name}' could be {found[0]} or {others[0]}; give more of its name")

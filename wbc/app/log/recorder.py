@@ -175,7 +175,7 @@ class Recorder(TrialHook):
 
     def tick(self, tick: TrialTick) -> None:
         """Record one tick; see `TrialHook`."""
-        self(tick.plant, tick.walking, tick.measurement, tick.command)
+        self(tick.plant, tick.control, tick.measurement, tick.command)
 
     def end(self, result: WalkResult) -> None:
         """End the file; see `TrialHook`."""

@@ -68,7 +68,7 @@ class WatchWalk(TrialHook):
             None,
         )  # of a loop without a model of MuJoCo's the robot alone is shown
         if isinstance(trial.plant, MujocoRobot):
-            source, walking = trial.plant, trial.walking
+            source, walking = trial.plant, trial.control
         if not self._workbench:
             self.view = MeshcatView(source, walking, **self._options)
         elif self.bench is not None and not self.bench.closed:

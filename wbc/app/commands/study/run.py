@@ -21,10 +21,10 @@ from wbc.base.files import check_target, write_text
 from wbc.base.registry import allow_code, code_of
 from wbc.base.settings import Count, Positive, settings
 from wbc.sim.studies.journal import Entry, Journal, canonical, check_journal_path, read_journal
+from wbc.sim.studies.outcomes import run_trial, trial_from_json
 from wbc.sim.studies.provenance import differences
 from wbc.sim.studies.study import Study, left_out, study_entries
 from wbc.sim.studies.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
-from wbc.sim.studies.trials import run_trial, trial_from_json
 
 KEY_LENGTH = 12
 """Digits of a key that are printed: two of 10,000 trials agree in them with a probability of 2e-7."""

@@ -1,4 +1,4 @@
-"""Trials: the specs that a sweep runs.
+"""Outcomes of trials, and the kinds of trials that a sweep runs.
 
 A trial is a frozen, picklable spec that can be written as JSON and run. Its result depends on the spec alone, so that
 it need not be run twice. The kinds of the library are in `kinds` and `push_limit`; your own are registered with
@@ -78,7 +78,7 @@ class TrialKind:
 
 def _check_kind(kind: object) -> None:
     if not isinstance(kind, TrialKind):
-        raise InputError(f"a kind of trial must be a wbc.sim.studies.trials.TrialKind, got {shown(kind)}")
+        raise InputError(f"a kind of trial must be a wbc.sim.studies.TrialKind, got {shown(kind)}")
 
 
 KINDS: Registry[TrialKind] = Registry("kind of trial", group="wbc.trials", check=_check_kind)
@@ -138,7 +138,7 @@ def run_trial(
     try:
         outcome = KINDS.find(spec.kind)[1].run(spec, check)
         if not isinstance(outcome, Outcome):
-            raise TypeError(f"a trial must return a wbc.sim.studies.trials.Outcome, got {shown(outcome)}")
+            raise TypeError(f"a trial must return a wbc.sim.studies.Outcome, got {shown(outcome)}")
         # Numbers of NumPy become plain ones; one that is unknown, as the ZMP of a robot that never stood, is None.
         written = {
             name: to_jsonable_python(getattr(outcome, name), fallback=plain, inf_nan_mode="null")
