@@ -9,7 +9,7 @@ test. `balance` has the tasks of a robot that stands, `stabilizer` the DCM stabi
 from typing import TYPE_CHECKING
 
 from wbc.base.errors import missing_from
-from wbc.core.qp.task import SelectionTask, VariableTask
+from wbc.core.qp.kinds import SelectionTask, VariableTask
 from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
 from wbc.tasks.force.admittance import AdmittanceTask

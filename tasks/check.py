@@ -13,7 +13,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Period, Seed
 from wbc.core.limits.base import Limit
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.task import Task, evaluated
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 STEP = 1e-6
@@ -95,7 +95,7 @@ def check_rows(
 def _rows(item: Task | Contact) -> tuple[Array, Array, Array]:
     """Return Jacobian, error and drift at the present state, which are finite."""
     if isinstance(item, Task):
-        return evaluated(item)
+        return item.evaluated()
     if item.cone.ndim != 2 or item.cone.shape[1] != item.dim:
         raise InputError(
             f"cone of contact '{item.name}' must have shape (rows, {item.dim}), got {item.cone.shape}"

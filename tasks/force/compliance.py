@@ -27,8 +27,7 @@ from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import Array, finite_array, positive, read_only
 from wbc.base.settings import NonNegative
 from wbc.core.frames import frame_jacobian, pose_of
-from wbc.core.qp.axes import POSE_AXES
-from wbc.core.qp.task import MotionOptions
+from wbc.core.qp.options import POSE_AXES, MotionOptions
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.motion.frame import FrameTask
@@ -92,7 +91,7 @@ class ComplianceTask(FrameTask):
         super().__init__(frame, self.law, POSE_AXES, target, options)
         self._time_constant = time_constant
         self._frozen = np.ones(6, dtype=bool)  # what the task does not follow must not drift away either
-        self._frozen[self._keep] = False
+        self._frozen[self._choice.keep] = False
         self.velocity_bound, self.offset_bound = velocity_bound, offset_bound
         self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
         self._advanced = False  # in this tick, by `advance`
@@ -311,7 +310,7 @@ class ComplianceTask(FrameTask):
         ):
             np.dot(turn, yields[:3], out=motion[:3])
             np.dot(turn, yields[3:], out=motion[3:])
-            np.add(rate, motion[self._keep], out=row)
+            np.add(rate, motion[self._choice.keep], out=row)
 
 
 def six(task: str, what: str, value: ArrayLike, *, above_zero: bool = False) -> Array:

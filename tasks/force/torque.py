@@ -8,8 +8,9 @@ from typing import Unpack
 import numpy as np
 
 from wbc.base.numbers import Array
+from wbc.core.qp.kinds import VariableTask
+from wbc.core.qp.options import TaskOptions
 from wbc.core.qp.solving.problem import Problem
-from wbc.core.qp.task import TaskOptions, VariableTask
 from wbc.tasks.motion.joints import JointTask, JointValues
 
 

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError, unknown_name
 from wbc.base.numbers import Array
-from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.contact import Contact
+from wbc.core.qp.kinds import VariableTask
+from wbc.core.qp.options import POSE_AXES, TaskOptions
 from wbc.core.qp.solving.problem import Problem
-from wbc.core.qp.task import TaskOptions, VariableTask
 
 
 class WrenchTask(VariableTask):
@@ -54,7 +54,7 @@ class WrenchTask(VariableTask):
         every = POSE_AXES[: self._size]
         chosen = every if axes is None else axes
         super().__init__(f"{self.contact} wrench", every, axes=chosen, **options)
-        self._axes = np.arange(self._size)[self._keep]
+        self._axes = np.arange(self._size)[self._choice.keep]
         self.target = np.zeros(self._size) if target is None else target
 
     @property

@@ -12,8 +12,8 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.frames import frame_jacobian
-from wbc.core.qp.axes import POSITION_AXES
-from wbc.core.qp.task import MotionOptions, Task
+from wbc.core.qp.options import POSITION_AXES, MotionOptions
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -11,9 +12,8 @@ from numpy.typing import ArrayLike
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.core.frames import frame_jacobian
-from wbc.core.qp.axes import ROTATION_AXES
 from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn
-from wbc.core.qp.task import MotionOptions
+from wbc.core.qp.options import ROTATION_AXES, MotionOptions
 from wbc.core.robot import Robot
 from wbc.tasks.motion.frame import FrameTask
 
@@ -162,9 +162,11 @@ class LookAtTask(FrameTask):
         """Resolve names; see `Task.bind`."""
         super().bind(robot)
         self._followed_id = None if self._followed is None else robot.frame_id(self._followed)
-        carriers = [robot.joint_names[joint] for joint in robot.joints_between(self.frame, robot.base_frame)]
-        if self._only_joints is None and carriers:
-            self._use_only(robot, carriers)
+
+    def _used_joints(self, robot: Robot) -> Sequence[str] | None:
+        """Return the joints of the option `joints`, or those between base and frame, if there are any."""
+        carriers = robot.joints_between(self.frame, robot.base_frame)
+        return super()._used_joints(robot) or [robot.joint_names[joint] for joint in carriers] or None
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`. With ḋ = −(v − d (d · v)) / r and ṙ = −d · v."""

@@ -14,9 +14,9 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
 from wbc.core.frames import frame_jacobian
-from wbc.core.qp.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
 from wbc.core.qp.move import least_turn
-from wbc.core.qp.task import MotionOptions, Task
+from wbc.core.qp.options import POSE_AXES, POSITION_AXES, ROTATION_AXES, MotionOptions
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 
@@ -95,7 +95,7 @@ class FrameTask(Task):
         """Describe the task, by default named after frame and `what`; see `Task`."""
         self.frame = frame
         super().__init__(f"{frame} {what}", rows, **options)
-        chosen = np.array(rows)[self._keep]
+        chosen = np.array(rows)[self._choice.keep]
         self._turned = [axis for axis, name in enumerate(ROTATION_AXES) if name in chosen]
         if target is not None:
             self.target = target

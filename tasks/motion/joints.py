@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
-from wbc.core.qp.axes import distinct_joints, joint_columns
-from wbc.core.qp.task import GainOptions, Task, TaskOptions
+from wbc.core.qp.options import GainOptions, TaskOptions, distinct_joints, joint_columns
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 JointValues = ArrayLike | Mapping[str, float]

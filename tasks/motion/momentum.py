@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
-from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.move import Coordinates
-from wbc.core.qp.task import SLOW, MotionOptions, Task, evaluated
+from wbc.core.qp.options import POSE_AXES, MotionOptions
+from wbc.core.qp.task import SLOW, Task
 from wbc.core.robot import BASE_DOF, Robot
 
 
@@ -67,8 +67,8 @@ class MomentumTask(Task):
         robot = self.robot
         inertia = robot.data.Ig.inertia.diagonal()
         bounds = np.concatenate([np.full(3, SLOW["m"] * robot.mass), SLOW["rad"] * inertia])
-        error = evaluated(self)[1]
-        return bool((abs(error) <= bounds[self._keep]).all())
+        error = self.evaluated()[1]
+        return bool((abs(error) <= bounds[self._choice.keep]).all())
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked
 from wbc.base.numbers import Array, non_negative
+from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.move import USUAL_SPEED, Coordinates
-from wbc.core.qp.task import ERROR_BOUNDS, NEAR, SLOW, GainOptions, SelectionTask
+from wbc.core.qp.options import GainOptions
+from wbc.core.qp.task import ERROR_BOUNDS, NEAR, SLOW
 from wbc.core.robot import Robot
 from wbc.tasks.motion.joints import JointTask, JointValues
 

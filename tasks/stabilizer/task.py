@@ -28,7 +28,8 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array, read_only
 from wbc.base.settings import NonNegative
 from wbc.core.qp.contact import SoleContact
-from wbc.core.qp.task import Drives, MotionOptions
+from wbc.core.qp.options import MotionOptions
+from wbc.core.qp.task import Drives
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.wrench import WrenchTask
@@ -287,8 +288,7 @@ class StabilizerTask(CoMTask):
 
     def _measured(self) -> Robot:
         """Return the robot whose state is the measured one, where none was given."""
-        owner = None if self._owner is None else self._owner()
-        measured: Robot | None = getattr(owner, "measured", None)
+        measured: Robot | None = getattr(self.owner, "measured", None)
         return self.robot if measured is None else measured
 
     def apply(

@@ -20,7 +20,6 @@ from wbc.core.limits.joint import stopping_velocity
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.motion import Motion
 from wbc.core.qp.solving.solver import Status
-from wbc.core.qp.task import evaluated
 from wbc.core.robot import Robot
 from wbc.tasks import JointTorqueTask, LookAtTask, LowAccelerationTask, MomentumTask, RelativeFrameTask
 
@@ -174,9 +173,9 @@ def test_rows_read_no_more_of_the_state_than_they_say(name: str) -> None:
         for _ in range(2):
             q, _ = near_half_sitting(robot, rng, 0.1, 0.0)
             ik.update(q)
-            quick = [rows.copy() for rows in evaluated(task)[:2]]
+            quick = [rows.copy() for rows in task.evaluated()[:2]]
             robot.update(q, np.zeros(robot.nv))
-            for fast, full in zip(quick, evaluated(task)[:2], strict=True):
+            for fast, full in zip(quick, task.evaluated()[:2], strict=True):
                 assert fast == pytest.approx(full, abs=1e-9), task
         ik.remove(task)
 
@@ -198,7 +197,7 @@ def test_rows_without_the_drift_are_those_with_it(name: str) -> None:
     for each in (*tasks, *holds):
         each.bind(robot)
         robot.update(*near_half_sitting(robot, rng, 0.2, 1.0))
-        size = each._n_rows if isinstance(each, wbc.Task) else each.dim
+        size = each._choice.n_rows if isinstance(each, wbc.Task) else each.dim
         if type(each).evaluate is Motion.evaluate:
             quick += 1
             full, lean = np.zeros((size, robot.nv)), np.ones((size, robot.nv))
@@ -307,13 +306,13 @@ def test_a_lower_level_changes_nothing_of_those_before() -> None:
     ik.add(hand, level=1)
     ik.add(wbc.PositionTask(left_hand(robot), [0.0, 1.0, 1.0], weight=1e6), level=2)
     posture = ik.add(wbc.PostureTask(weight=1e4), level=5)
-    jacobians = [evaluated(task)[0] for task in (com, hand)]
+    jacobians = [task.evaluated()[0] for task in (com, hand)]
     with_all = ik.solve()
     assert jacobians[0] @ with_all == pytest.approx(jacobians[0] @ first, abs=1e-7)
     ik.remove(ik.task(f"{left_hand(robot)} position"), posture)
     with_two = ik.solve()
     assert jacobians[1] @ with_all == pytest.approx(jacobians[1] @ with_two, abs=1e-7)
-    assert abs(jacobians[1] @ with_two - 10.0 * evaluated(hand)[1]).max() < 0.05  # and the hand goes
+    assert abs(jacobians[1] @ with_two - 10.0 * hand.evaluated()[1]).max() < 0.05  # and the hand goes
     assert abs(with_all - with_two).max() > 0.1  # what was left free is used
 
 
@@ -327,7 +326,7 @@ def test_a_search_with_levels_ends_exactly_at_the_first_ones() -> None:
     assert found.reached, str(found)
     ik.update(found.configuration)
     # Nothing that leaves the hand where it is brings the posture nearer: its gradient is one of the hand's rows.
-    jacobian, pull = evaluated(hand)[0], robot.q - posture.target
+    jacobian, pull = hand.evaluated()[0], robot.q - posture.target
     pull[(robot.q < robot.position_lower + 2e-3) | (robot.q > robot.position_upper - 2e-3)] = 0.0
     left = pull - jacobian.T @ np.linalg.lstsq(jacobian.T, pull, rcond=None)[0]
     assert np.linalg.norm(pull) > 0.1 and np.linalg.norm(left) < 1e-3

@@ -10,7 +10,6 @@ import pytest
 
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench, moment_about
 from wbc.core.limits.com_polygon import CoMPolygonLimit
-from wbc.core.qp.task import evaluated
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
 from wbc.tasks import CoMTask, MomentumTask
@@ -146,7 +145,7 @@ def test_a_load_between_update_and_solution_accelerates_nothing(clone: bool) -> 
     try:
         for _ in range(2):
             for task in items[:2]:
-                np.testing.assert_allclose(evaluated(task)[2][:3], 0.0, atol=1e-9)
+                np.testing.assert_allclose(task.evaluated()[2][:3], 0.0, atol=1e-9)
             np.testing.assert_allclose(items[2].drift(), 0.0, atol=1e-9)
             robot.update(robot.q, robot.v)
     finally:

@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.base.numbers import Array
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import Task, evaluated
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription, load
 from wbc.tasks import (
@@ -129,7 +129,7 @@ def near_half_sitting(
 
 def rows_of(task: Task, robot: Robot) -> tuple[Array, Array, Array]:
     """Jacobian, error and drift at the present state of the robot."""
-    return evaluated(task)
+    return task.evaluated()
 
 
 def standing(name: str, dt: float = 0.002, posture: bool = True) -> Controller:

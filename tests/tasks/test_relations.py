@@ -12,7 +12,6 @@ from task_factory import left_hand, right_hand
 
 import wbc
 from wbc.base.errors import InputError, UnknownNameError
-from wbc.core.qp.task import evaluated
 from wbc.core.robot import Robot
 from wbc.tasks import DistanceTask, JointCouplingTask, LowAccelerationTask, ManipulabilityTask, check_rows
 
@@ -93,7 +92,7 @@ def test_a_hand_stays_in_its_box_below_its_speed_and_upright() -> None:
     hand = ik.add(wbc.PoseTask("panda_hand", goal))
     for _ in range(200):
         velocities = ik.solve()
-        assert (abs(evaluated(hand)[0][:3] @ velocities) <= 0.2 + 1e-7).all()
+        assert (abs(hand.evaluated()[0][:3] @ velocities) <= 0.2 + 1e-7).all()
         ik.step()
         inside(ik.robot, 1e-4)
     assert ik.solution is not None and {"box", "panda_hand cone"} <= set(ik.solution.active_limits)

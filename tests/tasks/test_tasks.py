@@ -24,7 +24,7 @@ from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
 from wbc.core.limits.base import Limit
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import Task, evaluated
+from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY, Robot
 from wbc.tasks import (
     AdmittanceTask,
@@ -530,12 +530,12 @@ def test_a_gaze_follows_a_frame_that_moves() -> None:
     axis = robot.placement(robot.torso_frame).actInv(robot.placement(hand).translation)
     task = LookAtTask(robot.torso_frame, hand, axis=axis, joints=("base", *robot.joint_names))
     task.bind(robot)
-    jacobian, error, drift = evaluated(task)
+    jacobian, error, drift = task.evaluated()
     np.testing.assert_allclose(error, 0.0, atol=1e-9)
     ends = []
     for step in (1e-6, -1e-6):
         robot.update(pin.integrate(robot.model, q, step * v), v)
-        rows = evaluated(task)
+        rows = task.evaluated()
         ends.append((rows[1], rows[0] @ v))
     np.testing.assert_allclose((ends[0][0] - ends[1][0]) / 2e-6, -jacobian @ v, atol=1e-5)
     np.testing.assert_allclose((ends[0][1] - ends[1][1]) / 2e-6, drift, atol=1e-4)

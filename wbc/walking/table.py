@@ -13,7 +13,7 @@ import numpy as np
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
 from wbc.core.qp.contact import SoleContact
-from wbc.core.qp.task import GainOptions
+from wbc.core.qp.options import GainOptions
 from wbc.core.robot import Robot
 from wbc.tasks.balance import BodyGains
 from wbc.tasks.motion.com import CoMTask

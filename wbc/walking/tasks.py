@@ -15,7 +15,8 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import GainOptions, Task
+from wbc.core.qp.options import GainOptions
+from wbc.core.qp.task import Task
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask

@@ -28,8 +28,9 @@ from wbc.core.kinematics.solution import Achieved, holding
 from wbc.core.limits.base import Limit
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
+from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.store import RowStore, consecutive, rows_in
-from wbc.core.qp.task import SelectionTask, Task
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 HARD = 1e3

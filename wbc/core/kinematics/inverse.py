@@ -19,8 +19,9 @@ from wbc.core.kinematics.solution import ReachResult, VelocitySolution
 from wbc.core.limits.base import Limit
 from wbc.core.qp.diagnosis import held_back, is_far, violated_groups
 from wbc.core.qp.items import Item, Items, ItemT
+from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
-from wbc.core.qp.task import Task, VariableTask
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 SOLVER = SolverSettings(tolerance=1e-9, relaxation=1e6)

@@ -380,8 +380,7 @@ class Contact(Motion):
 
     def _carried_now(self) -> Array | None:
         """Return the forces from which a contact that is switched off unloads, shape (dim,); None where unknown."""
-        owner = None if self._owner is None else self._owner()
-        wrenches: dict[str, Array] = getattr(getattr(owner, "solution", None), "wrenches", {})
+        wrenches: dict[str, Array] = getattr(getattr(self.owner, "solution", None), "wrenches", {})
         force = wrenches.get(self.name)
         if force is None or force.shape != (self.dim,) or self._load == 0.0:
             return None

@@ -19,11 +19,12 @@ from wbc.core.qp.assembly import Assembly, empty_problem
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import held_back, status_table, violated_groups
 from wbc.core.qp.items import Item, Items
+from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution, Timings
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import Drives, Task, VariableTask, guarded
+from wbc.core.qp.task import Drives, Task
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 
@@ -108,11 +109,7 @@ class Controller(Items):
             return
         problem = empty_problem(self.robot, contacts)
         for task in tasks:
-            task.bind_problem(problem)
-            with guarded(task):
-                task.evaluate(
-                    np.zeros((task.dim, problem.diagonal.size)), np.zeros(task.dim), np.zeros((0, 0))
-                )
+            task.try_on(problem)
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """Leave exactly these joints to another controller, such as a teleoperator; an empty list takes all back.

@@ -19,8 +19,9 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
+from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.store import RowStore
-from wbc.core.qp.task import Task, VariableTask, evaluated
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 Item = Task | Contact | Limit
@@ -131,7 +132,7 @@ class Items:
             and not isinstance(item, VariableTask)
             and type(item).observe is Task.observe
         ):
-            evaluated(item)  # one that reads sensors has none yet
+            item.evaluated()  # one that reads sensors has none yet
         if isinstance(item, Limit):
             name, dim = getattr(item, "name", None), getattr(item, "dim", None)
             if not isinstance(name, str) or not isinstance(dim, (int, np.integer)):

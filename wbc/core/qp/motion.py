@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import weakref
 from abc import ABC
-from types import EllipsisType
 from typing import Any, ClassVar, SupportsIndex
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, read_only
+from wbc.core.qp.options import Choice
 from wbc.core.robot import Robot
 
 RATE = 10.0
@@ -66,8 +66,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     __slots__ = ("_critical", "_fed", "_owner", "_robot", "_rows", "name", "revision")
 
     _kind: ClassVar[str] = "task"
-    _keep: slice | NDArray[np.intp] | EllipsisType = ...  # the chosen ones of the rows that are evaluated
-    _left_out: NDArray[np.intp] | None = None  # coordinates that the rows do not use
+    _choice: Choice | None = None  # of axes and joints; None for all
     dim: int
     _owner: weakref.ref[Any] | None
 
@@ -101,6 +100,11 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
                 "one, calls super().bind(robot))"
             )
         return self._robot
+
+    @property
+    def owner(self) -> Any:
+        """Controller or solver of inverse kinematics that has the rows; None while none has."""
+        return None if self._owner is None else self._owner()
 
     @checked
     def bind(self, robot: Robot) -> None:
@@ -196,9 +200,6 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
 class Block:
     """Rows of one task or contact in the arrays of a QP: where they stand, and how they are filled.
 
-    A task evaluates the rows of all its axes over all coordinates. Trimmed, they are those of the chosen axes, without
-    the coordinates that the task does not use.
-
     Attributes:
         item: The task or contact.
         place: Its rows among those of the QP.
@@ -224,13 +225,14 @@ class Block:
         self.engaged: bool | None = None
         self._rows: tuple[Array, ...] = (jacobian, error, drift)
         self.full: tuple[Array, ...] = self._rows
-        if item._keep is not ...:
-            n = item._n_rows
+        choice: Choice | None = item._choice
+        if choice is not None and choice.keep is not ...:
+            n = choice.n_rows
             self.full = np.zeros((n, jacobian.shape[1])), np.zeros(n), np.zeros(n)
         self.evaluate = item.evaluate
         if order == 1 and type(item).evaluate is Motion.evaluate:
             self._rows, self.full, self.evaluate = self._rows[:2], self.full[:2], item.measure
-        self.trims = item._keep is not ... or item._left_out is not None
+        self.trims = choice is not None and choice.trims
 
     def fill(self) -> None:
         """Fill the rows at the present state of the robot."""
@@ -239,26 +241,14 @@ class Block:
             self.trim()
 
     def trim(self) -> None:
-        """Take the chosen axes, and leave out what the task does not use.
-
-        The accelerations of the coordinates that are left out are known; their velocities are damped as all others.
-        """
+        """Take the rows that the task has chosen; see `Choice`."""
         item = self.item
-        if item._keep is not ...:
-            for rows, full in zip(self._rows, self.full, strict=True):
-                rows[:] = full[item._keep]
-        if item._left_out is not None:
-            moved = self.jacobian[:, item._left_out]
-            if len(self._rows) == 3:
-                drift = self._rows[2]
-                drift += moved.dot(item._expected)
-                drift += item.damping * moved.dot(item.robot.v[item._left_out])
-            self.jacobian[:, item._left_out] = 0.0
+        item._choice.trim(self._rows, self.full, item._rows.damping, item.robot.v)
 
     def take(self) -> None:
         """Note that the numbers of the item as they are now have been taken."""
-        self.revision = self.item.revision
-        self.trims = self.item._keep is not ... or self.item._left_out is not None
+        self.revision, choice = self.item.revision, self.item._choice
+        self.trims = choice is not None and choice.trims
 
     def clear(self) -> None:
         """Set all rows to zero."""

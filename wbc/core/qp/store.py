@@ -28,9 +28,10 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import groups_not_finite
+from wbc.core.qp.kinds import SelectionTask, VariableTask
 from wbc.core.qp.motion import NONE, Block, Motion, Rows
 from wbc.core.qp.solving.problem import Problem
-from wbc.core.qp.task import SelectionTask, Task, VariableTask
+from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
 NOTHING = np.zeros((0, 0))
@@ -173,8 +174,8 @@ class RowStore:
                 inside = slice(rows.start - self._start, rows.stop - self._start)
                 self._on_variables.append(Block(task, inside, own, self.targets[rows], NOTHING))
             else:
-                if isinstance(task, SelectionTask) and matrix is not None:
-                    own[:, np.arange(nv)[task.columns]] = np.eye(task.dim)
+                if matrix is not None:
+                    own[:, :nv] = task._unfilled()
                 self._blocks.append(self._block(task, rows, own[:, :nv]))
             if task.hard:
                 p.hard_tasks[rows] = True

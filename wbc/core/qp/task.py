@@ -1,34 +1,35 @@
 """Base of tasks: rows of a least-squares objective, or of a hard constraint, over the variables of the QP.
 
-A task gives its Jacobian, its error and its drift at the present state; its weight, gains and feed-forward are numbers
-that it keeps. `wbc.core.qp.store` puts the rows of all tasks into one QP, and computes the reference acceleration of
-all of them together,
+A task gives its Jacobian, its error and its drift at the present state, and keeps its target, weight, gains and
+feed-forward. `wbc.core.qp.store` puts the rows of all tasks into one QP, whose reference acceleration is
 
     reference = feed-forward acceleration + stiffness · error
                 + damping · (feed-forward velocity − Jacobian · v) − drift,
 
-and minimises ½ Σ weight · (Jacobian · acceleration − reference)². An error beyond its bound is shortened to the bound,
-so that a distant target does not cause a larger acceleration.
+and whose cost is ½ Σ weight · (Jacobian · acceleration − reference)². An error beyond its bound is shortened to the
+bound, so that a distant target does not cause a larger acceleration.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from types import EllipsisType
-from typing import Any, ClassVar, Literal, TypedDict, Unpack
+from typing import Any, ClassVar, Literal, Self, Unpack
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from wbc.base.checked import checked as checked_arguments
 from wbc.base.errors import InputError, WbcError, shown, unknown_name
-from wbc.base.numbers import Array, read_only, whole_number
-from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
-from wbc.core.qp.motion import RATE, Block, Rows
-from wbc.core.qp.solving.problem import Problem
-from wbc.core.qp.target import Targeted
+from wbc.base.numbers import Array, finite_array, read_only
+from wbc.core.frames import FixedPose
+from wbc.core.qp.motion import RATE, Block, Motion, Rows
+from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, Target, coordinates
+from wbc.core.qp.options import Choice, MotionOptions
 from wbc.core.robot import Reads, Robot
 from wbc.core.signals import Measurement
+from wbc.core.trajectories import Duration
 
 Drives = Literal["torque", "position"]
 """Kind of the commands to the drives; "torque" for hybrid control as well."""
@@ -43,57 +44,7 @@ SLOW = {"m": 0.05, "rad": 0.2}
 """Unit → speed below which a task has reached its target, per second."""
 
 
-class TaskOptions(TypedDict, total=False):
-    """Options of all tasks.
-
-    An unknown option raises an `UnknownNameError`, and a value out of range an `InputError`.
-
-    Attributes:
-        name: Name in status tables and solutions, unique within a controller; when None, it is made from the class and
-            the frame or contact.
-        weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; without effect on a hard task.
-        hard: Make the rows a constraint instead of a cost; False by default.
-    """
-
-    name: str | None
-    weight: ArrayLike
-    hard: bool
-
-
-class GainOptions(TaskOptions, total=False):
-    """Options of tasks with an error: those of all tasks, and gains.
-
-    Attributes:
-        stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
-        damping: Acceleration per velocity error, 1/s, scalar or shape (dim,), ≥ 0; critical, 2·√stiffness, when None,
-            the default.
-        rate: Velocity per error in inverse kinematics, 1/s, scalar or shape (dim,), ≥ 0; 10 by default. Inverse
-            kinematics does not use stiffness and damping.
-        error_bound: Largest component of the error, in its unit (m, rad), scalar or shape (dim,), > 0. A longer error
-            is shortened to the bound, in its own direction, so that a distant target does not cause a larger
-            acceleration. 0.1 m (for the centre of mass 0.3 m) and 1 rad by default; `math.inf` for no bound.
-    """
-
-    stiffness: ArrayLike
-    damping: ArrayLike | None
-    rate: ArrayLike
-    error_bound: ArrayLike | None
-
-
-class MotionOptions(GainOptions, total=False):
-    """Options of motion tasks: those of tasks with an error, and a choice of axes and joints.
-
-    Attributes:
-        axes: Axes to control, one row each; all by default. A position has x, y and z. An orientation has roll (about
-            x), pitch (about y) and yaw (about z). A pose has all six.
-        joints: Joints that the task may use, with "base" for the floating base; all when None, the default.
-    """
-
-    axes: str | Sequence[str]
-    joints: str | Sequence[str] | None
-
-
-class Task(Targeted):
+class Task(Motion):
     """Base of all tasks: rows over the generalised accelerations.
 
     The rows of a `SelectionTask` select single coordinates; those of a `VariableTask` are over all variables of the QP.
@@ -118,16 +69,16 @@ class Task(Targeted):
         idle: True while no weight acts; the rows are then not evaluated, and cost no time.
     """
 
-    __slots__ = (
-        "_expected", "_hard", "_keep", "_left_out", "_linear_rows", "_n_rows", "_only_joints", "_scale", "_spared",
-        "_unused", "_weighed", "_weight", "dim", "idle",
-    )  # fmt: skip
+    __slots__ = ("_choice", "_hard", "_scale", "_target", "_weighed", "_weight", "dim", "idle")
 
     usual: ClassVar[MotionOptions] = {}
     kinematic_weight: ClassVar[float | None] = None
     of_velocity: ClassVar[bool] = False
     reads: ClassVar[Reads] = "all"
     drives: Drives | None = None
+    unit: ClassVar[str] = "m"
+    _choice: Choice
+    _over_joints: ClassVar[bool] = True  # of which some can be chosen
 
     def __init__(self, name: str, rows: int | Sequence[str], /, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; gains can be changed at any time.
@@ -142,24 +93,10 @@ class Task(Targeted):
         name = given.pop("name", None) or name
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
-        self._keep: slice | NDArray[np.intp] | EllipsisType = ...  # the chosen ones of all rows
-        self._linear_rows: int | None = None  # the others are of a rotation
-        self._n_rows = rows if isinstance(rows, int) else len(rows)  # of all axes
-        if isinstance(rows, int):
-            self.dim = whole_number(f"number of rows of task '{name}'", rows, low=1)
-        else:
-            mask = axis_mask(name, given.pop("axes", rows), rows)
-            kept = np.flatnonzero(mask)
-            self.dim, first = kept.size, int(kept[0])
-            if self.dim < self._n_rows:
-                self._keep = slice(first, first + self.dim) if kept[-1] == first + self.dim - 1 else kept
-            self._linear_rows = int(mask[[axis in POSITION_AXES for axis in rows]].sum())
-        joints = given.pop("joints", None)
-        self._only_joints = None if joints is None else distinct_joints(joints)
-        # Coordinates that the rows leave out: those in `spared`, then those of joints that the task must not use.
-        self._spared = self._unused = np.zeros(0, dtype=np.intp)
-        self._left_out: NDArray[np.intp] | None = None
-        self._expected = np.zeros(0)  # their accelerations
+        axes = None if isinstance(rows, int) else given.pop("axes", None)
+        joints = given.pop("joints", None) if self._over_joints else None
+        self._choice = Choice(name, rows, axes, joints)
+        self.dim, self._target = self._choice.dim, Target()
         self._hard = self.idle = False
         super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
         self.rate = given.pop("rate", RATE)
@@ -181,7 +118,7 @@ class Task(Targeted):
     def hard(self, value: bool) -> None:
         if isinstance(value, (bool, np.bool_)) and value == self._hard:
             return
-        if self._owner is not None and self._owner() is not None:
+        if self.owner is not None:
             raise InputError(
                 f"task '{self.name}' is in a controller, where hard is fixed: remove it, assign hard, and add it again"
             )
@@ -255,14 +192,14 @@ class Task(Targeted):
 
     def _usual_bound(self) -> ArrayLike:
         """Bound of the error of a task that is given none, `unit`, scalar or shape (dim,)."""
-        bounds = [ERROR_BOUNDS.get(unit, np.inf) for unit in self.unit.split("|")]
-        if self._linear_rows is None:
-            return bounds[0] if len(bounds) == 1 else np.inf
-        return np.where(np.arange(self.dim) < self._linear_rows, bounds[0], bounds[-1])
+        bound = np.full(self.dim, np.inf)
+        for unit, part in self._parts():
+            bound[part] = ERROR_BOUNDS.get(unit, np.inf)
+        return bound
 
     def _parts(self) -> list[tuple[str, slice]]:
         """Unit and rows of each part of the error that is one vector."""
-        units, linear = self.unit.split("|"), self._linear_rows
+        units, linear = self.unit.split("|"), self._choice.n_linear
         if linear is None:
             return [(self.unit, slice(0, self.dim))]
         parts = ((units[0], slice(0, linear)), (units[-1], slice(linear, self.dim)))
@@ -279,11 +216,44 @@ class Task(Targeted):
             if over > 1.0:
                 error[part] /= over
 
+    def evaluated(self) -> tuple[Array, Array, Array]:
+        """Return Jacobian, shape (dim, nv), error and drift, shape (dim,), at the present state, checked.
+
+        Rows that cannot be evaluated, move with no joint, or have numbers that are not finite are an `InputError`.
+        """
+        rows = jacobian, error, drift = self._unfilled(), np.zeros(self.dim), np.zeros(self.dim)
+        with self._guarded():
+            Block(self, slice(0, self.dim), *rows).fill()
+        for what, values in zip(("Jacobian", "error", "drift"), rows, strict=True):
+            if not np.isfinite(values).all():
+                raise InputError(f"{what} of task '{self.name}' must be finite, got {shown(values)}")
+        if not jacobian.any():
+            raise InputError(
+                f"task '{self.name}' must move with some joint, its Jacobian is zero; evaluate writes into the array "
+                "that it is given: jacobian[:] = …"
+            )
+        return jacobian, error, drift
+
+    def _unfilled(self) -> Array:
+        """Return the Jacobian before `evaluate` fills it, shape (dim, nv)."""
+        return np.zeros((self.dim, self.robot.nv))
+
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Make an `InputError` of whatever a task of one's own raises."""
+        try:
+            yield
+        except WbcError:
+            raise
+        except Exception as failure:
+            raise InputError(
+                f"task '{self.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
+            ) from failure
+
     @property
     def error(self) -> Array:
         """Error at the last tick, target − measured, shape (dim,), `unit`; a copy. Zero before the first one."""
-        owner = None if self._owner is None else self._owner()
-        return np.zeros(self.dim) if owner is None else np.asarray(owner.error_of(self))
+        return np.zeros(self.dim) if self.owner is None else np.asarray(self.owner.error_of(self))
 
     @property
     def residual_unit(self) -> str:
@@ -293,7 +263,7 @@ class Task(Targeted):
     @property
     def velocity(self) -> Array:
         """Present velocity of the rows, shape (dim,), `unit`/s."""
-        return np.asarray(evaluated(self)[0] @ self.robot.v)
+        return np.asarray(self.evaluated()[0] @ self.robot.v)
 
     @property
     def speed(self) -> float:
@@ -310,7 +280,7 @@ class Task(Targeted):
         """
         if self.moving:
             return False
-        jacobian, error, _ = evaluated(self)
+        jacobian, error, _ = self.evaluated()
         sizes = zip(self._parts(), self._sizes(error), self._sizes(jacobian @ self.robot.v), strict=True)
         return all(
             off <= NEAR.get(unit, NEAR["m"]) and speed <= SLOW.get(unit, SLOW["m"])
@@ -324,12 +294,207 @@ class Task(Targeted):
         Empty if nothing did: then the robot is at the target or on its way. "contacts and hard tasks" stand for what
         must not move, "the reach of the robot" for a target that no joint brings nearer. Slow, not for the tick.
         """
-        owner = None if self._owner is None else self._owner()
-        return () if owner is None else owner.held_back().get(self.name, ())
+        return () if self.owner is None else self.owner.held_back().get(self.name, ())
 
     def _sizes(self, rows: Array) -> list[float]:
         """Length of each part of some rows."""
         return [float(np.linalg.norm(rows[part])) for _, part in self._parts()]
+
+    # ---- target -------------------------------------------------------------------------------------------------
+
+    @property
+    def held_by(self) -> str | None:
+        """Name of what to use instead, where another part sets the target at every tick; None where it is free."""
+        return self._target.held_by
+
+    @held_by.setter
+    @checked_arguments
+    def held_by(self, value: str | None) -> None:
+        self._target.held_by = value
+
+    def present(self, robot: Robot) -> Any:
+        """Return the target at which the present error is zero, as a copy; zero unless a task says otherwise."""
+        return np.zeros(self._choice.n_rows)
+
+    def checked(self, value: Any) -> Any:
+        """Return a target after a check, as a copy: a number for each of all axes unless a task says otherwise."""
+        return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self._choice.n_rows,))
+
+    @property
+    def target(self) -> Any:
+        """Target, in the form and unit of the constructor, read-only; assign one, or see `move_to`."""
+        target = self._target.value
+        if target is None:
+            target = self.present(self.robot)
+        return FixedPose(target) if isinstance(target, pin.SE3) else read_only(target)
+
+    @target.setter
+    def target(self, value: Any) -> None:
+        target = self.checked(value)
+        self._take_over()
+        self._target.value = target
+
+    def follow(self, target: Any, velocity: Array | None = None, acceleration: Array | None = None) -> None:
+        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
+
+        Args:
+            target: The target; kept, not copied.
+            velocity: Its velocity along the task's axes, shape (dim,), `unit`/s; unchanged when None.
+            acceleration: Its acceleration along them, shape (dim,), `unit`/s²; unchanged when None.
+        """
+        self._target.value = target
+        self._feed(velocity, acceleration)
+
+    def _feed(self, velocity: ArrayLike | None, acceleration: ArrayLike | None) -> None:
+        """Take the rates of the target over, each of shape (dim,); None leaves one as it is."""
+        rates, self._fed = self._feedforward(), True
+        if velocity is not None:
+            rates[0][:] = velocity
+        if acceleration is not None:
+            rates[1][:] = acceleration
+
+    @property
+    def feedforward_velocity(self) -> Array:
+        """Velocity of the target, shape (dim,), `unit`/s, read-only."""
+        return read_only(self._feedforward()[0])
+
+    @feedforward_velocity.setter
+    def feedforward_velocity(self, value: ArrayLike) -> None:
+        velocity = finite_array(f"feed-forward velocity of task '{self.name}'", value, (self.dim,))
+        self._take_over()
+        self._feed(velocity, None)
+
+    @property
+    def feedforward_acceleration(self) -> Array:
+        """Acceleration of the target, shape (dim,), `unit`/s², read-only."""
+        return read_only(self._feedforward()[1])
+
+    @feedforward_acceleration.setter
+    def feedforward_acceleration(self, value: ArrayLike) -> None:
+        acceleration = finite_array(f"feed-forward acceleration of task '{self.name}'", value, (self.dim,))
+        self._take_over()
+        self._feed(None, acceleration)
+
+    def _feedforward(self) -> tuple[Array, Array]:
+        """Return the arrays of velocity and acceleration of the target, each of shape (dim,)."""
+        return self._rows.velocity, self._rows.acceleration
+
+    def _take_over(self) -> None:
+        """End a move, or refuse a target that another part sets."""
+        if self._target.held_by is not None:
+            raise InputError(
+                f"the target of task '{self.name}' is set at every tick by another part: use {self._target.held_by}"
+            )
+        self._stop()
+
+    @checked_arguments
+    def move_to(
+        self,
+        target: Any,
+        *,
+        duration: Duration | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Move the target to another one on a minimum jerk trajectory, from the next tick on.
+
+        A move goes on from where the target is, with its present velocity, and sets target, feed-forward velocity and
+        acceleration at every tick. Whatever is assigned to one of these ends it.
+
+        Args:
+            target: As it is assigned to `target`.
+            duration: s; the least within the limits when None.
+            speed: Greatest speed of the target, `unit`/s; for a pose a pair (linear, angular), for joints that of each.
+                0.2 m/s and 1 rad/s when None and no duration is given.
+            acceleration: Greatest acceleration, `unit`/s², as `speed`; reaches that speed in 0.2 s when None and no
+                duration is given.
+        """
+        self.move_through([target], duration=duration, speed=speed, acceleration=acceleration)
+
+    @checked_arguments
+    def move_through(
+        self,
+        targets: Sequence[Any],
+        *,
+        duration: Duration | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Move the target through others, without a stop, to rest at the last after `duration`; see `move_to`.
+
+        A rotation between two of the targets is the shorter turn.
+        """
+        owner = self.owner
+        if owner is None:
+            raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
+        if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
+            raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
+        if self._target.held_by is not None:
+            self._take_over()
+        rates: tuple[Array | None, Array | None] = (None, None)
+        if self._target.move is not None:  # to where the target is at the next tick
+            now = self._target.move.now()
+            self._put(*now)
+            rates = now[1:]
+        if duration is None and speed is None:
+            speed = self._usual_speed()
+        limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
+        self._target.move = Move(self._coordinates(), targets, rates, **limits)
+        owner.move(self)
+
+    def _usual_speed(self) -> ArrayLike | None:
+        """Return the greatest speed of a target where none is given, of each part of its coordinates."""
+        usual = [USUAL_SPEED[unit] for unit in self.unit.split("|") if unit in USUAL_SPEED]
+        return usual[0] if len(usual) == 1 else usual or None
+
+    def _coordinates(self) -> Coordinates:
+        """Return coordinates of targets, from the present one on."""
+        return coordinates(self.target, self.checked)
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        """Set the target of one tick of a move, and its rates along all axes."""
+        self.follow(
+            target, np.asarray(velocity)[self._choice.keep], np.asarray(acceleration)[self._choice.keep]
+        )
+
+    def go_on_from(self, before: Self) -> None:
+        """Take target, rates and move of another task of the same kind and axes over from it; its own move ends.
+
+        Args:
+            before: That task, which rests then.
+        """
+        owner = self.owner
+        if owner is None:
+            raise InputError(
+                f"task '{self.name}' goes on from another one once a controller has it: add it first"
+            )
+        self.follow(before.target, before.feedforward_velocity, before.feedforward_acceleration)
+        self._target.move, before._target.move = before._target.move, None
+        if self._target.move is not None:
+            owner.move(self)
+
+    @property
+    def moving(self) -> bool:
+        """True while the target moves."""
+        return self._target.move is not None
+
+    def move_on(self, dt: float) -> bool:
+        """Move a target that is on its way on by one tick of dt, s; return True if it is still on its way."""
+        move = self._target.move
+        if move is None:
+            return False
+        self._put(*move.now())
+        if not move.advance(dt):
+            self._target.move = None
+        return self._target.move is not None
+
+    def _stop(self) -> None:
+        """End a move, if there is one, where the target is."""
+        move = self._target.move
+        if move is not None:
+            still = np.zeros(move.coordinates.start.size)
+            self._target.move = None
+            self._put(self.target, still, still)
 
     # ---- what a controller calls ----------------------------------------------------------------------------------
 
@@ -343,7 +508,8 @@ class Task(Targeted):
         The rows of a task without `observe` are then evaluated once, so that mistakes show before the first tick.
         """
         super().bind(robot)
-        self._use_only(robot, self._only_joints)
+        self._choice.bind(robot, self._used_joints(robot))
+        self.revision += 1
         if self._target.open:
             self._target.value = self._target.present = self.present(robot)
 
@@ -363,10 +529,9 @@ class Task(Targeted):
             f"task '{self.name}' reads sensors: give the measurement of the tick, controller.solve(measurement)"
         )
 
-    def _use_only(self, robot: Robot, joints: Sequence[str] | None) -> None:
-        """Leave all coordinates but those of some joints out; they are expected not to accelerate."""
-        self._unused = other_columns(robot, joints)
-        self._leave_out()
+    def _used_joints(self, robot: Robot) -> Sequence[str] | None:
+        """Return the joints that the task may use; None for all."""
+        return self._choice.joints
 
     @property
     def spared(self) -> NDArray[np.intp]:
@@ -376,126 +541,38 @@ class Task(Targeted):
         the body that carries the hand. Assigning them sets their expected accelerations to zero. Joints that the option
         `joints` leaves out are taken into account as well, with an expected acceleration of zero.
         """
-        return self._spared
+        return self._choice.spared
 
     @spared.setter
     def spared(self, value: NDArray[np.intp]) -> None:
-        array = np.asarray(value)
-        if array.ndim != 1 or (array.size and (array.dtype.kind not in "iu" or array.min() < 0)):
+        if np.size(value) and not self._over_joints:
             raise InputError(
-                f"spared of task '{self.name}' must be numbers of velocity coordinates, shape (n,), got {shown(value)}"
+                f"the rows of task '{self.name}' are not over joints of which it could spare some"
             )
-        self._spared = array.astype(np.intp, copy=False)
-        self._leave_out()
+        self._choice.spare(self.name, value)
+        self.revision += 1
 
     @property
     def spared_acceleration(self) -> Array:
         """Expected accelerations of the coordinates in `spared`, shape (n,)."""
-        return self._expected[: self._spared.size]
+        return self._choice.expected[: self._choice.spared.size]
 
     @spared_acceleration.setter
     def spared_acceleration(self, value: Array) -> None:
-        self._expected[: self._spared.size] = value
-
-    def _leave_out(self) -> None:
-        """Note the coordinates that the rows leave out, spared ones first, with accelerations of zero."""
-        columns = np.concatenate([self._spared, np.setdiff1d(self._unused, self._spared)])
-        self._left_out, self._expected = columns if columns.size else None, np.zeros(columns.size)
-        self.revision += 1
+        self._choice.expected[: self._choice.spared.size] = value
 
     def _resize(self, dim: int) -> None:
-        """Change the number of rows before the task is attached, keeping uniform gains."""
-        old, self._rows = self._rows, Rows.zeros(dim)
-        self.dim = self._n_rows = dim
+        """Change the number of rows of a task without a choice of axes, whose numbers are the same for all rows."""
+        if dim == self.dim:
+            return
+        values = self._rows.values
+        if (values != values[:, :1]).any():
+            raise InputError(
+                f"gains and weights of task '{self.name}' must be scalars or have shape ({dim},)"
+            )
+        self._rows = Rows(np.repeat(values[:, :1], dim, axis=1))
         self._weight, self._scale = np.resize(self._weight, dim), np.resize(self._scale, dim)
-        for field in ("weight", "stiffness", "damping", "rate", "bound"):
-            values = getattr(old, field)
-            if values.size != dim and not (values == values[0]).all():
-                raise InputError(f"{field} of task '{self.name}' must be a scalar or have shape ({dim},)")
-            getattr(self._rows, field)[:] = values if values.size == dim else values[0]
+        self.dim = self._choice.dim = self._choice.n_rows = dim
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', dim={self.dim}{', hard' if self.hard else ''})"
-
-
-class SelectionTask(Task):
-    """Base of tasks whose rows select single coordinates: they only change the diagonal of the QP's cost.
-
-    `evaluate` fills only the error. Each row has its own error bound.
-
-    Attributes:
-        columns: Velocity coordinates of the rows, distinct, shape (dim,) or a slice; `bind` sets them.
-    """
-
-    __slots__ = ()
-    columns: slice | NDArray[np.intp]
-
-    def saturate(self, error: Array) -> None:
-        """Clip each component of an error, shape (dim,), `unit`, to its bound."""
-        bound = self._rows.bound
-        np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
-
-    def _sizes(self, rows: Array) -> list[float]:
-        """Greatest component of some rows."""
-        return [float(abs(rows).max())]
-
-
-class VariableTask(Task):
-    """Base of tasks on torques and wrenches: rows over all variables x of the QP, matrix · x = reference.
-
-    `evaluate` fills the matrix, shape (dim, number of variables), in place of the Jacobian, and the reference, shape
-    (dim,), in place of the error.
-    """
-
-    __slots__ = ()
-
-    @property
-    def residual_unit(self) -> str:
-        """Unit of the residual: that of the variables."""
-        return self.unit
-
-    def bind_problem(self, problem: Problem) -> None:  # noqa: B027 (optional)
-        """Look up contacts or torque rows; called after each change of the QP's layout.
-
-        A task whose contact is not in the QP raises an `UnknownNameError`; it has no effect until the contact is added.
-        """
-
-    def waits_for(self) -> object | None:
-        """Return the contact of the task if it may be added after the task; None otherwise."""
-        return None
-
-
-@contextmanager
-def guarded(task: Task) -> Iterator[None]:
-    """Make an `InputError` of whatever a task of one's own raises."""
-    try:
-        yield
-    except WbcError:
-        raise
-    except Exception as failure:
-        raise InputError(
-            f"task '{task.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
-        ) from failure
-
-
-def evaluated(task: Task) -> tuple[Array, Array, Array]:
-    """Return Jacobian, shape (dim, nv), error and drift, shape (dim,), of a bound task at the present state, checked.
-
-    Rows that cannot be evaluated, move with no joint, or have numbers that are not finite are an `InputError`.
-    """
-    if isinstance(task, VariableTask):
-        raise InputError(f"task '{task.name}' is on variables of the QP: it has neither error nor speed")
-    jacobian, error, drift = np.zeros((task.dim, task.robot.nv)), np.zeros(task.dim), np.zeros(task.dim)
-    with guarded(task):
-        Block(task, slice(0, task.dim), jacobian, error, drift).fill()
-    if isinstance(task, SelectionTask):
-        jacobian = np.eye(task.robot.nv)[task.columns]
-    for what, rows in (("Jacobian", jacobian), ("error", error), ("drift", drift)):
-        if not np.isfinite(rows).all():
-            raise InputError(f"{what} of task '{task.name}' must be finite, got {shown(rows)}")
-    if not jacobian.any():
-        raise InputError(
-            f"task '{task.name}' must move with some joint, its Jacobian is zero; evaluate writes into the array that "
-            "it is given: jacobian[:] = …"
-        )
-    return jacobian, error, drift

@@ -1,0 +1,206 @@
+"""Options of tasks, and their choice of axes and joints: which rows the QP gets, and over which coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from types import EllipsisType
+from typing import TypedDict
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.base.errors import InputError, names_in, shown, unknown_name
+from wbc.base.numbers import Array, whole_number
+from wbc.core.robot import Robot
+
+POSITION_AXES = ("x", "y", "z")
+ROTATION_AXES = ("roll", "pitch", "yaw")
+POSE_AXES = (*POSITION_AXES, *ROTATION_AXES)
+
+BASE = "base"
+"""Name of the six coordinates of the floating base in a choice of joints."""
+
+
+class TaskOptions(TypedDict, total=False):
+    """Options of all tasks.
+
+    An unknown option raises an `UnknownNameError`, and a value out of range an `InputError`.
+
+    Attributes:
+        name: Name in status tables and solutions, unique within a controller; when None, it is made from the class and
+            the frame or contact.
+        weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; without effect on a hard task.
+        hard: Make the rows a constraint instead of a cost; False by default.
+    """
+
+    name: str | None
+    weight: ArrayLike
+    hard: bool
+
+
+class GainOptions(TaskOptions, total=False):
+    """Options of tasks with an error: those of all tasks, and gains.
+
+    Attributes:
+        stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
+        damping: Acceleration per velocity error, 1/s, scalar or shape (dim,), ≥ 0; critical, 2·√stiffness, when None,
+            the default.
+        rate: Velocity per error in inverse kinematics, 1/s, scalar or shape (dim,), ≥ 0; 10 by default. Inverse
+            kinematics does not use stiffness and damping.
+        error_bound: Largest component of the error, in its unit (m, rad), scalar or shape (dim,), > 0. A longer error
+            is shortened to the bound, in its own direction, so that a distant target does not cause a larger
+            acceleration. 0.1 m (for the centre of mass 0.3 m) and 1 rad by default; `math.inf` for no bound.
+    """
+
+    stiffness: ArrayLike
+    damping: ArrayLike | None
+    rate: ArrayLike
+    error_bound: ArrayLike | None
+
+
+class MotionOptions(GainOptions, total=False):
+    """Options of motion tasks: those of tasks with an error, and a choice of axes and joints.
+
+    Attributes:
+        axes: Axes to control, one row each; all by default. A position has x, y and z. An orientation has roll (about
+            x), pitch (about y) and yaw (about z). A pose has all six.
+        joints: Joints that the task may use, with "base" for the floating base; all when None, the default.
+    """
+
+    axes: str | Sequence[str]
+    joints: str | Sequence[str] | None
+
+
+def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:
+    """Return a mask of shape (len(choices),): which of `choices` are in `axes`, given once each in the same order."""
+    chosen = names_in(f"axes of task '{task}'", axes)
+    if not chosen or len(set(chosen)) != len(chosen):
+        raise InputError(f"task '{task}' needs axes out of {', '.join(choices)}, each once; got {chosen}")
+    for axis in chosen:
+        if axis not in choices:
+            unknown_name(f"axis for task '{task}'", axis, choices)
+    in_order = [axis for axis in choices if axis in chosen]
+    if list(chosen) != in_order:
+        raise InputError(
+            f"task '{task}' has its rows in the order {', '.join(choices)}; give the axes so, as {tuple(in_order)}, "
+            f"not {tuple(chosen)}"
+        )
+    return np.array([axis in chosen for axis in choices])
+
+
+def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
+    """Return the velocity coordinates of joints; `UnknownNameError` if the robot has no such joint."""
+    return np.array([robot.base_dof + robot.joint_index(joint) for joint in joints], dtype=np.intp)
+
+
+def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp]:
+    """Return the velocity coordinates that a task limited to `joints` must not use; none when it may use all.
+
+    A task that may move only some joints may not move the floating base, unless "base" is among them.
+    """
+    if joints is None:
+        return np.zeros(0, dtype=np.intp)
+    used = joint_columns(robot, [joint for joint in joints if joint != BASE])
+    if BASE in joints:
+        used = np.concatenate([np.arange(robot.base_dof), used])
+    return np.setdiff1d(np.arange(robot.nv), used)
+
+
+def distinct_joints(joints: str | Sequence[str]) -> list[str]:
+    """Return the names as a list, a single name as a list of one; `InputError` for none at all, or one twice."""
+    chosen = names_in("joints", joints)
+    if not chosen or len(set(chosen)) != len(chosen):
+        raise InputError(f"joints must be distinct, at least one; got {chosen}")
+    return chosen
+
+
+class Choice:
+    """Part of a task's rows that the QP gets: the chosen ones of all axes, over all coordinates but those left out.
+
+    Coordinates that are left out accelerate as they are expected to, whatever the QP chooses.
+
+    Attributes:
+        dim: Number of chosen rows.
+        n_rows: Number of all rows.
+        keep: The chosen ones of all rows; an ellipsis for all.
+        n_linear: Number of chosen rows that are of a position, before those of a rotation; None for rows without names.
+        joints: Names of the joints that the task may use; None for all.
+        left_out: Velocity coordinates that are left out: `spared` ones, then those of other joints; None for none.
+        expected: Their accelerations, shape of `left_out`.
+    """
+
+    __slots__ = ("_spared", "_unused", "dim", "expected", "joints", "keep", "left_out", "n_linear", "n_rows")
+
+    def __init__(
+        self,
+        task: str,
+        rows: int | Sequence[str],
+        axes: str | Sequence[str] | None,
+        joints: str | Sequence[str] | None,
+    ) -> None:
+        """Choose from the rows of a task, their number or their names; None for all axes, or all joints."""
+        self.keep: slice | NDArray[np.intp] | EllipsisType = ...
+        self.n_linear: int | None = None
+        if isinstance(rows, int):
+            self.dim = self.n_rows = whole_number(f"number of rows of task '{task}'", rows, low=1)
+        else:
+            mask = axis_mask(task, rows if axes is None else axes, rows)
+            kept = np.flatnonzero(mask)
+            self.dim, self.n_rows = kept.size, len(rows)
+            self.n_linear = int(mask[[axis in POSITION_AXES for axis in rows]].sum())
+            if self.dim < self.n_rows:
+                first, last = int(kept[0]), int(kept[-1])
+                self.keep = slice(first, last + 1) if last - first < self.dim else kept
+        self.joints = None if joints is None else distinct_joints(joints)
+        self._spared = self._unused = np.zeros(0, dtype=np.intp)
+        self.left_out: NDArray[np.intp] | None = None
+        self.expected = np.zeros(0)
+
+    def bind(self, robot: Robot, joints: Sequence[str] | None) -> None:
+        """Leave all coordinates but those of some joints out, which are the chosen ones unless a task has others."""
+        self._unused = other_columns(robot, joints)
+        self._leave_out()
+
+    @property
+    def spared(self) -> NDArray[np.intp]:
+        """Velocity coordinates that are left out beside those of other joints, shape (n,)."""
+        return self._spared
+
+    def spare(self, task: str, value: NDArray[np.intp]) -> None:
+        """Leave other coordinates out than so far, after a check."""
+        array = np.asarray(value)
+        if array.ndim != 1 or (array.size and (array.dtype.kind not in "iu" or array.min() < 0)):
+            raise InputError(
+                f"spared of task '{task}' must be numbers of velocity coordinates, shape (n,), got {shown(value)}"
+            )
+        self._spared = array.astype(np.intp, copy=False)
+        self._leave_out()
+
+    def _leave_out(self) -> None:
+        columns = np.concatenate([self._spared, np.setdiff1d(self._unused, self._spared)])
+        self.left_out, self.expected = columns if columns.size else None, np.zeros(columns.size)
+
+    @property
+    def trims(self) -> bool:
+        """True if the QP does not get all rows over all coordinates."""
+        return self.keep is not ... or self.left_out is not None
+
+    def trim(self, rows: Sequence[Array], full: Sequence[Array], damping: Array, v: Array) -> None:
+        """Fill rows of chosen axes from those of all axes, and leave coordinates out.
+
+        Args:
+            rows: Jacobian, error and, of the second order, drift, to fill.
+            full: The same of all axes; the very `rows` where all axes are chosen.
+            damping: Damping of the rows, 1/s; the velocities of coordinates that are left out are damped, too.
+            v: Velocity of the robot, shape (nv,).
+        """
+        if self.keep is not ...:
+            for part, every in zip(rows, full, strict=True):
+                part[:] = every[self.keep]
+        if self.left_out is not None:
+            jacobian = rows[0]
+            moved = jacobian[:, self.left_out]
+            if len(rows) == 3:
+                rows[2][:] += moved.dot(self.expected)
+                rows[2][:] += damping * moved.dot(v[self.left_out])
+            jacobian[:, self.left_out] = 0.0
