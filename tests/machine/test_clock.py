@@ -11,6 +11,7 @@ import pytest
 
 from wbc.machine import clock, guard
 from wbc.machine.guard import BEAT, DAMP_PERIOD, watch
+from wbc.machine.report import RunReport
 
 
 def test_the_guard_goes_on_when_a_damping_command_fails() -> None:
@@ -78,3 +79,21 @@ def test_page_faults_and_collections_are_those_of_the_loop_alone(monkeypatch: py
     with clock.quiet(None) as got:
         assert got.page_faults == (0, 0) and got.collections == 0
     assert got.page_faults == (5, 50) and got.collections == 2
+
+
+def test_a_report_counts_ticks_in_classes_of_their_times() -> None:
+    """Ends of classes in ms; what is beyond the last one is in a class without an end; the text has the totals."""
+    late, busy = np.array([0.0, 0.04, 0.06, 3.0, 250.0]) * 1e-3, np.array([0.6, 0.7, 0.8, 0.9, 15.0]) * 1e-3
+    got = clock.Quiet(memory_locked=True, priority=50, page_faults=(7, 900), collections=3)
+    report = RunReport("stopped", (), 5, 4, 6, late, busy, 0.0123, got, 0.002)
+    counts = report.histogram()
+    assert counts["late"] == [2, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1] and sum(counts["busy"]) == 5
+    assert counts["busy"] == [0, 0, 0, 0, 4, 0, 0, 0, 1, 0, 0, 0]
+    lines = str(report).splitlines()
+    assert lines[0] == "stopped after 5 ticks of 2 ms"
+    assert "missed: 4, periods skipped: 6" in lines[1] and "12.3 ms" in lines[1]
+    assert "locked: yes" in lines[2] and "priority: 50" in lines[2] and "disk 7" in lines[2]
+    assert lines[4].split() == ["0.05", "2", "0"] and lines[-1].split() == ["inf", "1", "0"]
+    assert not any("clouds" in line for line in lines)
+    blind = RunReport("stopped", (), 5, 4, 6, late, busy, 0.0123, clock.Quiet(), 0.002, "no camera")
+    assert "no clouds of points: no camera" in str(blind) and "locked: no" in str(blind)

@@ -185,6 +185,10 @@ def test_quaternions_keep_their_sign_and_have_length_one(robot: Robot) -> None:
     lying[7, 3:] *= 1.06
     with pytest.raises(InputError, match=r"1.060 in frame 7$"):
         replace(clip, base=lying)
+    lost = clip.joints.copy()
+    lost[20, 3] = np.nan
+    with pytest.raises(InputError, match=rf"nan in frame 20 \(0\.200 s\), column '{robot.joint_names[3]}'"):
+        replace(clip, joints=lost)
     lying = clip.base.copy()
     for tilt, good in ((1.0, True), (1.1, False)):  # cos 1.047 is a half
         lying[0, 3:] = Rotation.from_rotvec([tilt, 0.0, 0.0]).as_quat()

@@ -10,13 +10,16 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from made_person import make_person
+from scipy.spatial.transform import Rotation
 
 from wbc import load_robot
 from wbc.base.errors import InputError
-from wbc.core.robot import Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, SkeletonClip, check_motion, retarget
 from wbc.motion.feasible import STRETCH, _drawn_in, _envelope, _integral, _slowed, _smooth
+from wbc.motion.footsteps import footsteps
 from wbc.motion.kinematics import BodyMotion
+from wbc.motion.measures import measure
 from wbc.motion.retarget import (
     BENT,
     FASTEST,
@@ -169,6 +172,83 @@ def test_a_jump_beyond_twelve_legs_a_second_is_told_by_its_frame() -> None:
             continue
         with pytest.raises(InputError, match=r"0\.48 times .* frame 7 .*part\(0\.32\)"):
             _refuse_jumps(clip, parts)
+
+
+def test_a_person_is_upright_whose_way_from_ankles_to_shoulders_is_steeper_than_thirty_degrees() -> None:
+    """Wherever the person is: half of that way is vertical at a tilt of 60°."""
+    given = make_person(noise=0.0).part(0.0, 0.1)
+    for away in (np.zeros(3), np.array([500.0, -70.0, 33.0])):
+        for tilt, good in ((0.0, True), (58.0, True), (62.0, False), (90.0, False), (180.0, False)):
+            turned = Rotation.from_euler("x", tilt, degrees=True).apply(given.positions.reshape(-1, 3))
+            clip = replace(given, positions=turned.reshape(given.positions.shape) + away)
+            if good:
+                assert len(clip.limbs()) > 10
+                continue
+            with pytest.raises(InputError, match="upright"):
+                clip.limbs()
+        mirrored = replace(given, positions=given.positions * [1.0, -1.0, 1.0] + away)
+        with pytest.raises(InputError, match="mirrored"):
+            mirrored.limbs()
+
+
+def test_a_clip_that_squats_or_flies_has_the_reach_of_what_its_legs_span(robot: Robot) -> None:
+    """Of heights of the CoM on one foot that no leg reaches the nearest counts; none is refused."""
+    soles = [
+        tuple(pin.SE3(np.eye(3), np.array([x, y, 0.0])) for x, y in ((0.0, 0.1), (3.0 * (i > 40), -0.1)))
+        for i in range(80)
+    ]
+    standing = np.ones((80, 2), dtype=bool)
+    standing[30:50, 1] = False
+    height = float(robot.com[2])
+    lengths = []
+    for share in (0.1, 0.6, 1.0, 3.0):
+        made, *_ = footsteps(robot, soles, np.full(80, share * height), 50.0, standing)  # type: ignore[arg-type]
+        lengths.append(float(made[70][0].actInv(made[70][1]).translation[0]))
+    assert np.isfinite(lengths).all() and lengths == sorted(lengths, reverse=True)
+    assert lengths[0] > lengths[2] > lengths[3] >= 0.0
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.4, -0.3])
+def test_a_foot_that_is_tipped_in_the_air_clears_the_ground_with_its_lowest_corner(
+    robot: Robot, pitch: float
+) -> None:
+    """In the middle of a step 10 mm over the ground, at the height at which it is given where that is more."""
+    sole = robot.soles[1]
+    for given in (0.0, 0.2):
+        tip = pin.utils.rotate("y", pitch)
+        left = pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0]))
+        right = pin.SE3(np.eye(3), np.array([0.0, -0.1, 0.0]))
+        soles = [
+            (
+                left,
+                pin.SE3(
+                    tip if 30 <= i < 70 else np.eye(3), right.translation + [0, 0, given * (30 <= i < 70)]
+                ),
+            )
+            for i in range(100)
+        ]
+        standing = np.ones((100, 2), dtype=bool)
+        standing[30:70, 1] = False
+        height = np.full(100, float(robot.com[2]))
+        made, *_ = footsteps(robot, soles, height, 50.0, standing)
+        foot = made[50][1]
+        drop = 0.5 * sole.length * abs(math.sin(pitch))
+        assert foot.translation[2] == pytest.approx(max(given, drop + 0.01), abs=1e-6)
+        np.testing.assert_allclose(foot.rotation, tip, atol=1e-9)
+
+
+def test_a_frame_needs_too_much_friction_from_a_twentieth_beyond_on(robot: Robot) -> None:
+    """A CoM that accelerates by 0.3 m/s² over one sole needs 0.3 over gravity."""
+    t = np.arange(80) / 100.0
+    still = BodyMotion.of(robot, np.tile(robot.half_sitting, (80, 1)), 100.0)
+    left = np.tile((True, False), (80, 1))
+    above = still.com + (still.centres[0, 0] - still.com[0]) * (1.0, 1.0, 0.0)
+    motion = replace(still, com=above + np.outer(0.5 * 0.3 * (t - 0.4) ** 2, (1.0, 0.0, 0.0)))
+    needed = 0.3 / GRAVITY
+    for friction, good in ((1.03 * needed / 1.05, True), (0.97 * needed / 1.05, False)):
+        found = measure(robot, motion, left, 1.0, friction)
+        assert found.infeasible_frames[30:50].any() != good
+    assert measure(robot, motion, left, 1.0, 9.0).friction >= 0.98 * needed
 
 
 @pytest.mark.parametrize(("rate", "found"), [(60.0, 60.0), (60.1, 30.05), (200.0, 50.0)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -164,6 +165,8 @@ BAD = {
     "Zrotation of joint 'Hips' in frame 1 must be within": SMALL.replace("\n90 ", "\nnan "),
     "Xposition of joint 'Hips' in frame 1 must be within": SMALL.replace("0  1 0 0  90", "0  1e300 0 0  90"),
     "2 to 1000000 frames, got 1": SMALL.replace("Frames: 2", "Frames: 1").rpartition("90 0 0")[0],
+    "Zrotation of joint 'a' in frame 0 must be within": "ROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Zrotation\n}\nMOTION\n"
+    "Frames: 2\nFrame Time: 0.01\n1e9\n1e9\n",
     "1000 joints at most": "HIERARCHY\nROOT a\n{\n" + "".join(f"JOINT b{i}\n{{\n" for i in range(1001)),
 }  # fmt: skip
 """Words of the message → a file that is wrong."""
@@ -210,6 +213,15 @@ def test_small_files_of_many_numbers_are_refused_before_they_are_unpacked(tmp_pa
         np.savez_compressed(tmp_path / "large.npz", **people | large)
         with pytest.raises(InputError, match=r"large\.npz.* may have [0-9]+ (values at most|joints)"):
             read_skeleton(tmp_path / "large.npz")
+    # 200 names of a million letters are 800 MB: the header alone says so.
+    with (
+        zipfile.ZipFile(tmp_path / "long.npz", "w") as archive,
+        archive.open("joint_names.npy", "w") as entry,
+    ):
+        header = {"descr": "<U1000000", "fortran_order": False, "shape": (200,)}
+        np.lib.format.write_array_header_1_0(entry, header)
+    with pytest.raises(InputError, match="may have 10000 values at most"):
+        read_skeleton(tmp_path / "long.npz")
 
 
 # Limbs
