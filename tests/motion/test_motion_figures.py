@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from wbc import load_robot
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import MotionClip, SkeletonClip, check_motion, retarget
+from wbc.motion import MotionClip, SkeletonClip, check_motion, read_motion, retarget
 from wbc.motion.feasible import STRETCH, _drawn_in, _envelope, _integral, _slowed, _smooth
 from wbc.motion.footsteps import footsteps
 from wbc.motion.kinematics import BodyMotion
@@ -237,6 +238,51 @@ def test_a_foot_that_is_tipped_in_the_air_clears_the_ground_with_its_lowest_corn
         np.testing.assert_allclose(foot.rotation, tip, atol=1e-9)
 
 
+def test_a_swing_is_moved_from_where_it_was_lifted_to_where_it_may_land(robot: Robot) -> None:
+    """A landing that is brought back by 0.3 m or so: on the way its share 3r² − 2r³, where the foot is in the air."""
+    rise = np.clip((np.arange(120) - 30) / 60.0, 0.0, 1.0)
+    left = pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0]))
+    soles = [
+        (left, pin.SE3(np.eye(3), np.array([0.9 * r, -0.1, 0.15 * math.sin(math.pi * r)]))) for r in rise
+    ]
+    standing = np.ones((120, 2), dtype=bool)
+    standing[31:90, 1] = False
+    made, body, shortened = footsteps(robot, soles, np.full(120, float(robot.com[2])), 100.0, standing)
+    back = 0.9 - float(made[110][1].translation[0])
+    assert shortened == pytest.approx(back) and back > 0.1
+    for i in (50, 60, 70):
+        r = (i - 30) / 60.0
+        share = 3.0 * r**2 - 2.0 * r**3
+        assert made[i][1].translation[0] == pytest.approx(0.9 * r - share * back, abs=1e-9)
+        assert body[i].translation[0] == pytest.approx(-0.5 * share * back, abs=1e-9)
+
+
+@pytest.mark.parametrize("end", ["first", "last"])
+def test_a_foot_that_is_in_the_air_at_an_end_of_the_clip_clears_the_ground_there(
+    robot: Robot, end: str
+) -> None:
+    """Given on the ground it is lifted by 10 mm in every frame but those next to its contact."""
+    left, right = (pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) for y in (0.1, -0.1))
+    standing = np.ones((60, 2), dtype=bool)
+    air = slice(0, 30) if end == "first" else slice(30, 60)
+    standing[air, 1] = False
+    made, *_ = footsteps(robot, [(left, right)] * 60, np.full(60, float(robot.com[2])), 50.0, standing)
+    heights = np.array([pair[1].translation[2] for pair in made])
+    far = heights[:20] if end == "first" else heights[-20:]
+    np.testing.assert_allclose(far, 0.01, atol=1e-9)
+    assert heights[~standing[:, 1]].min() >= 0.0 and not heights[standing[:, 1]].any()
+
+
+def test_a_part_of_a_clip_ends_with_its_last_frame_at_the_latest() -> None:
+    given = make_person(rate=50.0, noise=0.0).part(0.0, 1.0)
+    assert len(given) == 51 and given.duration == pytest.approx(1.0)
+    assert len(given.part(0.2, 0.5)) == 16 and len(given.part(0.98)) == 2
+    np.testing.assert_array_equal(given.part(0.2, 0.5).positions, given.positions[10:26])
+    for begin, end in ((0.0, 1.02), (0.0, 1.04), (1.0, None), (0.5, 0.5), (-0.02, 0.5)):
+        with pytest.raises(InputError, match="begin and end"):
+            given.part(begin, end)
+
+
 def test_a_frame_needs_too_much_friction_from_a_twentieth_beyond_on(robot: Robot) -> None:
     """A CoM that accelerates by 0.3 m/s² over one sole needs 0.3 over gravity."""
     t = np.arange(80) / 100.0
@@ -279,6 +325,21 @@ def test_the_centre_of_a_shoulder_is_that_of_a_sphere_within_rounding(robot: Rob
     elbow = torso.actInv(data.oMi[number].translation)
     np.testing.assert_allclose(centre, shoulder, atol=1e-6)
     assert radius == pytest.approx(np.linalg.norm(elbow - shoulder)) and off < 1e-9
+
+
+def test_a_table_names_the_row_and_column_of_a_cell_that_is_no_number(tmp_path: Path) -> None:
+    header, row = "time,x,y,z,qx,qy,qz,qw,a", ["0", "0", "0", "1", "0", "0", "0", "1", "0"]
+    for place in (2, 6):
+        bad = [*row]
+        bad[place] = "one"
+        lines = [header, ",".join(row), ",".join(bad), ",".join(row)]
+        (tmp_path / "clip.csv").write_text("\n".join(lines), encoding="utf-8")
+        with pytest.raises(InputError, match=rf"'one' in row 3, column {place + 1}"):
+            read_motion(tmp_path / "clip.csv")
+    bare = [",".join(row[1:]), ",".join(row[1:]).replace("1", "one", 1)]
+    (tmp_path / "clip.csv").write_text("\n".join(bare), encoding="utf-8")
+    with pytest.raises(InputError, match="'one' in row 2, column 3"):
+        read_motion(tmp_path / "clip.csv", rate=50.0, joints=("a",))
 
 
 # --- the filter ------------------------------------------------------------------------------------------------------
@@ -354,6 +415,23 @@ def test_arms_are_drawn_in_by_one_ratio_until_their_drives_hold_them(robot: Robo
     assert used[robot.joint_index("left_shoulder_pitch")] == pytest.approx(share, rel=0.02)
     light = _drawn_in(robot, MotionClip.of(robot, q, 100.0), 1.0)
     np.testing.assert_array_equal(light.joints, q[:, 7:])
+
+
+def test_springs_that_carry_an_arm_leave_it_where_it_is() -> None:
+    """Of a spring that takes what gravity asks for nothing is left for the drive; one against it is drawn in more."""
+    plain = load_robot("hrp4_class")
+    robot, name = plain.robot(), "left_shoulder_pitch"
+    joint = robot.joint_index(name)
+    q = np.tile(robot.half_sitting, (40, 1))
+    q[:, 7 + joint] -= 1.2
+    gravity = pin.computeGeneralizedGravity(robot.model, robot.model.createData(), q[0])[6 + joint]
+    kept = {}
+    for sign in (1.0, 0.0, -1.0):
+        springs = {} if sign == 0.0 else {name: (20.0, float(q[0, 7 + joint] + sign * gravity / 20.0))}
+        sprung = replace(plain, springs=springs).robot()
+        made = _drawn_in(sprung, MotionClip.of(sprung, q, 100.0), 0.2)
+        kept[sign] = float(made.joints[20, joint] - robot.half_sitting[7 + joint]) / -1.2
+    assert kept[1.0] == pytest.approx(1.0, abs=1e-6) and kept[1.0] > kept[0.0] > kept[-1.0]
 
 
 # --- measures --------------------------------------------------------------------------------------------------------

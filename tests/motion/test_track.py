@@ -89,6 +89,9 @@ def test_ticks_begin_and_end_with_the_frames_of_the_clip_at_rest(g1: Robot, step
         for end in (0, -1):
             assert np.abs(pin.difference(g1.model, q[end], frames[end])).max() < 1e-9
             assert not v[end].any() and not a[end].any()
+    coarse = clip_references(g1, steps, steps.standing, 0.0, 0.3 * steps.duration)[1]
+    frames_of = np.minimum(np.round(0.3 * np.arange(5) * (len(steps) - 1)).astype(int), len(steps) - 1)
+    assert [list(each.contact) for each in coarse] == steps.standing[frames_of].tolist()
     q = splines(g1, steps, 0.002)[0][::every]
     apart = [np.abs(pin.difference(g1.model, *pair)).max() for pair in zip(q, frames, strict=True)]
     assert max(apart) < 1e-9
@@ -137,6 +140,7 @@ def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_earl
     early = update(landing - 9, heavy)
     assert early.contact[side] and early.events == (Event.EARLY_TOUCH_DOWN,) and source.landings == 1
     assert update(landing, 0.0).contact[side] and source.landings == 1
+    assert not update(lift, 0.0).contact[side], "it lifts anew"
 
 
 def test_a_robot_that_does_not_stand_as_the_clip_begins_is_told_the_joint_and_both_places(
