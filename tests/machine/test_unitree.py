@@ -94,6 +94,46 @@ def test_states_whose_checksum_is_wrong_or_missing_are_passed_over(caplog: pytes
         assert f"domain {how.get('domain', 1)} are refused" in caplog.text
 
 
+def test_motors_in_trouble_are_named_and_one_that_goes_off_is_a_fault() -> None:
+    """Errors with their codes, either temperature above 90 °C; another mode of the machine is a fault, too."""
+    joint = DESCRIPTION.joint_names[3]
+    for more, warned in (
+        ({}, ()),
+        ({"motorstate": 0x2F}, (f"motor error 0x2f: {joint}",)),
+        ({"temperature": (90, 90)}, ()),
+        ({"temperature": (91, 20)}, (f"motor above 90 °C: {joint}",)),
+        ({"temperature": (20, 120)}, (f"motor above 90 °C: {joint}",)),
+    ):
+        driver = machine(state(**more))
+        driver.read(0.0)
+        assert (driver.fault, driver.warnings) == ("", warned)
+    other = state()
+    other["mode_machine"] = 6
+    driver = machine(state(), state(mode=0), state(), sealed(other))
+    faults = []
+    for _ in range(4):
+        driver.read(0.0)
+        faults.append(driver.fault)
+    assert faults == ["", f"motor off: {joint}", "", "mode_machine changed from 5 to 6"]
+
+
+@pytest.mark.parametrize(
+    ("seal", "after", "fault"), [(True, 0.49, False), (True, 0.51, True), (False, 9.0, False)]
+)
+def test_a_motor_that_was_never_on_is_a_fault_half_a_second_after_the_first_command(
+    monkeypatch: pytest.MonkeyPatch, seal: bool, after: float, fault: bool
+) -> None:
+    """Not in a simulator, which leaves the checksum out and need not switch its motors."""
+    now = [100.0]
+    monkeypatch.setattr(driver, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    made = machine(*(state(seal, mode=0) for _ in range(2)))
+    made.read(0.0)
+    made.write(Command(np.zeros(29), *np.zeros((2, 29))))
+    now[0] += after
+    made.read(0.0)
+    assert bool(made.fault) == fault
+
+
 def ticking(first: int, count: int) -> list[np.ndarray]:
     """Return states 2 ms apart, whose tick has 32 bits."""
     states = [state() for _ in range(count)]
@@ -211,6 +251,16 @@ def test_joints_are_found_by_name() -> None:
     with pytest.raises(InputError, match="joints"):
         UnitreeDriver(wbc.load_robot("hrp4_class"))
     pickle.loads(pickle.dumps(UnitreeDriver(DESCRIPTION)))
+
+
+def test_gains_of_the_machine_are_those_of_the_example_of_its_maker() -> None:
+    """60 and 1 at hips and waist, 100 and 2 at knees, 40 and 1 elsewhere, Nm/rad and Nms/rad."""
+    kp, kd = UnitreeDriver(DESCRIPTION).gains
+    for name, *found in zip(DESCRIPTION.joint_names, kp, kd, strict=True):
+        part = next((part for part in ("hip", "waist", "knee") if part in name), "")
+        assert found == {"hip": [60.0, 1.0], "waist": [60.0, 1.0], "knee": [100.0, 2.0]}.get(
+            part, [40.0, 1.0]
+        )
 
 
 class Bus:
