@@ -75,6 +75,7 @@ class Outer(Base):
         name: A name.
         changes: Names and values.
         several: Inner ones, any number.
+        one: One number.
     """
 
     inner: Inner = field(default_factory=Inner)
@@ -83,12 +84,13 @@ class Outer(Base):
     name: str | None = None
     changes: tuple[tuple[str, Any], ...] = ()
     several: tuple[Inner, ...] = ()
+    one: tuple[int] = (3,)
 
 
 def test_documentation_of_fields_comes_from_all_classes() -> None:
     found = attribute_docs(Outer)
     assert found["need"] == "What has no default." and found["pair"] == "Two numbers, over two lines."
-    assert list(found) == ["need", "inner", "pair", "on", "name", "changes", "several"]
+    assert list(found) == ["need", "inner", "pair", "on", "name", "changes", "several", "one"]
 
 
 def test_a_whole_spec_is_an_option_for_each_of_its_fields() -> None:
@@ -102,6 +104,7 @@ def test_a_whole_spec_is_an_option_for_each_of_its_fields() -> None:
         "name": "name",
         "changes": "changes",
         "several": "several",
+        "one": "one",
     }
     found = {each.name: each for each in options.parameters()}
     assert found["need"].default is found["need"].empty, "it must be given"
@@ -114,6 +117,7 @@ def test_a_whole_spec_is_an_option_for_each_of_its_fields() -> None:
     kinds = {name: typing.get_args(each.annotation)[0] for name, each in found.items()}
     assert kinds["several"] == kinds["changes"] == kinds["inner_tags"] == tuple[str, ...]
     assert kinds["name"] == str | None and kinds["inner_size"] == float | None
+    assert kinds["one"] == tuple[int] | None and kinds["pair"] == tuple[float, float] | None
 
 
 def test_chosen_fields_have_their_names_defaults_and_help() -> None:

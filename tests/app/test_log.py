@@ -84,6 +84,15 @@ def test_truncated_log_is_read_up_to_the_break(log_file: Path, share: float, gap
     assert (log["com/estimated"] == whole["com/estimated"][: len(log)]).all()
 
 
+def test_the_first_batch_that_is_damaged_is_named(log_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of three, where the sizes of all are known, of two, and of none."""
+    sizes = reader.unpacked_sizes
+    for known, said in ((3, None), (2, "batch 3 of 3 is damaged"), (1, "batch 2 of 3 is damaged")):
+        monkeypatch.setattr(reader, "unpacked_sizes", lambda stream, known=known: sizes(stream)[:known])
+        log = Log.open(log_file)
+        assert log.broken == said and len(log) == (2 * ROWS + 100 if known == 3 else known * ROWS)
+
+
 @pytest.mark.parametrize(
     "content", [None, b"", b"time,x\n0,1\n", b"ARROW1\0\0", b"ARROW1\0\0" + 300 * b"nonsense"]
 )

@@ -261,6 +261,23 @@ def test_a_plan_is_drawn_in_the_true_world_in_one_scale_with_all_footsteps(walke
     assert axes.get_title(loc="left").endswith(Drift.of(walked).text(-1))
 
 
+def test_a_plan_is_as_large_wherever_the_world_begins(tmp_path: Path) -> None:
+    """By the ratio of its sides, within bounds; its limits move with the world."""
+    places = {f"foot/{side}/reference/position": place(side) * (20.0, 1.0, 1.0) for side in SOLE}
+    figures = []
+    for name, shift in (("here", np.zeros(3)), ("there", np.array([70.0, -50.0, 2.0]))):
+        (tmp_path / name).mkdir()
+        log = other(tmp_path / name, {key: values + shift for key, values in places.items()}, "truth")
+        figures.append(draw("plan", [log]))
+    here, there = figures
+    height = here.get_size_inches()[1] - 0.9
+    (x0, x1), (y0, y1) = here.axes[0].get_xlim(), here.axes[0].get_ylim()
+    assert height == pytest.approx(0.86 * 12.0 * (y1 - y0) / (x1 - x0)) and 1.6 < height < 6.0
+    np.testing.assert_allclose(there.get_size_inches(), here.get_size_inches(), rtol=1e-6)
+    np.testing.assert_allclose(there.axes[0].get_xlim(), [x0 + 70.0, x1 + 70.0])
+    np.testing.assert_allclose(there.axes[0].get_ylim(), [y0 - 50.0, y1 - 50.0])
+
+
 def test_a_plan_without_the_truth_is_that_of_the_estimate(tmp_path: Path) -> None:
     log = other(tmp_path, None, "truth")
     axes = draw("plan", [log]).axes[0]

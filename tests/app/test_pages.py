@@ -595,7 +595,7 @@ def test_open_pages_are_those_that_have_come_and_not_gone() -> None:
     assert view.pages == 0
 
 
-@pytest.mark.parametrize(("ended", "after"), [(None, meshcat_view.PATIENCE), (1, 0.0)])
+@pytest.mark.parametrize(("ended", "after"), [(None, meshcat_view.PATIENCE), (1, 1.0)])
 def test_a_server_that_does_not_answer_is_given_up(
     ended: int | None, after: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -615,8 +615,9 @@ def test_a_server_that_does_not_answer_is_given_up(
         False,
     )  # type: ignore[assignment]
     view._tell(b"a")
+    hours.now += 1.0
     view._tell(b"b")
-    assert view._unanswered == 2
+    assert view._unanswered == 2 and view._heard == 100.0, "it is waited for since the first one"
     assert not view._answered(wait=False) and view._lost is (ended is not None)
     assert not view._answered(wait=True) and view._lost
     assert hours.now - 100.0 == pytest.approx(after, abs=0.2)
