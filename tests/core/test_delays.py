@@ -174,6 +174,23 @@ def test_a_robot_that_rises_is_felt_to_be_heavier() -> None:
     assert normal.sum() == pytest.approx(robot.mass * (GRAVITY + 2.0))
 
 
+def test_the_time_that_has_passed_counts_between_a_quarter_and_four_periods() -> None:
+    """One that is off by less than a hundredth of the period is one period."""
+    robot, _, before = carried(0.5)
+    later = carried(0.2)[2]
+
+    def after(passed: float | None) -> np.ndarray:
+        estimator, v = WrenchEstimator(robot, DT), np.zeros(robot.nv)
+        estimator.update(robot.half_sitting, v, before)
+        return estimator.update(robot.half_sitting, v, later, passed).copy()
+
+    period = after(None)
+    for share, counts in ((1.0, 1.0), (1.009, 1.0), (0.991, 1.0), (0.1, 0.25), (9.0, 4.0)):
+        np.testing.assert_array_equal(after(share * DT), period if counts == 1.0 else after(counts * DT))
+    normal = [after(share * DT)[1, 2] for share in (0.25, 0.9, 1.0, 1.1, 1.5, 4.0)]
+    assert (np.diff(normal) < -0.1).all(), "the foot gives up its load with time"
+
+
 def test_a_measurement_with_other_wrenches_keeps_all_other_readings() -> None:
     names = [each.name for each in dataclasses.fields(Measurement)]
     measurement = Measurement(**{name: object() for name in names})  # type: ignore[arg-type]

@@ -150,3 +150,50 @@ def test_a_load_between_update_and_solution_accelerates_nothing(clone: bool) -> 
             robot.update(robot.q, robot.v)
     finally:
         robot.carry("left_hand", 0.0)
+
+
+@pytest.mark.parametrize("learnt", [0.0, 1.2, -2.5])
+@pytest.mark.parametrize("later", [0.7, 2.9])
+def test_a_tare_that_is_learnt_in_one_heading_is_taken_off_in_another_one(
+    learnt: float, later: float
+) -> None:
+    """All six parts of an error of sensors and model turn with the base."""
+    robot = DESCRIPTION.robot()
+    observer = OutsideWrench(robot, OutsideSettings(settling=0.1, tare=0.2, bandwidth=150.0))
+    error = np.array([2.0, -1.5, -5.0, 0.7, 1.0, -0.4])
+    for yaw, ticks in ((learnt, 80), (later, 250)):
+        turn = pin.rpy.rpyToMatrix(0.0, 0.0, yaw)
+        q = np.array(robot.half_sitting)
+        q[3:7] = pin.Quaternion(turn).coeffs()
+        robot.update(q, np.zeros(robot.nv))
+        force, moment = turn @ error[:3], turn @ error[3:]
+        about_com = moment + np.cross(robot.com - robot.placement("left_hand").translation, force)
+        for tick in range(ticks):
+            hand = np.concatenate([force, about_com])
+            observer.update(at_rest(robot, hand), DT if tick or yaw == later else 0.0)
+    assert observer.ready
+    np.testing.assert_allclose(observer.wrench, 0.0, atol=1e-6)
+
+
+def test_a_foot_that_meets_the_ground_makes_the_observer_wait() -> None:
+    """From 8 % of the weight on, having left it at 4 %: its blow is no force from outside."""
+    robot = DESCRIPTION.robot()
+    weight = robot.mass * GRAVITY
+
+    def wrenches(share: float) -> np.ndarray:
+        found = at_rest(robot)
+        found[1] = (0.0, 0.0, share * weight, 0.0, 0.0, 0.0)
+        return found
+
+    for low, high, waits in ((0.041, 0.081, False), (0.039, 0.079, False), (0.039, 0.081, True)):
+        observer = OutsideWrench(robot, NO_TARE)
+        observer.update(at_rest(robot), 0.0)
+        observer.update(wrenches(low), DT)
+        before = np.array(observer.wrench)
+        observer.update(wrenches(high), DT)
+        assert np.array_equal(observer.wrench, before) is waits
+        ticks = 0
+        while np.array_equal(observer.wrench, before) and ticks < 1000:
+            observer.update(wrenches(high), DT)
+            ticks += 1
+        assert ticks == (round(NO_TARE.wait / DT) if waits else 0)
