@@ -12,7 +12,9 @@ import pytest
 import wbc
 from wbc.base.errors import InputError
 from wbc.core.drive.gate import CommandGate
+from wbc.core.estimation.observer import Observer, ObserverSettings, _common
 from wbc.core.estimation.plausibility import Plausibility
+from wbc.core.qp.contact import mean_distance, rectangle_wrench_cone
 from wbc.core.qp.released import LAG, RESPONSE
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import LARGEST_COMMAND, Command, Measurement
@@ -227,3 +229,119 @@ def test_a_jump_is_told_with_what_a_joint_can_travel_in_the_time() -> None:
     (reason,) = check.reasons
     assert reason.sensor == "gyroscope" and reason.unit == "rad/s" and reason.jump
     assert (reason.low, reason.high) == pytest.approx((-s.gyro_jump, s.gyro_jump))
+
+
+# ---- observer -------------------------------------------------------------------------------------------------------
+
+
+def felt(robot: Any, time: float, left: Any, right: Any) -> Measurement:
+    """A robot at rest with wrenches on its soles."""
+    wrenches = np.array([left, right], dtype=float)
+    force = robot.placement(robot.imu_frame).rotation.T @ (0.0, 0.0, GRAVITY)
+    still = np.zeros(robot.na)
+    return Measurement(time, np.array(robot.half_sitting[7:]), still, np.zeros(3), force, wrenches)
+
+
+def normal(force: float, roll: float = 0.0, pitch: float = 0.0) -> list[float]:
+    return [0.0, 0.0, force, roll, pitch, 0.0]
+
+
+@pytest.mark.parametrize("name", ["g1", "talos"])
+def test_feet_share_what_they_carry_beyond_the_least_load(name: str) -> None:
+    """The first measurement as it is, later ones low-passed; a pull is no load."""
+    robot = wbc.load_robot(name).robot()
+    settings = ObserverSettings(load_time_constant=0.02)
+    observer, least = Observer(robot, settings), settings.min_load * robot.force_scale
+    observer.update(felt(robot, 0.0, normal(least + 90.0), normal(least + 30.0)))
+    assert observer.load == pytest.approx([least + 90.0, least + 30.0])
+    assert observer.share == pytest.approx([0.75, 0.25]) == list(observer.load_shares)
+    assert observer.least_share == pytest.approx(0.25) and not observer.in_flight
+    observer.update(felt(robot, 0.01, normal(least + 10.0), normal(-500.0)))
+    left = math.exp(-0.01 / 0.02)
+    loads = [least + 10.0 + 80.0 * left, (least + 30.0) * left]
+    assert observer.load == pytest.approx(loads)
+    parts = [max(load - least, 0.0) for load in loads]
+    assert observer.share == pytest.approx([part / sum(parts) for part in parts])
+    for tick in range(2, 60):
+        observer.update(felt(robot, 0.01 * tick, normal(0.99 * least), normal(0.0)))
+    assert observer.in_flight and not observer.share.any() and observer.least_share == 0.0
+
+
+def test_a_centre_of_pressure_is_low_passed_and_within_its_sole() -> None:
+    """At (−m_y/f, m_x/f), no further than the edges; a foot without a load has it in the middle."""
+    robot = G1.robot()
+    settings = ObserverSettings(cop_time_constant=0.05, load_time_constant=0.0)
+    observer = Observer(robot, settings)
+    half = 0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width
+    observer.update(felt(robot, 0.0, normal(200.0, 2.0, -4.0), normal(200.0, 99.0, 99.0)))
+    np.testing.assert_allclose(observer._cops, [(0.02, 0.01), (-half[0], half[1])])
+    least = settings.min_load * robot.force_scale
+    observer.update(felt(robot, 0.02, normal(200.0, 1.0, 1.0), normal(0.9 * least, 1.0, 1.0)))
+    left = math.exp(-0.02 / 0.05)
+    expected = [(-0.005 + 0.025 * left, 0.005 + 0.005 * left), (-half[0] * left, half[1] * left)]
+    np.testing.assert_allclose(observer._cops, expected)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "common"),
+    [
+        ((0.2, 0.0, 0.0), (0.1, 0.0, 0.0), (0.15, 0.0, 0.0)),
+        ((0.0, 0.3, 0.1), (0.0, 0.3, -0.1), (0.0, 0.3, 0.0)),
+        ((0.1, 0.0, 0.0), (-0.1, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((0.3, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((0.31, 0.0, 0.0), (0.11, 0.0, 0.0), (0.21, 0.0, 0.0)),
+    ],
+)
+def test_feet_turn_alike_if_they_differ_by_less_than_their_mean(first: Any, second: Any, common: Any) -> None:
+
+    assert _common([first, second]) == pytest.approx(common)
+    assert _common([first]) == (0.0, 0.0, 0.0)
+
+
+# ---- contacts -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("length", "width"), [(0.1, 0.05), (0.08, 0.08), (0.03, 0.2)])
+def test_the_mean_distance_of_a_rectangle_is_the_one_of_its_points(length: float, width: float) -> None:
+
+    count = 400
+    x, y = ((np.arange(count) + 0.5) / count * half for half in (length, width))
+    assert mean_distance(length, width) == pytest.approx(np.hypot(x[:, None], y).mean(), rel=1e-4)
+    corners, even = (rectangle_wrench_cone(length, width, 0.7, even=each) for each in (False, True))
+    load = np.array([0.0, 0.0, 100.0, 0.0, 0.0, 0.0])
+    nu = 0.7 / math.sqrt(2.0)
+    for cone, most in (
+        (corners, nu * 100.0 * (length + width)),
+        (even, nu * 100.0 * mean_distance(length, width)),
+    ):
+        for sign in (1.0, -1.0):
+            load[5] = sign * 0.999 * most
+            assert (cone @ load <= 0.0).all()
+            load[5] = sign * 1.001 * most
+            assert (cone @ load > 0.0).any()
+
+
+def test_a_contact_without_bounds_of_its_own_has_those_of_its_robot() -> None:
+    """Ten newtons at least, less of a light robot; four times the weight at most, half of it while it is less."""
+    for name in ("g1", "talos"):
+        robot = wbc.load_robot(name).robot()
+        controller = wbc.balance_controller(robot, DT)
+        contact = wbc.SoleContact(robot.soles[0].name, ramp=0.2)
+        controller.remove(controller.contacts[0])
+        controller.add(contact)
+        least, most = 10.0 * robot.force_scale, 4.0 * robot.mass * GRAVITY
+        assert contact.normal_force_range == pytest.approx(
+            (least, most)
+        ) and contact.max_force == pytest.approx(most)
+        contact.active = False
+        contact.reset()
+        contact.active = True
+        for tick in range(1, 50):
+            contact.advance(DT)
+            share = min(tick * DT / 0.2, 1.0)
+            assert contact.normal_force_range == pytest.approx((min(least, 0.5 * share * most), share * most))
+        contact.max_force = 50.0
+        contact.max_force = contact.max_force
+        assert contact.normal_force_range == pytest.approx((least, 50.0))
+        with pytest.raises(InputError, match="must exceed"):
+            contact.min_force = 50.0
