@@ -21,7 +21,6 @@ from compare_tick import HERE, MissingError, environment, finish, processor, rea
 from kinematics_scene import KinematicScene
 
 import wbc
-from wbc.robots.urdf import without_geometry
 
 LIBRARIES = ("wbc", "Pink", "mink", "PlaCo")
 RUN_LIMIT = 300.0
@@ -33,7 +32,7 @@ def scenes() -> Iterator[KinematicScene]:
     robot = description.robot()
     yield KinematicScene(
         robot="panda",
-        urdf=without_geometry(description.urdf_without_geometry()),
+        urdf=description.urdf_without_geometry(),
         posture=inside(
             robot, dict(zip(robot.joint_names, robot.half_sitting[robot.base_nq :].tolist(), strict=True))
         ),

@@ -25,7 +25,7 @@ from typing import Any
 
 from balance_task import BalanceTask
 
-from wbc.robots.urdf import without_geometry
+from wbc.robots.source_of import source_of
 
 HERE = Path(__file__).resolve().parent
 TALOS = "cmeel.prefix/share/example-robot-data/robots/talos_data"
@@ -61,7 +61,7 @@ def talos() -> BalanceTask:
     half_sitting = next(state for state in states if state.get("name") == "half_sitting")
     angles = {str(joint.get("name")): str(joint.get("value")).split() for joint in half_sitting.iter("joint")}
     base = angles.pop("root_joint")
-    urdf = without_geometry((folder / "robots" / "talos_reduced.urdf").read_text(encoding="utf-8"))
+    urdf = source_of((folder / "robots" / "talos_reduced.urdf").read_text("utf-8")).without_geometry()
     posture = {
         str(joint.get("name")): middle(joint)
         for joint in ET.fromstring(urdf).findall("joint")

@@ -22,7 +22,7 @@ from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
 from wbc.core.robot import Closure, Coupling, Robot, driven_names, joints_to
-from wbc.robots import frames, moving, tidying, urdf
+from wbc.robots import frames, moving, urdf
 from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
@@ -30,6 +30,9 @@ from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia
 from wbc.robots.derivation.soles import mesh_folders
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.report import doubts, facts, report
+from wbc.robots.source import Source
+from wbc.robots.source_of import source_of
+from wbc.robots.source_urdf import Urdf
 
 Base = Literal["floating", "fixed"]
 """Kind of a base."""
@@ -48,7 +51,7 @@ class RobotDescription:
 
     Attributes:
         name: Name of the robot.
-        urdf: URDF, as XML, that both Pinocchio and MuJoCo read, with all limits.
+        xml: The robot alone, with all limits, as a URDF or an MJCF; see `wbc.robots.source`.
         soles: Left and right sole; empty for a robot without feet, such as an arm or a quadruped.
         half_sitting: Joint → position, for every joint, rad or m.
         armature: Joint → rotor inertia seen at the joint, for every joint, kg m² (kg for prismatic joints).
@@ -77,7 +80,7 @@ class RobotDescription:
     """
 
     name: str
-    urdf: str
+    xml: str
     soles: tuple[Sole, ...]
     half_sitting: Mapping[str, float]
     armature: Mapping[str, float]
@@ -173,10 +176,11 @@ class RobotDescription:
         folder = Path(source).expanduser().resolve().parent if is_file else None
         directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
         root = urdf.read(source)
-        directories, notes = mesh_folders(root, directories, folder)
+        meshes = (str(mesh.get("filename", "")) for mesh in root.iter("mesh"))
+        directories, notes = mesh_folders(meshes, directories, folder)
         return cls(
             **complete(
-                root,
+                Urdf(root),
                 None
                 if left_sole is None or right_sole is None
                 else from_geometry(left_sole, right_sole, sole_size, directories),
@@ -251,6 +255,18 @@ class RobotDescription:
         )
 
     @checked
+    def with_mass(self, name: str, link: str, inertia: pin.Inertia) -> RobotDescription:
+        """Return the same robot with a further link of an inertia, in the axes of the link that it is fixed to."""
+        source = source_of(self.xml)
+        source.add_mass(name, link, inertia)
+        return replace(self, xml=source.text)
+
+    def link_mass(self, link: str) -> float | None:
+        """Return the mass of a link of the file, kg; None for one without."""
+        inertial = self._source.inertials().get(link)
+        return None if inertial is None else inertial.mass
+
+    @checked
     def with_servos(self, gains: Sequence[str]) -> RobotDescription:
         """Return the same robot with other servo gains.
 
@@ -305,7 +321,7 @@ class RobotDescription:
 
     @checked
     def urdf_without_geometry(self, *, moving_links: bool = False, rotors: bool = False) -> str:
-        """Return the URDF without visuals, collisions and meshes: the same kinematics and inertias.
+        """Return a URDF without visuals, collisions and meshes: the same kinematics and inertias.
 
         Args:
             moving_links: Merge links that are fixed to another link, so that each link has a joint, and an inertia
@@ -319,10 +335,12 @@ class RobotDescription:
         """
         if rotors and not moving_links:
             raise InputError("rotors become a part of moving links: give moving_links=True as well")
-        if not moving_links:
-            return urdf.without_geometry(self.urdf)
+        if not moving_links and isinstance(self._source, Urdf):
+            return self._source.without_geometry()
         inertias = self.armature if rotors else {}
-        return moving.moving_links(self.urdf, self.name, self.base == "fixed", inertias)
+        return moving.moving_links(
+            self._source, self.name, self.base == "fixed", inertias, merged=moving_links
+        )
 
     def collision_shapes(self) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
         """Return link → spheres and capsules for `CollisionLimit`, from its collision or else its visual geometry.
@@ -330,11 +348,11 @@ class RobotDescription:
         A box becomes a capsule along its longest side whose diameter is the second longest side. A mesh counts as its
         bounding box.
         """
-        return shapes.capsules(self.urdf, self.package_dirs)
+        return shapes.capsules(self.xml, self.package_dirs)
 
     def collision_hulls(self) -> dict[str, list[Shape]]:
         """Return link → shapes for `CollisionLimit`, from collision or else visual geometry, with meshes as hulls."""
-        return shapes.hulls(self.urdf, self.package_dirs)
+        return shapes.hulls(self.xml, self.package_dirs)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
         """Return the moving link that carries a frame, and the placement of the frame in it.
@@ -357,7 +375,7 @@ class RobotDescription:
     @cached_property
     def couplings(self) -> Mapping[str, Coupling]:
         """Joints that are coupled to another joint: joint → its leader, ratio and offset."""
-        return MappingProxyType(urdf.couplings(urdf.read(self.urdf)))
+        return MappingProxyType(self._source.couplings())
 
     @cached_property
     def digest(self) -> str:
@@ -373,7 +391,7 @@ class RobotDescription:
             "torque_ranges",
         ]
         values = [sorted(getattr(self, name).items()) for name in names]
-        content = (self.urdf, self.soles, self.imu, self.torso, self.servo, *values)
+        content = (self.xml, self.soles, self.imu, self.torso, self.servo, *values)
         if self.base == "fixed":
             content = (*content, self.base)
         if self.closures:
@@ -471,13 +489,25 @@ class RobotDescription:
         """Return the doubtful values, one line each: guessed limits, soft servos, different legs and others."""
         return doubts(self)
 
+    @property
+    def urdf(self) -> str:
+        """The robot as a URDF, that of an MJCF without shapes."""
+        return self.xml if isinstance(self._source, Urdf) else self.urdf_without_geometry()
+
+    @cached_property
+    def _source(self) -> Source:
+        return source_of(self.xml)
+
     @cached_property
     def _model(self) -> pin.Model:
-        root = urdf.read(self.urdf)
-        if tidying.tidy(root, self.base == "fixed") or urdf.joints_without_torque_limit(root):
-            raise ModelError("the URDF of a description must be tidy; use RobotDescription.from_urdf")
-        inertia.check(root, self.base == "fixed")
-        model = urdf.pinocchio_model(self.urdf, self.name, self.base == "fixed")
+        fixed = self.base == "fixed"
+        source = source_of(self.xml)
+        changes = source.tidy(fixed, {})[1] + inertia.settle(source, fixed, repair=False)
+        if changes or source.unlimited():
+            raise ModelError(
+                "the XML of a description must be tidy; use RobotDescription.from_urdf or from_mjcf"
+            )
+        model = source.model(self.name, fixed)
         for description in (*self.soles, self.imu):
             frames.add_frame(model, description)
         for joint, (_, most) in self.torque_ranges.items():

@@ -74,8 +74,8 @@ def carrier(model: pin.Model, frame: str) -> tuple[str, pin.SE3]:
 
 
 def carrier_link(model: pin.Model, joint: int) -> str:
-    """Return the link whose frame is that of a joint."""
+    """Return the link whose frame is that of a joint; that of several joints is that of the last."""
     for frame in model.frames:
         if frame.parentJoint == joint and frame.type == pin.FrameType.BODY:
             return str(frame.name)
-    raise AssertionError(f"joint {joint} has no link")
+    return carrier_link(model, model.children[joint][0])

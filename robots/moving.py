@@ -10,39 +10,44 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.robots import frames, urdf
+from wbc.robots import urdf
+from wbc.robots.source import Element, Source
 
-Element = ElementTree.Element
+BETWEEN = 1e-9
+"""Mass, kg, of the link between two joints of one link, and a thousand times its inertia, kg m²."""
 
 
-def moving_links(xml: str, name: str, fixed: bool, rotors: Mapping[str, float]) -> str:
+def moving_links(
+    source: Source, name: str, fixed: bool, rotors: Mapping[str, float], *, merged: bool = True
+) -> str:
     """Return a URDF of links that move, with inertias and joints alone.
 
     Links that are fixed to another one are merged into it. Every link has an inertia, which is given in its principal
     axes: some engines take a link without one for 1 kg, others read the diagonal alone.
 
     Args:
-        xml: A tidied URDF.
+        source: The robot.
         name: Name of the robot.
         fixed: True for a robot that is bolted to the world.
         rotors: Joint → inertia of its rotor, kg m², that becomes a thin disc of the link behind the joint; empty for
             an engine that knows rotors.
+        merged: False to keep links and sites that are fixed to a link, as links without mass.
 
     Raises:
         InputError: A rotor of a joint that slides.
     """
-    root = ElementTree.fromstring(xml)
-    coupled = urdf.couplings(root)
-    for joint in urdf.joints(root, urdf.MOVING).values():
-        for mimic in joint.findall("mimic"):
-            joint.remove(mimic)
-    model = urdf.pinocchio_model(urdf.to_string(root), name, fixed)
+    model, coupled = source.tree(name, fixed), source.couplings()
     data, neutral = model.createData(), pin.neutral(model)
     first = 0 if fixed else 1  # the joint of the root link
-    links = {joint: frames.carrier_link(model, joint) for joint in range(first, model.njoints)}
+    links = {joint: f"{model.names[joint]}_link" for joint in range(first, model.njoints)}
+    for frame in reversed(list(model.frames)):  # the first of a joint is its own
+        if frame.type == pin.FrameType.BODY and frame.parentJoint in links:
+            links[frame.parentJoint] = str(frame.name)
     robot = Element("robot", name=name)
     for number, link in links.items():
         inertia = model.inertias[number]
+        if not inertia.mass and number > first:  # a joint of a link with several
+            inertia = pin.Inertia(BETWEEN, np.zeros(3), 1e-3 * BETWEEN * np.eye(3))
         if number == first:
             robot.append(_link(link, inertia.mass, inertia.lever, inertia.inertia))
             continue
@@ -78,8 +83,16 @@ def moving_links(xml: str, name: str, fixed: bool, rotors: Mapping[str, float]) 
         )
         if own in coupled:
             urdf.couple(element, coupled[own])
+    for frame in [] if merged else list(model.frames):
+        kinds, own = (pin.FrameType.BODY, pin.FrameType.OP_FRAME), links.get(frame.parentJoint, frame.name)
+        if frame.type in kinds and frame.name != own:
+            ElementTree.SubElement(robot, "link", name=frame.name)
+            element = ElementTree.SubElement(robot, "joint", name=f"{frame.name}_fixed", type="fixed")
+            _origin(element, frame.placement.translation, frame.placement.rotation)
+            ElementTree.SubElement(element, "parent", link=own)
+            ElementTree.SubElement(element, "child", link=frame.name)
     ElementTree.indent(robot)  # some engines read lines of limited length
-    return urdf.to_string(robot)
+    return ElementTree.tostring(robot, encoding="unicode")
 
 
 def _link(name: str, mass: float, lever: Array, inertia: Array) -> Element:

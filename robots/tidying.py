@@ -7,10 +7,10 @@ from xml.etree import ElementTree
 
 from wbc.base.errors import ModelError, choose, shown
 from wbc.core.robot import UNLIMITED
+from wbc.robots.source import Element
 from wbc.robots.urdf import (
     ENDLESS,
     MOVING,
-    Element,
     couple,
     couplings,
     joints,
@@ -89,7 +89,7 @@ def tidy(root: Element, fixed: bool = False) -> list[str]:
         # Pinocchio's parser needs the attribute; zero means "not given" until the torque rule has seen the model.
         if not 0.0 < number(limit, "effort", name) < UNLIMITED:
             limit.set("effort", "0")
-    return notes + _narrow_leaders(root)
+    return notes
 
 
 def _settle_infinite(name: str, joint: Element, limit: Element) -> list[str]:
@@ -160,45 +160,6 @@ def _settle_couplings(root: Element) -> list[str]:
             lock(root, {name: value}, bounded=False)
     for name, coupling in couplings(root).items():
         couple(all_joints[name], coupling)
-    return notes
-
-
-def _narrow_leaders(root: Element) -> list[str]:
-    """Narrow position and velocity limits of leaders to what the joints that are coupled to them allow, in place."""
-    notes, moving = [], joints(root, MOVING)
-    for name, coupling in couplings(root).items():
-        limit, own = limit_of(moving[coupling.leader]), limit_of(moving[name])
-        if moving[name].get("type") != "continuous":
-            ends = sorted(
-                (number(own, end, name) - coupling.offset) / coupling.ratio for end in ("lower", "upper")
-            )
-            endless = moving[coupling.leader].get("type") == "continuous"
-            before = (
-                (-math.inf, math.inf)
-                if endless
-                else tuple(number(limit, end, coupling.leader) for end in ("lower", "upper"))
-            )
-            low, high = max(ends[0], before[0]), min(ends[1], before[1])
-            if not low < high:
-                raise ModelError(
-                    f"joint '{name}', coupled to '{coupling.leader}', leaves it no range: "
-                    f"[{ends[0]:g}, {ends[1]:g}] of [{before[0]:g}, {before[1]:g}]"
-                )
-            if max(low - before[0], before[1] - high) > 1e-6:
-                moving[coupling.leader].set(
-                    "type", str(moving[coupling.leader].get("type")).replace("continuous", "revolute")
-                )
-                limit.set("lower", repr(low))
-                limit.set("upper", repr(high))
-                notes.append(
-                    f"joint '{coupling.leader}': [{low:g}, {high:g}], for the range of '{name}', coupled to it"
-                )
-        fastest = number(own, "velocity", name) / abs(coupling.ratio)
-        if fastest < number(limit, "velocity", coupling.leader) * (1.0 - 1e-9):
-            limit.set("velocity", repr(fastest))
-            notes.append(
-                f"joint '{coupling.leader}': at most {fastest:g} a second, for '{name}', coupled to it"
-            )
     return notes
 
 
@@ -286,8 +247,6 @@ def _rename_world(root: Element) -> list[str]:
         key = "name" if element.tag == "link" else "link"
         if element.tag in ("link", "parent", "child") and element.get(key) in taken:
             element.set(key, f"{element.get(key)}_link")
-    for name in joints(root).keys() & {"universe"}:
-        raise ModelError(f"joint '{name}' has the name of Pinocchio's world: rename it")
     return [
         f"link '{name}' has the name of {WORLDS[name]}'s ground: now '{name}_link'" for name in sorted(taken)
     ]

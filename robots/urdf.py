@@ -1,7 +1,7 @@
-"""One URDF string for both Pinocchio and MuJoCo: reading, couplings, limits, Pinocchio model.
+"""A URDF that both Pinocchio and MuJoCo read: reading, couplings, limits, shapes, Pinocchio model.
 
-What the two importers treat differently is settled by `wbc.robots.tidying`, in the string itself, so that they cannot
-disagree: coupled joints, a "world" root, missing limits.
+What the two importers treat differently is settled by `wbc.robots.tidying`, in the elements themselves, so that they
+cannot disagree: coupled joints, a "world" root, missing limits.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ import pinocchio as pin
 from wbc.base.errors import InputError, ModelError, choose, shown, shown_path
 from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array, finite_scalar
-from wbc.core.robot import GRAVITY, UNLIMITED, Coupling
-
-Element = ElementTree.Element
+from wbc.core.robot import Coupling
+from wbc.robots.source import Element
 
 ENDLESS = 1e9
 """Position from which on a limit is none, rad. A joint that turns without end is read with limits beyond it, so that it
@@ -30,9 +29,6 @@ LARGEST_COORDINATE = 1e4
 
 MOST_LINKS = 2000
 """Most links of a robot: time grows with the square of a chain's length."""
-
-MOST_JOINTS = 256
-"""Most joints with a coordinate of their own: memory of Pinocchio's data grows with the cube of their number."""
 
 XACRO = "{http://www.ros.org/wiki/xacro}"
 """Beginning of the tags of macros that no parser of URDF knows."""
@@ -118,73 +114,6 @@ def is_file(source: str | Path) -> bool:
     return not str(source).lstrip().startswith("<")
 
 
-def to_string(root: Element) -> str:
-    """Return a URDF as text."""
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def without_geometry(urdf: str) -> str:
-    """Return the links, inertias and joints of a URDF alone, which MuJoCo reads without any file."""
-    root = ElementTree.fromstring(urdf)
-    for child in list(root):
-        if child.tag not in ("link", "joint"):
-            root.remove(child)
-    for link in root.findall("link"):
-        for child in list(link):
-            if child.tag != "inertial":
-                link.remove(child)
-    return to_string(root)
-
-
-def pinocchio_model(xml: str, name: str, fixed: bool = False) -> pin.Model:
-    """Return the Pinocchio model of a tidied URDF, with standard gravity, or a `ModelError`.
-
-    Its root is a free-flyer, or, with `fixed`, the world. Joints that mimic another one are coupled to it.
-    """
-    root = ElementTree.fromstring(without_geometry(xml))
-    coupled = couplings(root)
-    if not 0 < (count := len(joints(root, MOVING).keys() - coupled.keys())) <= MOST_JOINTS:
-        raise ModelError(
-            f"'{name}' must have 1 to {MOST_JOINTS} joints that move, got {count}: lock, or free, some"
-        )
-    order = _order(root, coupled) if coupled else {}
-    for each, joint in joints(root, MOVING).items():
-        for mimic in joint.findall("mimic"):
-            joint.remove(mimic)
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            limit_of(joint).attrib.update(lower=repr(-10.0 * ENDLESS), upper=repr(10.0 * ENDLESS))
-        joint.set("name", order.get(each, each))
-    free = "root_joint"
-    while any(each.get("name") == free for each in root):
-        free += "_"  # a joint of the robot has this name
-    given = () if fixed else (pin.JointModelFreeFlyer(), free)
-    try:
-        model = pin.buildModelFromXML(to_string(root), *given)
-        for number, ordered in enumerate(list(model.names)):
-            model.names[number] = next((own for own, key in order.items() if key == ordered), ordered)
-        for frame in model.frames:
-            if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
-                frame.name = next((own for own, key in order.items() if key == frame.name), frame.name)
-        for follower, coupling in coupled.items():
-            leading, following = model.getJointId(coupling.leader), model.getJointId(follower)
-            if leading > following:
-                raise ModelError(
-                    f"joint '{follower}' is coupled to '{coupling.leader}', which hangs on it: give the coupling the "
-                    "other way round, or lock one of them"
-                )
-            model = pin.transformJointIntoMimic(model, leading, following, coupling.ratio, coupling.offset)
-    except (ValueError, RuntimeError) as error:
-        if isinstance(error, ModelError):
-            raise
-        raise ModelError(f"Pinocchio cannot read the URDF of '{name}': {error}") from error
-    model.name = name
-    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
-    for limits in (model.lowerPositionLimit, model.upperPositionLimit):
-        limits[np.abs(limits) > ENDLESS] = np.copysign(np.inf, limits[np.abs(limits) > ENDLESS])
-    return model
-
-
 def couplings(root: Element) -> dict[str, Coupling]:
     """Return the joints of a `<robot>` that move with another one, joint → its leader, ratio and offset.
 
@@ -232,46 +161,6 @@ def couple(joint: Element, coupling: Coupling) -> None:
     )
 
 
-def _order(root: Element, coupled: Mapping[str, Coupling]) -> dict[str, str]:
-    """Return joint → name by whose order Pinocchio numbers leaders before the joints that are coupled to them.
-
-    Pinocchio visits the joints of a link by their names; where a leader comes later, its branch is visited first.
-    """
-    below: dict[str, list[str]] = {}
-    ends = {name: parent_and_child(joint) for name, joint in joints(root).items()}
-    for name, (parent, _) in sorted(ends.items()):
-        below.setdefault(parent, []).append(name)
-
-    def branch(name: str) -> list[str]:
-        return [name] + [other for each in below.get(ends[name][1], []) for other in branch(each)]
-
-    followed = {coupling.leader for coupling in coupled.values()}
-    start = next(parent for parent in below if parent not in {child for _, child in ends.values()})
-    visited: list[str] = []
-
-    def visit(link: str) -> None:
-        waiting = list(below.get(link, []))
-        while waiting:
-            ready = [
-                each
-                for each in waiting
-                if not any(
-                    name in coupled
-                    and any(coupled[name].leader in branch(other) for other in waiting if other != each)
-                    for name in branch(each)
-                )
-            ]
-            chosen = (ready or waiting)[0]
-            waiting.remove(chosen)
-            visited.append(chosen)
-            visit(ends[chosen][1])
-
-    if not followed:
-        return {}
-    visit(start)
-    return {name: f"{i:06d}" for i, name in enumerate(visited)}
-
-
 def joints(root: Element, types: tuple[str, ...] | None = None) -> dict[str, Element]:
     """Return the joints by name, of the given types or all."""
     # Transmissions and ros_control blocks hold <joint> elements too: only direct children are joints.
@@ -285,18 +174,6 @@ def parent_and_child(joint: Element) -> tuple[str, str]:
     if parent is None or child is None or not parent.get("link") or not child.get("link"):
         raise ModelError(f"joint '{joint.get('name')}' must name a parent link and a child link")
     return str(parent.get("link")), str(child.get("link"))
-
-
-def moving_link_of(root: Element) -> dict[str, str]:
-    """Return for every link the link that it is rigidly fixed to: the root, or the child of a moving joint."""
-    fixed_to = {child: parent for parent, child in map(parent_and_child, joints(root, ("fixed",)).values())}
-    result = {}
-    for link in root.findall("link"):
-        name = str(link.get("name"))
-        while name in fixed_to:
-            name = fixed_to[name]
-        result[str(link.get("name"))] = name
-    return result
 
 
 def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True) -> dict[str, float]:
@@ -339,58 +216,6 @@ def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True)
             for old in joint.findall(tag):
                 joint.remove(old)
     return fixed
-
-
-def turn_root(root: Element, turn: float) -> str:
-    """Put a link above the root whose x axis points to where the old one has `turn` (rad); return its name."""
-    children = {child for _, child in map(parent_and_child, joints(root).values())}
-    links = [str(link.get("name")) for link in root.findall("link")]
-    old = next(name for name in links if name not in children)
-    new = f"{old}_forward"
-    root.insert(0, ElementTree.Element("link", name=new))
-    joint = ElementTree.SubElement(root, "joint", name=f"{new}_fixed", type="fixed")
-    ElementTree.SubElement(joint, "parent", link=new)
-    ElementTree.SubElement(joint, "child", link=old)
-    ElementTree.SubElement(joint, "origin", xyz="0 0 0", rpy=f"0 0 {-turn!r}")
-    return new
-
-
-def set_limits(
-    root: Element,
-    *,
-    position: Mapping[str, tuple[float, float]] | None = None,
-    velocity: Mapping[str, float] | None = None,
-    torque: Mapping[str, float] | None = None,
-) -> None:
-    """Write limits into the joints of a tidied `<robot>`.
-
-    By joint: position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N.
-    """
-    moving = joints(root, MOVING)
-    for what, values in (("velocity", velocity), ("torque", torque)):
-        for name, value in (values or {}).items():
-            choose("joint", name, moving)
-            if not 0.0 < value < UNLIMITED:
-                raise InputError(
-                    f"{what} limit of joint '{name}' must be above zero and below {UNLIMITED:g}, got {value}"
-                )
-            limit_of(moving[name]).set("effort" if what == "torque" else what, repr(float(value)))
-    for name, (lower, upper) in (position or {}).items():
-        choose("joint", name, moving)
-        if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
-            raise InputError(
-                f"position limits of joint '{name}' must be finite with lower < upper, got {lower}, {upper}"
-            )
-        if moving[name].get("type") == "continuous":
-            moving[name].set("type", "revolute")
-        limit_of(moving[name]).set("lower", repr(float(lower)))
-        limit_of(moving[name]).set("upper", repr(float(upper)))
-
-
-def joints_without_torque_limit(root: Element) -> list[str]:
-    """Return the moving joints of a tidied URDF that have no torque limit; those that are coupled need none."""
-    moving = {name: joint for name, joint in joints(root, MOVING).items() if joint.find("mimic") is None}
-    return [name for name, joint in moving.items() if number(limit_of(joint), "effort", name) == 0.0]
 
 
 def limit_of(joint: Element) -> Element:

@@ -1,4 +1,4 @@
-"""A description completed from a URDF: soles, heading, posture, limits, rotor inertias, torso, IMU, in this order."""
+"""A description of a source: soles, heading, posture, limits, rotor inertias, torso, IMU, in this order."""
 
 from __future__ import annotations
 
@@ -13,13 +13,14 @@ from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import ROUNDING, finite_scalar, non_negative, positive
 from wbc.core.frames import FrameDescription
 from wbc.core.robot import GRAVITY, Closure, joints_to
-from wbc.robots import frames, tidying, urdf
+from wbc.robots import frames
 from wbc.robots.derivation import defaults, inertia, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
 from wbc.robots.options import DescriptionOptions
+from wbc.robots.source import Source
 
-SoleFinder = Callable[[urdf.Element, pin.Model, float, list[str]], defaults.Soles]
-"""Function of the URDF, its model, the turn of the root so far (rad) and the notes that returns the soles."""
+SoleFinder = Callable[[Source, pin.Model, float, list[str]], defaults.Soles]
+"""Function of the robot's source, its model, the turn of the root so far (rad) and the notes that returns the soles."""
 
 AHEAD = 0.01
 """Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
@@ -38,9 +39,9 @@ def from_geometry(
 ) -> SoleFinder:
     """Return the finder of given soles from the geometry of a URDF; see `complete_sole`."""
 
-    def find(root: urdf.Element, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
+    def find(source: Source, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
         one, other = (
-            defaults.complete_sole(root, model, name, given, size, package_dirs, notes)
+            defaults.complete_sole(source.shapes(), model, name, given, size, package_dirs, notes)
             for name, given in zip(frames.SOLE_NAMES, (left, right), strict=True)
         )
         return one, other
@@ -49,7 +50,7 @@ def from_geometry(
 
 
 def complete(
-    root: urdf.Element,
+    robot: Source,
     find_soles: SoleFinder | None,
     *,
     name: str | None,
@@ -63,7 +64,7 @@ def complete(
     taken: Mapping[str, Any] | None = None,
     **options: Unpack[DescriptionOptions],
 ) -> dict[str, Any]:
-    """Return the fields of a `RobotDescription` of a `<robot>` element, which is changed.
+    """Return the fields of a `RobotDescription` of a source, which is changed.
 
     `notes` are the remarks so far, `postures` those of the file (name, joint → position) that may be half-sitting,
     `taken` further fields, taken over as they are. With `feet_found` it was left to `find_soles`, which is None for a
@@ -76,36 +77,30 @@ def complete(
         )
     for option in options:
         choose("option", option, DescriptionOptions.__annotations__)
-    notes += tidying.tidy(root, fixed)
-    locked = urdf.lock(root, options.get("lock") or {})
-    urdf.set_limits(
-        root,
-        position=options.get("position_limits"),
-        velocity=options.get("velocity_limits"),
-        torque=options.get("torque_limits"),
+    locked, changes = robot.tidy(fixed, options.get("lock") or {})
+    notes += changes + inertia.settle(robot, fixed, options.get("repair", False))
+    robot.set_limits(
+        options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
     )
-    if options.get("repair", False):
-        notes += inertia.repair(root, fixed)
-    inertia.check(root, fixed)
-    name = name or str(root.get("name") or "robot")
+    name = name or str(robot.root.get("name") or "robot")
     notes += [
         f"joint '{each}' moves with '{coupling.leader}': {coupling.ratio:g} times its position and {coupling.offset:g}"
-        for each, coupling in urdf.couplings(root).items()
+        for each, coupling in robot.couplings().items()
     ]
-    model = urdf.pinocchio_model(urdf.to_string(root), name, fixed)
+    model = robot.model(name, fixed, notes)
     remarks: list[str] = []
     soles: defaults.Soles = ()
     turn = 0.0
     if find_soles is not None:
-        soles = _add_soles(root, model, find_soles, 0.0, remarks)
+        soles = _add_soles(robot, model, find_soles, 0.0, remarks)
         turn = heading(model, soles, feet_found) if options.get("turn_root") is not False else 0.0
     if turn and find_soles is not None:
-        turned = urdf.turn_root(root, turn)
+        turned = robot.turn_root(turn)
         notes.append(
             f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link '{turned}'"
         )
-        model, remarks = urdf.pinocchio_model(urdf.to_string(root), name), []
-        soles = _add_soles(root, model, find_soles, turn, remarks)
+        model, remarks = robot.model(name, fixed), []
+        soles = _add_soles(robot, model, find_soles, turn, remarks)
     notes += remarks
     if soles:
         defaults.check_sides(model, soles)
@@ -120,7 +115,7 @@ def complete(
     # Sizes follow from the height over the soles.
     com_height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
     mass = pin.computeTotalMass(model)
-    missing = urdf.joints_without_torque_limit(root)
+    missing = robot.unlimited()
     if missing and not soles:
         hint = defaults.feet_hint(model)
         raise ModelError(
@@ -128,7 +123,7 @@ def complete(
         )
     if missing:
         torques = defaults.torque_limits(model, soles, missing, mass * GRAVITY * com_height)
-        urdf.set_limits(root, torque=torques)
+        robot.set_limits(torque=torques)
         listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
         notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
     rotors = defaults.complete_armature(
@@ -141,7 +136,7 @@ def complete(
     choose("link", torso, frames.link_names(model))
     return {
         "name": name,
-        "urdf": urdf.to_string(root),
+        "xml": robot.text,
         "soles": soles,
         "base": "fixed" if fixed else "floating",
         "half_sitting": joints,
@@ -184,10 +179,10 @@ def check_values(robot: Any, model: pin.Model) -> None:
 
 
 def _add_soles(
-    root: urdf.Element, model: pin.Model, find: SoleFinder, turn: float, notes: list[str]
+    source: Source, model: pin.Model, find: SoleFinder, turn: float, notes: list[str]
 ) -> defaults.Soles:
     """Find the soles, give each a name of its own and add their frames to the model."""
-    left, right = find(root, model, turn, notes)
+    left, right = find(source, model, turn, notes)
     if left.frame == right.frame and left.link != right.link:
         left, right = (replace(sole, frame=f"{sole.name}_sole") for sole in (left, right))
     named = []

@@ -31,7 +31,7 @@ from wbc.robots import frames
 from wbc.robots.derivation import posture
 from wbc.robots.derivation.soles import UNITS, no_sole, plausible, sole_rectangle
 from wbc.robots.frames import SoleName
-from wbc.robots.urdf import Element
+from wbc.robots.source import Geometry
 
 Soles: TypeAlias = tuple[Sole, ...]
 """Left and right sole; none of a robot without feet."""
@@ -105,7 +105,7 @@ def complete_half_sitting(
 
 
 def complete_sole(
-    root: Element,
+    shapes: Sequence[Geometry],
     model: pin.Model,
     name: SoleName,
     given: str | FrameDescription,
@@ -144,12 +144,12 @@ def complete_sole(
         notes.append(f"{name}: axes of '{given}' are not those of the base; the sole takes those of the base")
     probe = model.copy()
     frames.add_frame(probe, frames.frame_at("__probe__", link, placement))
-    rectangle = sole_rectangle(root, probe, "__probe__", package_dirs)
+    rectangle = sole_rectangle(shapes, probe, "__probe__", package_dirs)
     centre, leg = np.zeros(3), float(np.linalg.norm(in_base.translation))
     if rectangle is not None and not plausible(*rectangle[1:], leg):
         notes.append(f"{name}: {no_sole(*rectangle[1:])}")
         units = UNITS.values() if size is not None else ()  # the size says which one
-        scaled = (sole_rectangle(root, probe, "__probe__", package_dirs, factor) for factor in units)
+        scaled = (sole_rectangle(shapes, probe, "__probe__", package_dirs, factor) for factor in units)
         rectangle = next((each for each in scaled if each is not None and plausible(*each[1:], leg)), None)
     if size is not None:
         length, width = size

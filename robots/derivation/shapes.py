@@ -1,10 +1,11 @@
-"""Simple shapes of a robot's links, from the geometry in its URDF."""
+"""Simple shapes of a robot's links, from those of its source."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -18,8 +19,11 @@ from wbc.core.limits.shapes import (
     CollisionSphere,
     Shape,
 )
-from wbc.robots import urdf
-from wbc.robots.derivation.soles import geometry_of, mesh_vertices, resolve
+from wbc.robots.derivation.soles import mesh_vertices, resolve
+from wbc.robots.source import Geometry
+from wbc.robots.source_of import source_of
+
+T = TypeVar("T")
 
 CORNERS = 150
 """Directions of which the outermost vertices are the corners of a mesh's hull: it is as good as whole, and quick."""
@@ -38,7 +42,7 @@ class LinkShape(NamedTuple):
 
 
 def link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ...]:
-    """Return the shapes of all links of a URDF: collision geometry where a link has any, visual geometry otherwise.
+    """Return the shapes of all links of a robot's XML: collision shapes where a link has any, visual ones otherwise.
 
     A mesh becomes the least box about its principal axes. What cannot be read is left out.
     """
@@ -48,25 +52,26 @@ def link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ..
 @lru_cache(maxsize=16)
 def _link_shapes(text: str, package_dirs: tuple[str, ...], _: object) -> tuple[LinkShape, ...]:
     """Return the shapes of all links, anew when a mesh has changed."""
-    shapes: list[LinkShape] = []
-    for link in urdf.read(text).findall("link"):
-        for tag in ("collision", "visual"):
-            found = [_shape(str(link.get("name")), each, package_dirs) for each in link.findall(tag)]
-            known = [shape for shape in found if shape is not None]
-            if known:
-                shapes += known
+
+    def made(shape: Geometry) -> LinkShape | None:
+        if shape.kind != "mesh":
+            return LinkShape(shape.link, shape.kind, _sizes(shape.size), shape.place)  # type: ignore[arg-type]
+        path = resolve(shape.file, package_dirs)
+        return None if path is None else _box(shape.link, path, shape.size, shape.place)
+
+    return tuple(shape for _, shapes in touching(text, made) for shape in shapes)
+
+
+def touching(text: str, make: Callable[[Geometry], T | None]) -> list[tuple[str, list[T]]]:
+    """Return link and what is made of its collision shapes, or of its visual shapes where that is nothing."""
+    shapes, found = source_of(text).shapes(), []
+    for link in dict.fromkeys(shape.link for shape in shapes):
+        for role in ("collision", "visual"):
+            made = [make(shape) for shape in shapes if shape.link == link and shape.role == role]
+            if known := [each for each in made if each is not None]:
+                found.append((link, known))
                 break
-    return tuple(shapes)
-
-
-def _shape(link: str, element: urdf.Element, package_dirs: tuple[str, ...]) -> LinkShape | None:
-    found = geometry_of(element)
-    if found is None:
-        return None
-    if found.kind == "mesh":
-        path = resolve(found.file, package_dirs)
-        return None if path is None else _box(link, path, found.size, found.place)
-    return LinkShape(link, found.kind, _sizes(found.size), found.place)  # type: ignore[arg-type]  # no mesh
+    return found
 
 
 def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
@@ -96,11 +101,11 @@ def hulls(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
 
 @lru_cache(maxsize=16)
 def _mesh_names(text: str) -> tuple[str, ...]:
-    return tuple({str(mesh.get("filename", "")) for mesh in urdf.read(text).iter("mesh")})
+    return tuple({shape.file for shape in source_of(text).shapes() if shape.kind == "mesh"})
 
 
 def _meshes(text: str, package_dirs: tuple[str, ...]) -> tuple[tuple[Path, int, int], ...]:
-    """Return path, time of the last change and size of the meshes of a URDF."""
+    """Return path, time of the last change and size of the meshes of a robot."""
     paths = [path for name in _mesh_names(text) if (path := resolve(name, package_dirs)) is not None]
     return tuple((path, state.st_mtime_ns, state.st_size) for path in paths for state in [path.stat()])
 
@@ -108,21 +113,10 @@ def _meshes(text: str, package_dirs: tuple[str, ...]) -> tuple[tuple[Path, int, 
 @lru_cache(maxsize=4)
 def _hulls(text: str, package_dirs: tuple[str, ...], _: object) -> dict[str, list[Shape]]:
     """Return the hulls of all links, anew when a mesh has changed."""
-    found: dict[str, list[Shape]] = {}
-    for link in urdf.read(text).findall("link"):
-        for tag in ("collision", "visual"):
-            made = [_hull(each, package_dirs) for each in link.findall(tag)]
-            known = [shape for shape in made if shape is not None]
-            if known:
-                found[str(link.get("name"))] = known
-                break
-    return found
+    return dict(touching(text, lambda shape: _hull(shape, package_dirs)))
 
 
-def _hull(element: urdf.Element, package_dirs: tuple[str, ...]) -> Shape | None:
-    found = geometry_of(element)
-    if found is None:
-        return None
+def _hull(found: Geometry, package_dirs: tuple[str, ...]) -> Shape | None:
     place = found.place
     if found.kind == "mesh":
         path = resolve(found.file, package_dirs)

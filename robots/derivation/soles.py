@@ -5,9 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 import re
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
 from urllib.parse import unquote
 
 import coal
@@ -16,8 +16,7 @@ import pinocchio as pin
 
 from wbc.base.errors import shown
 from wbc.base.numbers import Array
-from wbc.robots import frames
-from wbc.robots.urdf import Element, moving_link_of
+from wbc.robots.source import Geometry
 
 SLICE = 5e-3
 """Thickness of the slice of the foot above its lowest point that counts as touching the ground, m: no share of its
@@ -43,7 +42,7 @@ Y_UP = pin.rpy.rpyToMatrix(0.5 * np.pi, 0.0, 0.0)
 
 
 def sole_rectangle(
-    root: Element,
+    shapes: Sequence[Geometry],
     model: pin.Model,
     frame: str,
     package_dirs: tuple[str, ...],
@@ -59,17 +58,16 @@ def sole_rectangle(
     sole = model.frames[model.getFrameId(frame)]
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    owner = moving_link_of(root)
-    links = {str(link.get("name")): link for link in root.findall("link")}
-    below = {frames.carrier_link(model, joint) for joint in model.subtrees[sole.parentJoint]}  # toes, too
+    below = set(model.subtrees[sole.parentJoint])  # toes, too
+    links = {str(f.name): i for i, f in enumerate(model.frames) if f.type == pin.FrameType.BODY}
     here = data.oMf[model.getFrameId(frame)]
     wide = other = None
-    for tag, up_axis in itertools.product(("collision", "visual"), (False, True)):
+    for role, up_axis in itertools.product(("collision", "visual"), (False, True)):
         clouds = []
-        for name in (name for name, mover in owner.items() if mover in below):
-            placement = here.actInv(data.oMf[model.getFrameId(name, pin.FrameType.BODY)])
-            for element in links[name].findall(tag):
-                cloud = _points(element, package_dirs, placement, up_axis, scale)
+        for shape in (each for each in shapes if each.role == role):
+            if model.frames[link := links[shape.link]].parentJoint in below:
+                placement = here.actInv(data.oMf[link])
+                cloud = _points(shape, package_dirs, placement, up_axis, scale)
                 clouds += [] if cloud is None else [_move(placement, cloud)]
         if not clouds:
             continue
@@ -105,44 +103,14 @@ def no_sole(length: float, width: float) -> str:
     return said
 
 
-class Geometry(NamedTuple):
-    """Geometry of a <visual> or <collision>."""
-
-    kind: str  # "box", "sphere", "cylinder", "capsule" or "mesh"
-    size: Array  # half sizes of a box; radius; radius and half length, m; scale of a mesh
-    place: pin.SE3  # place in the link
-    file: str = ""  # name of the file of a mesh
-
-
-def geometry_of(element: Element) -> Geometry | None:
-    """Return the geometry of a <visual> or <collision>; None for one of another kind."""
-    geometry = element.find("geometry")
-    if geometry is None or not len(geometry):
-        return None
-    shape, place = geometry[0], origin_of(element)
-    if shape.tag == "box":
-        return Geometry("box", 0.5 * numbers(shape.get("size", "0 0 0")), place)
-    if shape.tag == "sphere":
-        return Geometry("sphere", np.array([float(shape.get("radius", "0"))]), place)
-    if shape.tag in ("cylinder", "capsule"):
-        size = np.array([float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))])
-        return Geometry(shape.tag, size, place)
-    if shape.tag == "mesh":
-        return Geometry("mesh", numbers(shape.get("scale", "1 1 1")), place, shape.get("filename", ""))
-    return None
-
-
 def _points(
-    element: Element,
+    found: Geometry,
     package_dirs: tuple[str, ...],
     placement: pin.SE3,
     up_axis: bool,
     scale: float,
 ) -> Array | None:
     """Return points of a shape of scaled size, in the link frame, that include all extreme ones near the ground."""
-    found = geometry_of(element)
-    if found is None:
-        return None
     size, down = found.size, (placement * found.place).rotation[2]
     if found.kind == "box":
         points = size * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
@@ -248,9 +216,9 @@ def resolve(filename: str, folders: tuple[str, ...]) -> Path | None:
 
 
 def mesh_folders(
-    root: Element, given: tuple[str, ...], base: Path | None
+    names: Iterable[str], given: tuple[str, ...], base: Path | None
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Return the folders in which the meshes of a URDF are, and notes on those that are nowhere or broken.
+    """Return the folders in which meshes of these names are, and notes on those that are nowhere or broken.
 
     The folders are those given, that of the file for relative names, and those above it in which a package is: as ROS
     has it, the file lies in a folder of its package.
@@ -258,7 +226,7 @@ def mesh_folders(
     folders = list(given)
     if base is not None:
         folders.append(str(base))
-    names = list(dict.fromkeys(str(mesh.get("filename", "")) for mesh in root.iter("mesh")))
+    names = list(dict.fromkeys(names))
     missing = [name for name in names if resolve(name, tuple(folders)) is None]
     for above in [] if base is None else list(base.parents)[:PACKAGE_DEPTH]:
         if found := [name for name in missing if resolve(name, (str(above),)) is not None]:
@@ -277,19 +245,5 @@ def mesh_folders(
     return tuple(folders), notes
 
 
-def origin_of(element: Element) -> pin.SE3:
-    """Return the placement of a geometry in its link."""
-    origin = element.find("origin")
-    if origin is None:
-        return pin.SE3.Identity()
-    rpy = numbers(origin.get("rpy", "0 0 0"))
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), numbers(origin.get("xyz", "0 0 0")))
-
-
 def _move(placement: pin.SE3, points: Array) -> Array:
     return np.asarray(points @ placement.rotation.T + placement.translation)
-
-
-def numbers(text: str) -> Array:
-    """Return the numbers of an attribute."""
-    return np.array([float(part) for part in text.split()])

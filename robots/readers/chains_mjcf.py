@@ -8,11 +8,9 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import ModelError
-from wbc.core.robot import Closure
 from wbc.robots.readers.actuators_mjcf import equalities_off
-from wbc.robots.readers.tree_mjcf import WORLD_LINK, Tree, placement_of
-from wbc.robots.readers.write_urdf import UrdfWriter
+from wbc.robots.readers.source_mjcf import placement_of
+from wbc.robots.readers.tree_mjcf import Tree
 
 
 @dataclass(frozen=True)
@@ -72,22 +70,3 @@ def joints_of(tree: Tree, chains: list[Chain]) -> set[str]:
             sides.append(side)
         found |= sides[0] ^ sides[1]
     return found
-
-
-def add_closures(writer: UrdfWriter, tree: Tree, chains: list[Chain]) -> tuple[Closure, ...]:
-    """Add a link at each end of closed chains, and return the closures."""
-    taken = {str(link.get("name")) for link in writer.root.findall("link")}
-    made = []
-    for chain in chains:
-        frames = []
-        for side, (body, place) in enumerate(zip(chain.ends, chain.places, strict=True), 1):
-            frame = f"{chain.name}_{side}"
-            if frame in taken:
-                raise ModelError(f"closure '{chain.name}': a body is called '{frame}', as its end would be")
-            taken.add(frame)
-            writer.link(frame)
-            link = tree.body_name(body) if body else WORLD_LINK
-            writer.joint(f"{frame}_fixed", "fixed", link, frame, place)
-            frames.append(frame)
-        made.append(Closure(chain.name, frames[0], frames[1], chain.rotation))
-    return tuple(made)

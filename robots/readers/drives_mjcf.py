@@ -25,7 +25,8 @@ from wbc.robots.readers.actuators_mjcf import (
     switched_off,
 )
 from wbc.robots.readers.forces_mjcf import pulls, unmodelled
-from wbc.robots.readers.tree_mjcf import Tree, placement_of
+from wbc.robots.readers.source_mjcf import placement_of
+from wbc.robots.readers.tree_mjcf import Tree
 
 HOME = ("half_sitting", "halfsitting", "half-sitting", "home", "stand", "knees_bent", "walk_pose")
 """Words in the names of keyframes that stand for a posture with bent knees, first choice first."""
@@ -241,9 +242,6 @@ def sensors(tree: Tree) -> tuple[FrameDescription | None, dict[str, str]]:
 def site_frame(tree: Tree, site: int) -> FrameDescription:
     """Return the frame at a site of the robot."""
     model = tree.model
-    link = tree.body_name(int(model.site_bodyid[site]))
+    name = next((name for name, number in tree.sites().items() if number == site), f"site_{site}")
     place = placement_of(model.site_pos[site], model.site_quat[site])
-    name = str(model.site(site).name) or f"site_{site}"
-    if name in {tree.body_name(body) for body in tree.bodies}:
-        name = f"{name}_site"
-    return frame_at(name, link, place)
+    return frame_at(name, tree.body_name(int(model.site_bodyid[site])), place)

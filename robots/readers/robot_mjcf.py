@@ -1,4 +1,4 @@
-"""A robot read from an MJCF: its URDF and everything that the file says beyond it."""
+"""A robot read from an MJCF: its bodies, its feet, and everything that the file says of its drives and sensors."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import pinocchio as pin
 
 from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription, Sole
-from wbc.robots import urdf
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
 from wbc.robots.options import DescriptionOptions
-from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf
+from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf, write_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
 from wbc.robots.report import UNMODELLED, listed
+from wbc.robots.source import Source
 
 NO_DRIVE = 1.0
-"""Torque limit that the URDF gives a joint without a drive, Nm: it needs one, and the description has none."""
+"""Torque limit of a joint without a drive, Nm: it needs one, and the description has none."""
 
 
 def fields(
@@ -57,33 +57,17 @@ def fields(
     idle = sorted(moved_along & chains_mjcf.joints_of(tree, chains))
     drives = drives_mjcf.read_drives(tree)
     name = name or _model_name(model) or tree.body_name(tree.root)
-    writer = tree_mjcf.write(
-        tree,
-        name,
-        {
-            **{name: max(-low, high) for name, (low, high) in drives.torque.items()},
-            **dict.fromkeys(idle, NO_DRIVE),
-        },
-    )
-    closures = chains_mjcf.add_closures(writer, tree, chains)
+    torque = {joint: max(-low, high) for joint, (low, high) in drives.torque.items()}
+    robot, closures = write_mjcf.write(tree, name, torque | dict.fromkeys(idle, NO_DRIVE), chains)
     given_limits = options.get("torque_limits") or {}
     one_sided = {
         joint: (low, high)
         for joint, (low, high) in drives.torque.items()
         if not math.isclose(-low, high) and joint not in given_limits
     }
-    shapes_mjcf.add_shapes(writer.root, tree, moved)
-    site = {
-        str(model.site(i).name): i for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier
-    }
-    bodies = {tree.body_name(body) for body in tree.bodies}
-    hands = set((options.get("hands") or {}).values())
-    for hand in sorted(hands & set(site) - bodies - set(tree.joints)):
-        place = drives_mjcf.site_frame(tree, site[hand])
-        writer.link(hand)
-        writer.joint(f"{hand}_fixed", "fixed", place.link, hand, place.placement)
+    shapes_mjcf.add_shapes(robot, tree, moved)
     tree.notes.append(
-        f"velocity limits: an MJCF has none; {tree_mjcf.SPEED:g} rad/s (slides {tree_mjcf.SLIDE_SPEED:g} m/s)"
+        f"velocity limits: an MJCF has none; {write_mjcf.SPEED:g} rad/s (slides {write_mjcf.SLIDE_SPEED:g} m/s)"
     )
     if use_gains:
         options["gains"] = {**drives.gains, **(options.get("gains") or {})}
@@ -94,7 +78,7 @@ def fields(
     notes = list(tree.notes)
     given = (left_sole, right_sole)
 
-    def find_soles(_: urdf.Element, pinocchio: pin.Model, turn: float, remarks: list[str]) -> Soles:
+    def find_soles(_: Source, pinocchio: pin.Model, turn: float, remarks: list[str]) -> Soles:
         tree.notes = remarks
         described = [sole if isinstance(sole, FrameDescription) else None for sole in given]
         names = tuple(sole if isinstance(sole, str) else None for sole in given)
@@ -107,14 +91,11 @@ def fields(
     where = "MjSpec"
     if isinstance(source, (str, Path)):
         where = "MJCF string" if str(source).lstrip().startswith("<") else str(source)
-    imu = options.get("imu")
-    if isinstance(imu, str) and imu in site and imu not in bodies:
-        imu = drives_mjcf.site_frame(tree, site[imu])
-    options["imu"] = found_imu if imu is None else imu
-    if imu is None and found_imu is not None:
+    if options.get("imu") is None and found_imu is not None:
+        options["imu"] = found_imu
         notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
     return complete(
-        writer.root,
+        robot,
         find_soles if feet and not fixed else None,
         name=name,
         source=provenance or where,

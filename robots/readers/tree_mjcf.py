@@ -1,9 +1,4 @@
-"""The kinematic tree of a robot in a compiled MuJoCo model, written as a URDF.
-
-A MuJoCo body becomes a link of its name. A joint whose anchor is not the origin of its body, and the first of several
-joints of one body, get a link of their own. q of the URDF means MuJoCo's `qpos`: a reference other than zero goes into
-the placement of the joint.
-"""
+"""The robot in a compiled MuJoCo model: its bodies, and its joints that move, are fixed, or follow another one."""
 
 from __future__ import annotations
 
@@ -11,28 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import mujoco
-import numpy as np
-import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
-from wbc.base.numbers import Array, finite_scalar
+from wbc.base.numbers import finite_scalar
 from wbc.core.robot import Coupling
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
-from wbc.robots.readers.write_urdf import UrdfWriter, about, along
 
-SPEED = 20.0
-"""Velocity limit of every hinge, rad/s, since an MJCF gives none."""
-
-SLIDE_SPEED = 1.0
-"""Velocity limit of every slide joint, m/s."""
-
-BETWEEN = 1e-9
-"""Mass, kg, of the link between two joints of one body, and a thousand times its inertia, kg m²."""
-
-WORLD_LINK = "world_link"
-"""Root link of a robot that is bolted to the world."""
-
-HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 
@@ -52,8 +31,9 @@ class Tree:
     notes: list[str] = field(default_factory=list)  # remarks on the reading
 
     def body_name(self, body: int) -> str:
-        """Return the name of the link of a body."""
-        return str(self.model.body(body).name) or f"body_{body}"
+        """Return the name of the link of a body; one that is called as Pinocchio's world is has another."""
+        name = str(self.model.body(body).name) or f"body_{body}"
+        return f"{name}_link" if name == "universe" else name
 
     def joint_name(self, joint: int) -> str:
         """Return the name of a joint."""
@@ -62,6 +42,15 @@ class Tree:
         body = int(self.model.jnt_bodyid[joint])
         number = joint - int(self.model.body_jntadr[body])
         return f"{self.body_name(body)}_joint{number or ''}"
+
+    def sites(self) -> dict[str, int]:
+        """Return the named sites of the robot by the names of their frames, of which a link or a joint may have one."""
+        model, found = self.model, {}
+        taken = {*map(self.body_name, self.bodies), *self.joints}
+        for site in range(model.nsite):
+            if int(model.site_bodyid[site]) in self.carrier and (name := str(model.site(site).name)):
+                found[f"{name}_site" if name in taken else name] = site
+        return found
 
     def joints_of(self, body: int) -> list[int]:
         """Return the joints of a body; none for a root that floats, whose joints the floating base replaces."""
@@ -198,82 +187,3 @@ def _root(model: mujoco.MjModel, root: str | None, fixed: bool) -> int:
             "base='fixed' bolts it to the world"
         )
     raise ModelError("the MJCF holds no robot: no body has joints below it")
-
-
-def placement_of(position: Array, quaternion: Array) -> pin.SE3:
-    """Return a placement from MuJoCo's position (m) and quaternion (wxyz)."""
-    w, x, y, z = (float(value) for value in quaternion)
-    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position, dtype=np.float64))
-
-
-def write(tree: Tree, name: str, torque: Mapping[str, float]) -> UrdfWriter:
-    """Return the URDF of a robot; `torque` is joint → largest torque or force, Nm or N, where it is known."""
-    model = tree.model
-    urdf = UrdfWriter(name)
-    for body in tree.bodies:
-        link = tree.body_name(body)
-        inertial = placement_of(model.body_ipos[body], model.body_iquat[body])
-        rotation = inertial.rotation
-        inertia = rotation @ np.diag(model.body_inertia[body]) @ rotation.T
-        if body == tree.root and tree.fixed:
-            urdf.link(WORLD_LINK)
-        elif body == tree.root:
-            urdf.link(link, float(model.body_mass[body]), inertial.translation, inertia)
-            continue
-        above = int(model.body_parentid[body])
-        parent = tree.body_name(above) if above else WORLD_LINK
-        place = placement_of(model.body_pos[body], model.body_quat[body])
-        joints = tree.joints_of(body)
-        for joint in joints:
-            anchor, axis = np.array(model.jnt_pos[joint]), np.array(model.jnt_axis[joint])
-            slides = int(model.jnt_type[joint]) == SLIDE
-            offset = tree.locked.get(joint, 0.0) - float(model.qpos0[model.jnt_qposadr[joint]])
-            # A turn about the anchor; a shift along the axis is the same wherever the anchor lies.
-            place = place * along(anchor)
-            if offset:
-                place = place * (along(axis * offset) if slides else about(axis, offset))
-            if joint in tree.locked:
-                place = place * along(-anchor)
-                continue
-            last = joint == [each for each in joints if each not in tree.locked][-1]
-            own = (
-                link
-                if last and not anchor.any() and joint == joints[-1]
-                else f"{link}_{tree.joint_name(joint)}"
-            )
-            if own != link:
-                between = (
-                    {}
-                    if last
-                    else {"mass": BETWEEN, "com": np.zeros(3), "inertia": 1e-3 * BETWEEN * np.eye(3)}
-                )
-                urdf.link(own, **between)  # type: ignore[arg-type]
-            _write_joint(tree, urdf, joint, parent, own, place, axis, torque)
-            parent, place = own, along(-anchor)
-        urdf.link(link, float(model.body_mass[body]), inertial.translation, inertia)
-        if parent != link:
-            urdf.joint(f"{link}_fixed", "fixed", parent, link, place)
-    for follower, coupling in tree.coupled.items():
-        urdf.couple(follower, coupling)
-    return urdf
-
-
-def _write_joint(
-    tree: Tree,
-    urdf: UrdfWriter,
-    joint: int,
-    parent: str,
-    child: str,
-    place: pin.SE3,
-    axis: Array,
-    torque: Mapping[str, float],
-) -> None:
-    model, name = tree.model, tree.joint_name(joint)
-    slides = int(model.jnt_type[joint]) == SLIDE
-    limits = {"velocity": SLIDE_SPEED if slides else SPEED}
-    if model.jnt_limited[joint]:
-        limits["lower"], limits["upper"] = (float(value) for value in model.jnt_range[joint])
-    if name in torque:
-        limits["effort"] = torque[name]
-    kind = "prismatic" if slides else "revolute" if model.jnt_limited[joint] else "continuous"
-    urdf.joint(name, kind, parent, child, place, axis, limits)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
@@ -19,7 +18,6 @@ from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.feet.soles.sole import AnkleSole
-from wbc.robots import urdf
 from wbc.robots.description import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.terrain.render import TERRAIN_GROUP
@@ -74,13 +72,11 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
     """
     description = as_description(description)
     robot = description.robot()
-    soles = []
-    tree = urdf.read(description.urdf)
-
+    soles, worn = [], description
     for sole, geometry in zip(description.soles, ankle_soles(robot), strict=True):
         fit = foot.fit(geometry)
         if mass and fit.mass > 0.0:
-            _add_mass(tree, f"{sole.name}{MASS_SUFFIX}", geometry.ankle_link, fit.added_inertia)
+            worn = _with_mass(worn, f"{sole.name}{MASS_SUFFIX}", geometry.ankle_link, fit.added_inertia)
         fitted = fit.sole
         unchanged = fitted.placement.isApprox(geometry.placement, ROUNDING)
         if unchanged and (fitted.length, fitted.width) == (sole.length, sole.width):
@@ -98,38 +94,27 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
                 width=fitted.width,
             )
         )
-    if mass and len(tree) > len(urdf.read(description.urdf)):
-        description = replace(description, urdf=urdf.to_string(tree))
     if tuple(soles) == description.soles:
-        return description
-    return replace(description, soles=(soles[0], soles[1]))
+        return worn
+    return replace(worn, soles=(soles[0], soles[1]))
 
 
-def _add_mass(robot: Element, name: str, ankle: str, inertia: pin.Inertia) -> None:
-    """Fix a link of the given inertia (in the axes of the ankle link) to the ankle, if it is not there already.
+def _with_mass(
+    description: RobotDescription, name: str, ankle: str, inertia: pin.Inertia
+) -> RobotDescription:
+    """Return a description with a foot of an inertia, in the axes of the ankle link, if it is not there already.
 
-    A link of that name with another mass is an `InputError`.
+    A foot of that name with another mass is an `InputError`.
     """
-    for link in robot.findall("link"):
-        if link.get("name") == name:
-            worn = link.find("inertial/mass")
-            has = 0.0 if worn is None else float(worn.get("value", "0"))
-            if abs(has - inertia.mass) > ROUNDING:
-                raise InputError(
-                    f"the description wears other feet already: '{name}' has {has:g} kg, not {inertia.mass:g} kg; "
-                    "give the description of the robot with its own soles"
-                )
-            return
-    inertial = SubElement(SubElement(robot, "link", name=name), "inertial")
-    SubElement(inertial, "origin", xyz=" ".join(f"{value!r}" for value in inertia.lever.tolist()))
-    SubElement(inertial, "mass", value=repr(float(inertia.mass)))
-    moments = {
-        f"i{'xyz'[i]}{'xyz'[j]}": repr(float(inertia.inertia[i, j])) for i in range(3) for j in range(i, 3)
-    }
-    SubElement(inertial, "inertia", moments)
-    joint = SubElement(robot, "joint", name=f"{name}_fixed", type="fixed")
-    SubElement(joint, "parent", link=ankle)
-    SubElement(joint, "child", link=name)
+    has = description.link_mass(name)
+    if has is None:
+        return description.with_mass(name, ankle, inertia)
+    if abs(has - inertia.mass) > ROUNDING:
+        raise InputError(
+            f"the description wears other feet already: '{name}' has {has:g} kg, not {inertia.mass:g} kg; "
+            "give the description of the robot with its own soles"
+        )
+    return description
 
 
 class FootDevices:

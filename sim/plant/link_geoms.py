@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -18,10 +17,11 @@ from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.feet.soles.common_mjcf import VISUAL_GROUP
 from wbc.robots.derivation.shapes import LinkShape, link_shapes
-from wbc.robots.derivation.soles import geometry_of, numbers, resolve
+from wbc.robots.derivation.soles import resolve
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import carrier_link
-from wbc.robots.urdf import Element, moving_link_of
+from wbc.robots.source import Geometry
+from wbc.robots.source_of import source_of
 from wbc.sim.scenes.base import GEOMS
 from wbc.sim.terrain.render import FLOOR
 
@@ -48,20 +48,18 @@ STL_HEADER, STL_TRIANGLE = 84, 50
 
 def add_visuals(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot) -> None:
     """Add the visual geoms of a robot to its bodies; robots of the same meshes share them."""
-    root = ElementTree.fromstring(description.urdf)
-    colours = _named_colours(root)
-    moving = moving_link_of(root)
-    drawn: set[str] = set()
-    for tag in ("visual", "collision"):
-        bare = {body for body in moving.values() if body not in drawn}
-        for link in root.findall("link"):
-            name = str(link.get("name"))
-            body = spec.body(name)
-            if moving[name] not in bare or body is None:
+    model = robot.model
+    moving = {str(f.name): f.parentJoint for f in model.frames if f.type == pin.FrameType.BODY}
+    drawn: set[int] = set()
+    shapes = source_of(description.xml).shapes()
+    for role in ("visual", "collision"):
+        bare = {*moving.values()} - drawn
+        for shape in shapes:
+            body = spec.body(shape.link)
+            if shape.role != role or moving[shape.link] not in bare or body is None:
                 continue
-            for element in link.findall(tag):
-                if _add_element(spec, body, element, colours, description.package_dirs):
-                    drawn.add(moving[name])
+            if _add_shape(spec, body, shape, description.package_dirs):
+                drawn.add(moving[shape.link])
     _add_sticks(spec, description, robot, drawn)
 
 
@@ -95,7 +93,7 @@ def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: R
     """Let all links but the feet touch things and the ground, not each other; each hand has a site in the model."""
     feet = {description.attachment(sole.frame)[0] for sole in description.soles}
     shaped = set()
-    for shape in link_shapes(description.urdf, description.package_dirs):
+    for shape in link_shapes(description.xml, description.package_dirs):
         body = spec.body(shape.link)
         if body is None or description.attachment(shape.link)[0] in feet:
             continue
@@ -133,29 +131,21 @@ def drop_meshes(spec: mujoco.MjSpec) -> bool:
     return bool(named)
 
 
-def _add_element(
-    spec: mujoco.MjSpec,
-    body: mujoco.MjsBody,
-    element: Element,
-    colours: dict[str, Colour],
-    package_dirs: tuple[str, ...],
+def _add_shape(
+    spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Geometry, package_dirs: tuple[str, ...]
 ) -> bool:
-    """Add the geom of a <visual> or <collision>; False if it cannot be read."""
-    found, material, colour = geometry_of(element), element.find("material"), PLAIN
-    if found is None:
-        return False
-    if material is not None:
-        colour = _colour(material) or colours.get(str(material.get("name")), PLAIN)
-    if found.kind == "mesh":
-        path = resolve(found.file, package_dirs)
-        mesh = None if path is None else _mesh(spec, path, found.size)
+    """Add the geom of a shape; False if it cannot be read."""
+    colour = shape.colour or PLAIN
+    if shape.kind == "mesh":
+        path = resolve(shape.file, package_dirs)
+        mesh = None if path is None else _mesh(spec, path, shape.size)
         if mesh is None:
             return False
-        add_visual(body, mujoco.mjtGeom.mjGEOM_MESH, (), found.place, colour).meshname = mesh
+        add_visual(body, mujoco.mjtGeom.mjGEOM_MESH, (), shape.place, colour).meshname = mesh
         return True
-    if not (found.size > 0.0).all():
+    if not (shape.size > 0.0).all():
         return False
-    add_visual(body, GEOMS[found.kind], found.size.tolist(), found.place, colour)
+    add_visual(body, GEOMS[shape.kind], shape.size.tolist(), shape.place, colour)
     return True
 
 
@@ -218,30 +208,14 @@ def read_mesh(path: Path) -> tuple[Array, Array]:
     return np.array(model.vertices(), dtype=np.float64), np.array(faces, dtype=np.int32)
 
 
-def _named_colours(root: Element) -> dict[str, Colour]:
-    """Return the colours of materials that are defined once and used by name."""
-    named: dict[str, Colour] = {}
-    for material in root.iter("material"):
-        colour = _colour(material)
-        if colour is not None and material.get("name"):
-            named.setdefault(str(material.get("name")), colour)
-    return named
-
-
-def _colour(material: Element) -> Colour | None:
-    element = material.find("color")
-    values = [] if element is None else np.clip(numbers(element.get("rgba", "")), 0.0, 1.0).tolist()
-    return (values[0], values[1], values[2], values[3]) if len(values) == 4 else None
-
-
-def _add_sticks(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot, drawn: set[str]) -> None:
+def _add_sticks(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot, drawn: set[int]) -> None:
     """Add to each link that is not drawn a ball at its joint, a rod to each joint below, and the soles as plates."""
     model, kinds = robot.model, mujoco.mjtGeom
     thickness = 0.03 * float(robot.com[2])
     for joint in range(1, model.njoints):
         name = carrier_link(model, joint)
         body = spec.body(name)
-        if name in drawn or body is None:
+        if joint in drawn or body is None:
             continue
         ends = [np.array(model.jointPlacements[child].translation) for child in model.children[joint]]
         add_visual(body, kinds.mjGEOM_SPHERE, [1.3 * thickness], pin.SE3.Identity(), PLAIN)

@@ -17,6 +17,7 @@ from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
 from wbc.robots.readers.compile_mjcf import read_spec, refuse_pipes
+from wbc.robots.source_of import source_of
 from wbc.sim.plant.fitting import ankle_soles
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.link_geoms import add_body_shapes, add_stage, add_visuals, drop_meshes
@@ -116,7 +117,7 @@ def surround(
 def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
     """Return the links and joints of a robot with a free base, without drives, feet and sensors."""
     try:
-        spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
+        spec = mujoco.MjSpec.from_string(source_of(description.xml).without_geometry())
     except ValueError as error:
         raise ModelError(f"MuJoCo cannot read the description of '{description.name}': {error}") from error
     spec.modelname = description.name

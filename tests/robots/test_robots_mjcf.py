@@ -19,7 +19,7 @@ from wbc import TorqueControl, balance_controller
 from wbc.base.errors import ModelError, UnknownNameError
 from wbc.robots import RobotDescription
 from wbc.robots.derivation.shapes import link_shapes
-from wbc.robots.readers.tree_mjcf import placement_of
+from wbc.robots.readers.source_mjcf import placement_of
 from wbc.robots.report import UNMODELLED
 from wbc.sim import MujocoLoop, Plant
 
@@ -546,11 +546,11 @@ def test_meshes_are_found_whatever_the_file_names_and_whoever_attaches_it(
     if what == "strippath" and kind in ("attached", "scene"):
         pytest.skip("MuJoCo itself does not strip paths of what is attached")
     description = RobotDescription.from_mjcf(source)
-    chest = next(name for name in ("chest", "r/chest") if f'"{name}"' in description.urdf)
+    chest = next(name for name in ("chest", "r/chest") if f'"{name}"' in description.xml)
     boxed = what in ("moved", "in the file", "built in")
     assert any("boxes around them: mesh" in line for line in description.derived) == boxed
     (shape,) = (
-        shape for shape in link_shapes(description.urdf, description.package_dirs) if shape.link == chest
+        shape for shape in link_shapes(description.xml, description.package_dirs) if shape.link == chest
     )
     model = mujoco.MjModel.from_xml_path(str(home / "robot.xml"))
     geom = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0])

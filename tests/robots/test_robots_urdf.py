@@ -18,9 +18,10 @@ from wbc.base.errors import InputError, ModelError, UnknownNameError
 from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.frames import FrameDescription
 from wbc.core.robot import Robot
-from wbc.robots import RobotDescription, urdf
+from wbc.robots import RobotDescription
 from wbc.robots.derivation.inertia import second_moments
 from wbc.robots.report import standing_torques
+from wbc.robots.source_urdf import Urdf
 
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06
 LIMITS = 'lower="{low}" upper="{high}" effort="80" velocity="8"'
@@ -189,9 +190,9 @@ def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
 @pytest.mark.parametrize("turn", [np.pi, 0.5 * np.pi, -0.5 * np.pi])
 def test_a_root_that_looks_elsewhere_is_turned(turn: float) -> None:
     """The same biped seen from a base whose x axis points to the heels, or to a side."""
-    backward = ElementTree.fromstring(biped())
-    urdf.turn_root(backward, turn)
-    xml = ElementTree.tostring(backward, encoding="unicode")
+    backward = Urdf(ElementTree.fromstring(biped()))
+    backward.turn_root(turn)
+    xml = backward.text
     description = RobotDescription.from_urdf(xml, **FEET)
     assert any("new root link" in line for line in description.derived)
     assert_same(description.robot(), RobotDescription.from_urdf(biped(), **FEET).robot())
@@ -505,7 +506,7 @@ def test_joints_that_only_stand_near_their_torque_limit_are_doubted() -> None:
     assert list(shares.values()) == pytest.approx(torque / 80.0, abs=1e-9) and shares["l_knee"] > 0.05
     for share, doubted in ((0.61, True), (0.59, False)):
         limit = torque[robot.joint_index("l_knee")] / share
-        weak = dataclasses.replace(fine, urdf=fine.urdf.replace('effort="80"', f'effort="{limit}"'))
+        weak = dataclasses.replace(fine, xml=fine.xml.replace('effort="80"', f'effort="{limit}"'))
         line = "standing still takes more than 60% of the torque limit of: l_knee 61%, r_knee 61%"
         assert (line in weak.doubts()) == doubted
 

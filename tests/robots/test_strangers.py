@@ -60,7 +60,7 @@ def test_a_file_is_read_in_the_encoding_that_it_declares(encoding: str, tmp_path
     xml = MJCF.replace("<worldbody>", '<include file="hat.xml"/><worldbody>', 1)
     (tmp_path / "robot.xml").write_bytes(encoded(xml, encoding))
     described = RobotDescription.from_mjcf(tmp_path / "robot.xml")
-    assert described.urdf == RobotDescription.from_mjcf(EXAMPLES / "biped.xml").urdf
+    assert described.xml == RobotDescription.from_mjcf(EXAMPLES / "biped.xml").xml
 
 
 def test_a_file_in_no_such_encoding_is_refused(tmp_path: Path) -> None:
@@ -427,9 +427,9 @@ def test_an_mjcf_of_any_ending_is_read_with_its_meshes(name: str, tmp_path: Path
     assets = '<asset><include file="assets.MJCF"/></asset><compiler meshdir="meshes"/><worldbody>'
     (tmp_path / name).write_text(MJCF.replace("<worldbody>", assets, 1))
     own = RobotDescription.from_mjcf(EXAMPLES / "biped.xml")
-    assert RobotDescription.from_mjcf(tmp_path / name).urdf == own.urdf
+    assert RobotDescription.from_mjcf(tmp_path / name).xml == own.xml
     if not name.endswith("txt"):
-        assert load(str(tmp_path / name)).urdf.partition(">")[2] == own.urdf.partition(">")[2]
+        assert load(str(tmp_path / name)).xml.partition(">")[2] == own.xml.partition(">")[2]
 
 
 def test_options_and_joints_that_do_not_exist_are_refused_by_every_reader() -> None:

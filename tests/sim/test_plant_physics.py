@@ -317,7 +317,7 @@ def test_joints_have_the_damping_and_friction_of_their_file() -> None:
 def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
     """A ball at each joint, a rod from it to each joint below, and each sole as a plate that stands on the ground."""
     description = load("hrp4_class")
-    bare = replace(description, urdf=description.urdf_without_geometry())
+    bare = replace(description, xml=description.urdf_without_geometry())
     robot = bare.robot()
     model, kinds = drawing_model(bare, robot, terrain("flat")), mujoco.mjtGeom
     data = mujoco.MjData(model)

@@ -1,0 +1,266 @@
+"""An MJCF as the source of a robot: its bodies alone, and a Pinocchio model of what MuJoCo compiles of them.
+
+The root has no joint: the base floats, or is bolted to the world, as the description says. A position of a joint is
+MuJoCo's `qpos`. Velocity limits, which MJCF has not, are the first of the user's numbers of a joint. Geoms of the group
+`SHOWN` are visual shapes, the others are collision shapes; meshes are named as in a URDF, with their scale.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.base.errors import ModelError
+from wbc.base.numbers import Array
+from wbc.core.robot import Coupling
+from wbc.robots.source import Element, Geometry, Inertial, Source, checked_limits
+
+WORLD_LINK = "world_link"
+"""Root link of a robot that is bolted to the world."""
+
+SHOWN = "2"
+"""Group of the geoms that are drawn."""
+
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+_ALIGNED = {
+    HINGE: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelRevoluteUnaligned),
+    SLIDE: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ, pin.JointModelPrismaticUnaligned),
+}
+"""Kind of a joint → Pinocchio's joint about x, y, z, and about another axis."""
+
+
+class Mjcf(Source):
+    """A `<mujoco>` element; see `Source`."""
+
+    def tree(self, name: str, fixed: bool) -> pin.Model:
+        """See `Source.tree`."""
+        try:
+            compiled = mujoco.MjModel.from_xml_string(self.without_geometry())
+        except ValueError as error:
+            said = " ".join(str(error).removeprefix("Error: ").split())
+            raise ModelError(f"MuJoCo cannot compile the bodies of '{name}': {said}") from error
+        return pinocchio_model(compiled, fixed)
+
+    def couplings(self) -> dict[str, Coupling]:
+        """See `Source.couplings`."""
+        refs = {name: float(joint.get("ref", "0")) for name, joint in self._joints().items()}
+        found = {}
+        for tie in self.root.findall("equality/joint"):
+            follower, leader = str(tie.get("joint1")), str(tie.get("joint2"))
+            offset, ratio = _numbers(tie.get("polycoef", ""))[:2].tolist()
+            found[follower] = Coupling(leader, ratio, refs[follower] + offset - ratio * refs[leader])
+        return found
+
+    def without_geometry(self) -> str:
+        """See `Source.without_geometry`."""
+        root = ElementTree.fromstring(self.text)
+        for asset in root.findall("asset"):
+            root.remove(asset)
+        for body in root.iter("body"):
+            for geom in body.findall("geom"):
+                body.remove(geom)
+        return ElementTree.tostring(root, encoding="unicode")
+
+    def shapes(self) -> list[Geometry]:
+        """See `Source.shapes`."""
+        meshes = {mesh.get("name"): mesh for mesh in self.root.findall("asset/mesh")}
+        found = []
+        for link, body in self._bodies().items():
+            for geom in body.findall("geom"):
+                kind, file, size = str(geom.get("type")), "", _numbers(geom.get("size", ""))
+                if kind == "mesh":
+                    mesh = meshes[geom.get("mesh")]
+                    file, size = str(mesh.get("file")), _numbers(str(mesh.get("scale")))
+                place = placement_of(_numbers(str(geom.get("pos"))), _numbers(str(geom.get("quat"))))
+                role = "visual" if geom.get("group") == SHOWN else "collision"
+                red, green, blue, opacity = _numbers(geom.get("rgba", "0 0 0 0")).tolist()
+                colour = (red, green, blue, opacity) if geom.get("rgba") else None
+                found.append(Geometry(link, role, kind, size, place, file, colour))
+        return found
+
+    def inertials(self) -> dict[str, Inertial]:
+        """See `Source.inertials`."""
+        return {
+            name: Inertial(
+                float(str(inertial.get("mass"))), np.diag(_numbers(str(inertial.get("diaginertia"))))
+            )
+            for name, body in self._bodies().items()
+            if (inertial := body.find("inertial")) is not None
+        }
+
+    def set_inertial(self, link: str, inertial: Inertial | None) -> None:
+        """See `Source.set_inertial`; the place of the centre of mass and the axes stay."""
+        body = self._bodies()[link]
+        old = body.find("inertial")
+        new = ElementTree.SubElement(body, "inertial", pos="0 0 0") if old is None else old
+        if inertial is None:
+            body.remove(new)
+        else:
+            new.attrib.update(mass=repr(float(inertial.mass)), diaginertia=text(np.diag(inertial.inertia)))
+
+    def carriers(self, fixed: bool) -> dict[str, str]:
+        """See `Source.carriers`."""
+        found: dict[str, str] = {}
+        above = {body: each for each in self.root.iter() for body in each.findall("body")}
+        for body, parent in above.items():  # parents first
+            name, root = str(body.get("name")), parent.tag == "worldbody"
+            moves = body.find("joint") is not None or (root and not fixed)
+            carrier = name if moves else found.get(str(parent.get("name")))
+            if carrier is not None:
+                found[name] = carrier
+        return found
+
+    def unlimited(self) -> list[str]:
+        """See `Source.unlimited`."""
+        coupled = self.couplings()
+        joints = self._joints().items()
+        return [n for n, joint in joints if joint.get("actuatorfrcrange") is None and n not in coupled]
+
+    def set_limits(
+        self,
+        position: Mapping[str, tuple[float, float]] | None = None,
+        velocity: Mapping[str, float] | None = None,
+        torque: Mapping[str, float] | None = None,
+    ) -> None:
+        """See `Source.set_limits`."""
+        joints = self._joints()
+        for name, values in checked_limits(joints, position, velocity, torque).items():
+            if "lower" in values:
+                joints[name].set("range", text((values["lower"], values["upper"])))
+            if "velocity" in values:
+                joints[name].set("user", text((values["velocity"],)))
+            if "effort" in values:
+                joints[name].set("actuatorfrcrange", text((-values["effort"], values["effort"])))
+
+    def turn_root(self, turn: float) -> str:
+        """See `Source.turn_root`."""
+        world = next(self.root.iter("worldbody"))
+        old = next(world.iter("body"))
+        new = ElementTree.SubElement(world, "body", name=f"{old.get('name')}_forward")
+        world.remove(old)
+        new.append(old)
+        turned = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, -turn)) * _quaternion(old)
+        old.set("quat", text(turned.coeffs()[[3, 0, 1, 2]]))
+        return str(new.get("name"))
+
+    def add_mass(self, name: str, link: str, inertia: pin.Inertia) -> None:
+        """See `Source.add_mass`."""
+        sizes, axes = np.linalg.eigh(inertia.inertia)
+        axes[:, 2] *= np.sign(np.linalg.det(axes))
+        ElementTree.SubElement(
+            ElementTree.SubElement(self._bodies()[link], "body", name=name),
+            "inertial",
+            pos=text(inertia.lever),
+            quat=text(pin.Quaternion(axes).coeffs()[[3, 0, 1, 2]]),
+            mass=repr(float(inertia.mass)),
+            diaginertia=text(sizes),
+        )
+
+    def _bodies(self) -> dict[str, Element]:
+        return {str(body.get("name")): body for body in self.root.iter("body")}
+
+    def _joints(self) -> dict[str, Element]:
+        return {str(joint.get("name")): joint for joint in self.root.findall("worldbody//joint")}
+
+
+def pinocchio_model(compiled: mujoco.MjModel, fixed: bool) -> pin.Model:
+    """Return the Pinocchio model of the compiled bodies of one robot: joints, bodies, sites and inertias.
+
+    The frame of a joint lies at its anchor, in the axes that its body has at position zero.
+    """
+    names = {str(compiled.joint(i).name) for i in range(compiled.njnt)}
+    model, free = pin.Model(), "root_joint"
+    frame = {0: 0}  # of each body
+    at = {
+        0: (0, pin.SE3.Identity())
+    }  # joint that moves each body, and the place of the body in the joint's frame
+    if fixed:
+        frame[0] = model.addBodyFrame(WORLD_LINK, 0, pin.SE3.Identity(), 0)
+    else:
+        while free in names:
+            free += "_"
+        root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), free)
+        frame[0], at[0] = model.addJointFrame(root, 0), (root, pin.SE3.Identity())
+    for body in range(1, compiled.nbody):
+        above = int(compiled.body_parentid[body])
+        parent, place = at[above]
+        place = place * placement_of(compiled.body_pos[body], compiled.body_quat[body])
+        inner = frame[above]
+        first = int(compiled.body_jntadr[body])
+        for joint in range(first, first + int(compiled.body_jntnum[body])):
+            parent = _add_joint(model, compiled, joint, parent, place)
+            inner = model.addJointFrame(parent, inner)
+            place = along(-compiled.jnt_pos[joint])
+        at[body] = parent, place
+        frame[body] = model.addBodyFrame(str(compiled.body(body).name), parent, place, inner)
+        inertia = pin.Inertia(
+            float(compiled.body_mass[body]), np.zeros(3), np.diag(compiled.body_inertia[body])
+        )
+        model.appendBodyToJoint(
+            parent, inertia, place * placement_of(compiled.body_ipos[body], compiled.body_iquat[body])
+        )
+    for site in range(compiled.nsite):
+        body = int(compiled.site_bodyid[site])
+        parent, place = at[body]
+        place = place * placement_of(compiled.site_pos[site], compiled.site_quat[site])
+        name = str(compiled.site(site).name)
+        model.addFrame(pin.Frame(name, parent, frame[body], place, pin.FrameType.OP_FRAME), False)
+    return model
+
+
+def _add_joint(model: pin.Model, compiled: mujoco.MjModel, joint: int, parent: int, place: pin.SE3) -> int:
+    """Add a joint to a body at a place in the frame of its parent, with its limits; return its number."""
+    kind, axis = int(compiled.jnt_type[joint]), np.array(compiled.jnt_axis[joint])
+    reference = float(compiled.qpos0[compiled.jnt_qposadr[joint]])
+    place = place * along(compiled.jnt_pos[joint])
+    if reference:
+        place = place * motion(kind, axis, -reference)
+    which = next((i for i in range(3) if np.array_equal(axis, np.eye(3)[i])), 3)
+    made = _ALIGNED[kind][which](*(() if which < 3 else (axis,)))
+    low, high = compiled.jnt_range[joint] if compiled.jnt_limited[joint] else (-np.inf, np.inf)
+    limits = (compiled.jnt_actfrcrange[joint][1], compiled.jnt_user[joint][0], low, high)
+    return int(
+        model.addJoint(
+            parent, made, place, str(compiled.joint(joint).name), *(np.array([float(x)]) for x in limits)
+        )
+    )
+
+
+def placement_of(position: Array, quaternion: Array) -> pin.SE3:
+    """Return a placement from MuJoCo's position (m) and quaternion (wxyz)."""
+    w, x, y, z = (float(value) for value in quaternion)
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position, dtype=np.float64))
+
+
+def motion(kind: int, axis: Array, by: float) -> pin.SE3:
+    """Return the motion of a hinge or a slide about its axis, of unit length, by an angle (rad) or a way (m)."""
+    return (
+        along(np.asarray(axis) * by)
+        if kind == SLIDE
+        else pin.SE3(pin.exp3(np.asarray(axis) * by), np.zeros(3))
+    )
+
+
+def along(vector: Array) -> pin.SE3:
+    """Return the shift by a vector, shape (3,), m."""
+    return pin.SE3(np.eye(3), np.array(vector, dtype=np.float64))
+
+
+def text(values: Any) -> str:
+    """Return numbers as an attribute that reads back exactly."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _numbers(words: str) -> Array:
+    return np.array([float(word) for word in words.split()])
+
+
+def _quaternion(body: Element) -> pin.Quaternion:
+    w, x, y, z = _numbers(str(body.get("quat"))).tolist()
+    return pin.Quaternion(w, x, y, z)
