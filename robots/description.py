@@ -104,6 +104,12 @@ class RobotDescription:
     licence: str = "unknown"
     derived: tuple[str, ...] = ()
 
+    def __new__(cls, *_: Any, **values: Any) -> RobotDescription:
+        """Refuse the old name of `xml`."""
+        if "urdf" in values:
+            raise InputError("the URDF or MJCF of a description is called xml, not urdf")
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "soles", tuple(self.soles))
         for item in fields(self):

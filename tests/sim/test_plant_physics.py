@@ -370,7 +370,7 @@ def test_links_are_drawn_by_their_visuals_else_by_their_collisions_else_as_stick
     assert color is not None
     named.remove(color)
     named.set("name", "dark")
-    changed = replace(description, urdf=ElementTree.tostring(root, encoding="unicode"))
+    changed = replace(description, xml=ElementTree.tostring(root, encoding="unicode"))
     model = drawing_model(changed, changed.robot(), terrain("flat"))
     drawn: dict[str, list[int]] = {}
     for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
