@@ -10,7 +10,6 @@ Command and measurement are those of a real robot.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Mapping
 
 import mujoco
@@ -22,12 +21,10 @@ from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Seed
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
-from wbc.robots.readers.actuators_mjcf import damping, dry_friction, rotor_inertia, stiffness
-from wbc.robots.readers.forces_mjcf import unmodelled
 from wbc.robots.registry import as_description
-from wbc.robots.report import UNMODELLED, listed
 from wbc.sim.foreign.actuators import JointActuators
 from wbc.sim.foreign.floor import UNEVEN, floor_under, friction_under
+from wbc.sim.foreign.notes import LIMP, drive_notes, model_notes, sensor_notes
 from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
@@ -39,15 +36,6 @@ logger = logging.getLogger(__name__)
 
 USUAL_FRICTION = 0.7
 """Friction on which the contacts of a controller count by default."""
-
-OTHER_MASS = 0.01
-"""Share of the mass by which model and description may differ without a note."""
-
-REACHED = 0.99
-"""Share of the torque limits that the ranges of the controls have to reach, or there is a note."""
-
-ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-"""Transmissions of actuators that act on a joint."""
 
 DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
 """Warnings after which MuJoCo has reset the simulation by itself, unless the model forbids it."""
@@ -131,7 +119,14 @@ class MujocoLoop(MujocoRobot):
         )
         self._zero_time = 0.0
         self._stepper: Stepper = mujoco.mj_step if stepper is None else stepper
-        self.notes = tuple(self._notes(imu))
+        self.notes = (
+            *drive_notes(description, robot, self.actuators),
+            *model_notes(description, robot, places),
+            *sensor_notes(places, imu),
+        )
+        for note in self.notes:
+            if LIMP in note:
+                logger.warning("%s", note)
         self._ground = self._find_floor()
         if data is None:
             self.reset()
@@ -234,142 +229,3 @@ class MujocoLoop(MujocoRobot):
 
     def _end_period(self) -> None:
         self._find_divergence(DIVERGED)
-
-    def _notes(self, imu: Imu) -> list[str]:
-        model, notes = self.model, []
-        names = self.description.joint_names
-        kinds, idle = self.actuators.kinds, self.description.passive
-        bare = [name for name, kind in zip(names, kinds, strict=True) if kind == "none" and name not in idle]
-        if bare:
-            some = ", ".join(bare[:3]) + (", …" if len(bare) > 3 else "")
-            notes.append(f"{len(bare)} joints without an actuator get their torque directly: {some}")
-        least, most = self.actuators.reach(self.robot.half_sitting[7:])
-        low, high = self.robot.torque_lower, self.robot.torque_upper
-        if (short := np.maximum(least - REACHED * low, REACHED * high - most)).max() > 0.0:
-            worst = int(np.argmax(short / self.robot.torque_limit))
-            notes.append(
-                f"at half-sitting the controls of {np.count_nonzero(short > 0.0)} joints end (ctrlrange) before their "
-                f"torque limits, first {names[worst]}: {least[worst]:.4g} to {most[worst]:.4g} of {low[worst]:.4g} to "
-                f"{high[worst]:.4g} Nm"
-            )
-        mass = float(model.body_subtreemass[self.places.root])
-        if abs(mass - self.robot.mass) > OTHER_MASS * self.robot.mass:
-            notes.append(
-                f"the robot has {mass:.2f} kg in the model and {self.robot.mass:.2f} kg in the description"
-            )
-        displaced = self.places.displaced_mass()
-        if displaced is not None:
-            notes.append(
-                f"at half-sitting the centre of mass of the link of '{displaced[0]}' is {1e3 * displaced[1]:.0f} mm "
-                "off in the model: the joint counts from another zero, or the mass is elsewhere"
-            )
-        joints = dict(zip(self.places.joints, names, strict=True))
-        ties = self.places.ties()
-        notes += unmodelled(model, np.flatnonzero(self.places.of_robot).tolist(), joints, ties)
-        if len(ties) < len(self.robot.couplings) + len(self.robot.closures):
-            notes.append(
-                f"{UNMODELLED}joints or chains that the description couples or closes and the model not"
-            )
-        limp = self._limp_joints()
-        if limp:
-            notes.append(
-                f"{len(limp)} joints of the robot are not in the description, and nothing holds them: {listed(limp)}; "
-                "give them a servo in the model, or their controls in data.ctrl"
-            )
-            logger.warning("%s", notes[-1])
-        notes += self._other_joints()
-        used = set()
-        for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
-            if sensor is None:
-                notes.append(f"no {what} on the IMU's body that reads: computed from the motion")
-                continue
-            number = int(np.flatnonzero(model.sensor_adr == sensor[0])[0])
-            used.add(number)
-            if odd := self._reads_late(number):
-                notes.append(f"{what} {sensor_name(model, number)} of the file has {odd}")
-        late = {i: self._reads_late(i) for i in range(model.nsensor) if i not in used and self._is_ours(i)}
-        if others := [f"{sensor_name(model, i)} with {odd}" for i, odd in late.items() if odd]:
-            notes.append(
-                f"{len(others)} sensors of the file are not read: the loop takes joints and forces from the simulation "
-                f"in every control period, with the delays of its `machine` and `noise`: {listed(others)}"
-            )
-        return notes
-
-    def _is_ours(self, sensor: int) -> bool:
-        """Return True for a sensor on a body or a joint of the robot."""
-        model, kinds = self.model, mujoco.mjtObj
-        kind, number = int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])
-        if kind == int(kinds.mjOBJ_ACTUATOR):
-            if int(model.actuator_trntype[number]) not in ON_JOINTS:
-                return False
-            kind, number = int(kinds.mjOBJ_JOINT), int(model.actuator_trnid[number, 0])
-        body = {
-            int(kinds.mjOBJ_BODY): np.arange(model.nbody),
-            int(kinds.mjOBJ_XBODY): np.arange(model.nbody),
-            int(kinds.mjOBJ_JOINT): model.jnt_bodyid,
-            int(kinds.mjOBJ_SITE): model.site_bodyid,
-            int(kinds.mjOBJ_GEOM): model.geom_bodyid,
-            int(kinds.mjOBJ_CAMERA): model.cam_bodyid,
-        }.get(kind)
-        return body is not None and bool(self.places.of_robot[body[number]])
-
-    def _reads_late(self, sensor: int) -> str:
-        """Return how a sensor reads late, seldom or up to a bound; empty for one that does not."""
-        model, odd = self.model, []
-        if delay := float(model.sensor_delay[sensor]):
-            odd.append(f"a delay of {1e3 * delay:g} ms")
-        if period := float(model.sensor_interval[sensor, 0]):
-            odd.append(f"a reading every {1e3 * period:g} ms")
-        if cutoff := float(model.sensor_cutoff[sensor]):
-            odd.append(f"readings up to {cutoff:g} alone (cutoff)")
-        return " and ".join(odd)
-
-    def _limp_joints(self) -> list[str]:
-        """Return the robot's joints without spring and servo that the description locks or leaves out."""
-        model, places = self.model, self.places
-        held = set(places.joints) | set(np.flatnonzero(model.jnt_stiffness > 0.0).tolist())
-        for i in range(len(model.actuator_trntype)):
-            if int(model.actuator_trntype[i]) in ON_JOINTS and model.actuator_biasprm[i, 1] != 0.0:
-                held.add(int(model.actuator_trnid[i, 0]))
-        for i in np.flatnonzero(model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)).tolist():
-            held |= {int(model.eq_obj1id[i]), int(model.eq_obj2id[i])}
-        free = int(mujoco.mjtJoint.mjJNT_FREE)
-        return [
-            model.joint(i).name or f"joint {i}"
-            for i in range(model.njnt)
-            if i not in held and places.of_robot[model.jnt_bodyid[i]] and int(model.jnt_type[i]) != free
-        ]
-
-    def _other_joints(self) -> list[str]:
-        """Return notes on springs, damping, friction and rotors that the model has otherwise than the description."""
-        model, described = self.model, self.description
-        springs = {name: stiffness for name, (stiffness, _) in described.springs.items()}
-        found = []
-        reflected = self.places.reflected
-        stiff = np.zeros(model.nv)
-        stiff[model.jnt_dofadr] = stiffness(model)
-        for what, own, theirs in (
-            ("springs", reflected(stiff, 2), springs),
-            ("damping", reflected(damping(model), 2), described.damping),
-            ("dry friction", reflected(dry_friction(model), 1), described.frictionloss),
-            ("rotor inertia", reflected(rotor_inertia(model), 2), described.armature),
-        ):
-            other = [
-                f"{name} {mine:g}"
-                for name, mine in zip(described.joint_names, own.tolist(), strict=True)
-                if not math.isclose(mine, theirs.get(name, 0.0), rel_tol=0.01, abs_tol=1e-9)
-            ]
-            if other:
-                found.append(
-                    f"{UNMODELLED}{what} of {len(other)} joints, other than described: {listed(other)}"
-                )
-        return found
-
-
-def sensor_name(model: mujoco.MjModel, sensor: int) -> str:
-    """Return the name of a sensor in quotes, or its kind and the name of what it is on where it has none."""
-    if name := model.sensor(sensor).name:
-        return f"'{name}'"
-    kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
-    on = mujoco.mj_id2name(model, int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor]))
-    return f"{kind} of '{on or sensor}'"

@@ -1,0 +1,159 @@
+"""Notes on a robot in somebody else's MuJoCo model: where model and description differ, and what is doubtful."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+
+from wbc.core.robot import Robot
+from wbc.robots import RobotDescription
+from wbc.robots.readers.actuators_mjcf import damping, dry_friction, rotor_inertia, stiffness
+from wbc.robots.readers.forces_mjcf import unmodelled
+from wbc.robots.report import UNMODELLED, listed
+from wbc.sim.foreign.actuators import JointActuators
+from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.plant.signals import Imu
+
+OTHER_MASS = 0.01
+"""Share of the mass by which model and description may differ without a note."""
+
+REACHED = 0.99
+"""Share of the torque limits that the ranges of the controls have to reach, or there is a note."""
+
+LIMP = "joints of the robot are not in the description, and nothing holds them"
+"""Part of the note on joints that fall."""
+
+ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""Transmissions of actuators that act on a joint."""
+
+
+def drive_notes(description: RobotDescription, robot: Robot, actuators: JointActuators) -> Iterator[str]:
+    """Yield notes on joints without an actuator, and on controls that end before the torque limits."""
+    names = description.joint_names
+    pairs = zip(names, actuators.kinds, strict=True)
+    bare = [name for name, kind in pairs if kind == "none" and name not in description.passive]
+    if bare:
+        some = ", ".join(bare[:3]) + (", …" if len(bare) > 3 else "")
+        yield f"{len(bare)} joints without an actuator get their torque directly: {some}"
+    least, most = actuators.reach(robot.half_sitting[7:])
+    low, high = robot.torque_lower, robot.torque_upper
+    if (short := np.maximum(least - REACHED * low, REACHED * high - most)).max() > 0.0:
+        worst = int(np.argmax(short / robot.torque_limit))
+        yield (
+            f"at half-sitting the controls of {np.count_nonzero(short > 0.0)} joints end (ctrlrange) before their "
+            f"torque limits, first {names[worst]}: {least[worst]:.4g} to {most[worst]:.4g} of {low[worst]:.4g} to "
+            f"{high[worst]:.4g} Nm"
+        )
+
+
+def model_notes(description: RobotDescription, robot: Robot, places: RobotPlaces) -> Iterator[str]:
+    """Yield notes on masses, forces, couplings and joints that the model has otherwise than the description."""
+    model = places.model
+    mass = float(model.body_subtreemass[places.root])
+    if abs(mass - robot.mass) > OTHER_MASS * robot.mass:
+        yield f"the robot has {mass:.2f} kg in the model and {robot.mass:.2f} kg in the description"
+    if (displaced := places.displaced_mass()) is not None:
+        yield (
+            f"at half-sitting the centre of mass of the link of '{displaced[0]}' is {1e3 * displaced[1]:.0f} mm "
+            "off in the model: the joint counts from another zero, or the mass is elsewhere"
+        )
+    ties, joints = places.ties(), dict(zip(places.joints, description.joint_names, strict=True))
+    yield from unmodelled(model, np.flatnonzero(places.of_robot).tolist(), joints, ties)
+    if len(ties) < len(robot.couplings) + len(robot.closures):
+        yield f"{UNMODELLED}joints or chains that the description couples or closes and the model not"
+    if limp := _limp_joints(places):
+        yield (
+            f"{len(limp)} {LIMP}: {listed(limp)}; give them a servo in the model, or their controls in data.ctrl"
+        )
+    springs = {name: spring for name, (spring, _) in description.springs.items()}
+    stiff = np.zeros(model.nv)
+    stiff[model.jnt_dofadr] = stiffness(model)
+    for what, own, theirs in (
+        ("springs", places.reflected(stiff, 2), springs),
+        ("damping", places.reflected(damping(model), 2), description.damping),
+        ("dry friction", places.reflected(dry_friction(model), 1), description.frictionloss),
+        ("rotor inertia", places.reflected(rotor_inertia(model), 2), description.armature),
+    ):
+        other = [
+            f"{name} {mine:g}"
+            for name, mine in zip(description.joint_names, own.tolist(), strict=True)
+            if not math.isclose(mine, theirs.get(name, 0.0), rel_tol=0.01, abs_tol=1e-9)
+        ]
+        if other:
+            yield f"{UNMODELLED}{what} of {len(other)} joints, other than described: {listed(other)}"
+
+
+def sensor_notes(places: RobotPlaces, imu: Imu) -> Iterator[str]:
+    """Yield notes on sensors of the IMU that are missing or read late, and on sensors that are not read."""
+    model, used = places.model, set()
+    for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
+        if sensor is None:
+            yield f"no {what} on the IMU's body that reads: computed from the motion"
+            continue
+        number = int(np.flatnonzero(model.sensor_adr == sensor[0])[0])
+        used.add(number)
+        if odd := _reads_late(model, number):
+            yield f"{what} {_sensor_name(model, number)} of the file has {odd}"
+    others = [
+        f"{_sensor_name(model, i)} with {odd}"
+        for i in range(model.nsensor)
+        if i not in used and _on_robot(places, i) and (odd := _reads_late(model, i))
+    ]
+    if others:
+        yield (
+            f"{len(others)} sensors of the file are not read: the loop takes joints and forces from the simulation "
+            f"in every control period, with the delays of its `machine` and `noise`: {listed(others)}"
+        )
+
+
+def _limp_joints(places: RobotPlaces) -> list[str]:
+    """Return the robot's joints without spring and servo that the description locks or leaves out."""
+    model = places.model
+    held = set(places.joints) | set(np.flatnonzero(model.jnt_stiffness > 0.0).tolist())
+    servos = np.isin(model.actuator_trntype, ON_JOINTS) & (model.actuator_biasprm[:, 1] != 0.0)
+    held |= set(model.actuator_trnid[servos, 0].tolist())
+    tied = model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)
+    held |= {*model.eq_obj1id[tied].tolist(), *model.eq_obj2id[tied].tolist()}
+    moving = places.of_robot[model.jnt_bodyid] & (model.jnt_type != int(mujoco.mjtJoint.mjJNT_FREE))
+    return [model.joint(i).name or f"joint {i}" for i in np.flatnonzero(moving).tolist() if i not in held]
+
+
+def _on_robot(places: RobotPlaces, sensor: int) -> bool:
+    """Return True for a sensor on a body or a joint of the robot."""
+    model, kinds = places.model, mujoco.mjtObj
+    kind, number = int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor])
+    if kind == int(kinds.mjOBJ_ACTUATOR):
+        if int(model.actuator_trntype[number]) not in ON_JOINTS:
+            return False
+        kind, number = int(kinds.mjOBJ_JOINT), int(model.actuator_trnid[number, 0])
+    body = {
+        int(kinds.mjOBJ_BODY): np.arange(model.nbody),
+        int(kinds.mjOBJ_XBODY): np.arange(model.nbody),
+        int(kinds.mjOBJ_JOINT): model.jnt_bodyid,
+        int(kinds.mjOBJ_SITE): model.site_bodyid,
+        int(kinds.mjOBJ_GEOM): model.geom_bodyid,
+        int(kinds.mjOBJ_CAMERA): model.cam_bodyid,
+    }.get(kind)
+    return body is not None and bool(places.of_robot[body[number]])
+
+
+def _reads_late(model: mujoco.MjModel, sensor: int) -> str:
+    """Return how a sensor reads late, seldom or up to a bound; empty for one that does not."""
+    odd = (
+        (model.sensor_delay[sensor], "a delay of {:g} ms", 1e3),
+        (model.sensor_interval[sensor, 0], "a reading every {:g} ms", 1e3),
+        (model.sensor_cutoff[sensor], "readings up to {:g} alone (cutoff)", 1.0),
+    )
+    return " and ".join(text.format(unit * value) for value, text, unit in odd if value)
+
+
+def _sensor_name(model: mujoco.MjModel, sensor: int) -> str:
+    """Return the name of a sensor in quotes, or its kind and the name of what it is on where it has none."""
+    if name := model.sensor(sensor).name:
+        return f"'{name}'"
+    kind = mujoco.mjtSensor(int(model.sensor_type[sensor])).name.removeprefix("mjSENS_").lower()
+    on = mujoco.mj_id2name(model, int(model.sensor_objtype[sensor]), int(model.sensor_objid[sensor]))
+    return f"{kind} of '{on or sensor}'"
