@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -161,16 +161,6 @@ class WalkPlan:
         for move in moves:
             places.append(moved(places[-1], *move))
         return [(x, y) for x, y, _ in places]
-
-
-def plan_over(upper: Mapping[str, Any], lower: Mapping[str, Any]) -> dict[str, Any]:
-    """Return fields of a plan over those of another; a plan of another kind keeps the side that steps first alone."""
-    kept = {name: value for name, value in lower.items() if value is not None}
-    kinds = [name for name in KINDS if upper.get(name) is not None]
-    if kinds and not any(name in kept for name in kinds):
-        sided = {*kinds} <= {"distance", "velocity", "stairs"}
-        kept = {name: value for name, value in kept.items() if name == "first" and sided}
-    return {**kept, **upper}
 
 
 def check_velocity(

@@ -32,8 +32,9 @@ from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.arrival import Arrival, middle
 from wbc.sim.walks.meter import WalkMeter
-from wbc.sim.walks.plans import Drive, WalkPlan, plan_over
+from wbc.sim.walks.plans import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
+from wbc.sim.walks.presets import over, plan_over
 from wbc.sim.walks.result import WalkResult, WallClock, identity, objective
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
@@ -70,7 +71,8 @@ def walk(
         policy: Stiffness policy of variable soles: a name, or a policy of your own.
         hooks: Hooks that observe every tick; they do not change the result.
         **values: Fields of `WalkSpec` and `WalkPlan` that differ from the spec, such as robot, foot, terrain or
-            distance. A plan of another kind, such as a velocity in place of a distance, keeps `first` of the old one.
+            distance. What belongs to a value goes with it: another foot drops the stiffness of the old one, another
+            ground its amplitude. A plan of another kind, such as a velocity in place of a distance, keeps `first`.
 
     Returns:
         The result. The same spec gives the same record, bit for bit, with any hooks and in any process.
@@ -82,15 +84,16 @@ def walk(
                 f"no field of a walk '{name}'; it is one of the ground: terrain_params={{'{name}': …}}"
             )
         choose("field of a walk", name, FIELDS)
-    plan = {name: values.pop(name) for name in PLAN_FIELDS if name in values}
-    if plan:
+    kind, below = WalkSpec, dict[str, Any]()
+    if spec is not None:
+        kind, below = type(spec), {each.name: getattr(spec, each.name) for each in fields(spec)}
+    if plan := {name: values.pop(name) for name in PLAN_FIELDS if name in values}:
         if "plan" in values:
             raise InputError(f"give either a plan or {' and '.join(plan)}")
-        below = {} if spec is None else {name: getattr(spec.plan, name) for name in PLAN_FIELDS}
-        values["plan"] = WalkPlan(**plan_over(plan, below))
+        values["plan"] = WalkPlan(**plan_over(plan, {} if spec is None else vars(spec.plan)))
     if isinstance(policy, str):
         values["policy"], policy = policy, None
-    spec = WalkSpec(**values) if spec is None else replace(spec, **values)
+    spec = kind(**over(values, below))
     result: WalkResult = WalkTrial(spec, policy=policy).run(hooks)
     return result
 

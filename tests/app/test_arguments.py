@@ -28,13 +28,14 @@ from wbc.app.commands.robots import RobotFileOptions
 from wbc.app.commands.study import run as run_command
 from wbc.app.commands.terrain import TerrainOptions, describe_terrain, list_terrains
 from wbc.app.commands.view_log import ViewOptions
-from wbc.app.commands.walk import DEFAULTS, DRIVE_TIME, WalkOptions, place_of, read_spec, walk_spec
+from wbc.app.commands.walk import DRIVE_TIME, WalkOptions, place_of, read_spec, walk_spec
 from wbc.app.live import ended_by_interrupt
 from wbc.base.errors import InputError, WbcError
 from wbc.base.settings import Positive
 from wbc.sim import WalkSpec
 from wbc.sim.studies.journal import Journal
 from wbc.sim.studies.study import Study
+from wbc.sim.walks.presets import STONES, USUAL
 
 Said = pytest.CaptureFixture[str]
 
@@ -313,19 +314,19 @@ def test_the_command_has_defaults_of_its_own_unless_a_spec_a_loop_or_a_policy_is
 ) -> None:
     def of(given: dict[str, Any], **values: Any) -> dict[str, Any]:
         spec = walk_spec({"plan": {"distance": 0.2}} | given, options(**values))
-        return {name: getattr(spec, name) for name in DEFAULTS}
+        return {name: getattr(spec, name) for name in STONES}
 
-    assert of({}) == DEFAULTS
+    assert of({}) == STONES == of({}, spec=USUAL)
     (tmp_path / "a.toml").write_text("seed = 3")
     plain = {name: getattr(WalkSpec(), name) for name in ("foot", "terrain", "eyes")}
     part = of({}, spec=str(tmp_path / "a.toml"))
     assert {name: part[name] for name in plain} == plain
     assert (
-        of({"terrain": "flat"})["foot"] == DEFAULTS["foot"]
-        and of({"terrain": "flat"})["amplitude"] != DEFAULTS["amplitude"]
+        of({"terrain": "flat"})["foot"] == STONES["foot"]
+        and of({"terrain": "flat"})["amplitude"] != STONES["amplitude"]
     )
     assert (
-        of({"policy": "fixed"})["foot"] == "variable"
+        of({"policy": "fixed"})["foot"] == of({"policy": "fixed"}, spec=USUAL)["foot"] == "variable"
         and of({"policy": "fixed", "foot": "variable"})["foot"] == "variable"
     )
 

@@ -27,8 +27,9 @@ from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
 from wbc.sim.trial.trial import StageError, Trial
 from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
-from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, fitted, plan_over, stair_of
+from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, fitted, stair_of
 from wbc.sim.walks.prepare import moved
+from wbc.sim.walks.presets import plan_over
 from wbc.sim.walks.result import Spread, objective
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter, magnitude

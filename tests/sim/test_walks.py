@@ -97,6 +97,35 @@ def test_fields_of_a_plan_change_nothing_else_of_it(monkeypatch: pytest.MonkeyPa
     ]
 
 
+def test_what_belongs_to_a_value_goes_with_it_in_a_program_as_on_the_command_line(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def spec_of(**values: Any) -> WalkSpec:
+        made: list[WalkSpec] = []
+
+        def stop(trial: WalkTrial, hooks: object) -> None:
+            made.append(trial.spec)
+
+        monkeypatch.setattr(WalkTrial, "run", stop)
+        walk(soft, **values)
+        return made[0]
+
+    soft = WalkSpec(
+        foot="soft",
+        stiffness=30.0,
+        foot_changes={"phalanges": 8},
+        terrain="stones",
+        amplitude=0.03,
+        plan=TWO_STEPS,
+    )
+    assert spec_of(seed=4) == replace(soft, seed=4) and spec_of(foot="soft") == soft
+    flat = spec_of(foot="flat")
+    assert flat.stiffness is None and not flat.foot_changes and flat.amplitude == 0.03
+    assert spec_of(terrain="random").ground() == WalkSpec(terrain="random", plan=TWO_STEPS).ground()
+    kept = spec_of(foot="long_arch", stiffness=4.0)
+    assert kept.stiffness == 4.0 and not kept.foot_changes
+
+
 def test_parameters_of_a_walk_take_the_numbers_of_numpy() -> None:
     def given(number: Callable[[float], Any], several: Callable[[list[float]], Any]) -> WalkSpec:
         return WalkSpec(

@@ -29,8 +29,8 @@ from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.simulations import PLANT
 from wbc.sim.trial.trial import TrialHook
-from wbc.sim.walks.plans import FASTER, plan_over
-from wbc.sim.walks.presets import WALK_PRESETS
+from wbc.sim.walks.plans import FASTER
+from wbc.sim.walks.presets import USUAL, WALK_PRESETS, over
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
@@ -41,17 +41,6 @@ if TYPE_CHECKING:
 
 CHANGE = "what was changed from the page since the tick before, and an end by Ctrl-C, JSON"
 """Meaning of the signal that holds the interventions of a run."""
-
-DEFAULTS = {"foot": "long_arch", "terrain": "stones", "amplitude": 0.02, "eyes": "depth"}
-"""Defaults of the command line without a spec: an unknown ground that the robot sees, and the sole on which most walks
-arrive."""
-
-FOLLOWERS = {
-    "foot": ("stiffness", "foot_changes", "policy", "policy_params"),
-    "terrain": ("amplitude", "terrain_params"),
-    "scene": ("scene_params",),
-}
-"""Field → those that belong to its value: another value on the command line drops what a file says of them."""
 
 PAIRS = ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes")
 """Fields that hold names and values."""
@@ -64,7 +53,7 @@ OPTIONS = Fields(
     "robot eyes foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
     "amplitude param=terrain_params scene trained seed noise distance=plan.distance velocity=plan.velocity "
     "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes loop",
-    defaults=DEFAULTS,
+    defaults=WALK_PRESETS[USUAL],
     help={
         "foot": "Foot under both ankles; flat is the robot's own sole.",
         "eyes": "Sensors by which the robot sees the ground: depth (a camera), toes (range sensors) or none.",
@@ -82,8 +71,9 @@ class WalkOptions:
     Attributes:
         seconds: Longest time of a drive, s.
         set: Any other setting, as name=value: dcm_p=5, single_support=0.7, payload=2.
-        spec: Walk to begin with: a preset (frizza, the paper's), or a file, whole or in part (JSON, TOML; --json prints
-            one). What a file leaves out is as in a program: flat ground, flat foot, no eyes.
+        spec: Walk to begin with: a preset (stones, which is taken without this option, or frizza, the paper's), or a
+            file, whole or in part (JSON, TOML; --json prints one). What it leaves out is as in a program: flat ground,
+            flat foot, no eyes.
         record: File to write every tick to (.arrow).
         repeat: Log of a walk to repeat, with changes from its page and its end, and to compare with.
         code: Python file that the log or the spec names as its loop and that may be run; no other is.
@@ -183,9 +173,8 @@ def _news(acting: Sequence[WatchWalk | RepeatWalk], trial: WalkTrial) -> str:
 
 
 def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = False) -> WalkSpec:
-    """Return the walk: what is given, over what the file of `--spec` says, over the defaults of the command."""
-    upper = {name: dict(value) if isinstance(value, Mapping) else value for name, value in given.items()}
-    lower = {} if options.spec is None else read_spec(options.spec)
+    """Return the walk: `--set` over the other options over the walk of `--spec`, which is a preset without one."""
+    upper = copy.deepcopy(dict(given))
     plan = upper.setdefault("plan", {})
     if "turn" in plan:
         plan["turn"] = math.radians(plan["turn"])
@@ -194,35 +183,34 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
             push["direction"] = math.radians(
                 finite_scalar("direction of a push (degrees)", push["direction"])
             )
+    for name, value in read_changes(options.set).items():
+        *group, last = place_of(name).split(".", 1)
+        (upper.setdefault(group[0], {}) if group else upper)[last] = value
+    allow_code(upper)
+    lower = read_spec(options.spec) if options.spec is not None else _usual(upper)
     if drive:
         plan["drive"] = [[options.seconds or DRIVE_TIME, 0.0, 0.0, 0.0]]
     elif options.seconds is not None and "drive" not in (plan or lower.get("plan") or {}):
         raise InputError("seconds belong to a drive; give --drive as well")
-    if "policy" in upper and "foot" not in {*upper, *lower}:
+    if "policy" in upper and "foot" not in {*upper, *({} if lower is WALK_PRESETS[USUAL] else lower)}:
         upper["foot"] = "variable"  # the only one that a policy sets
-    changes = read_changes(options.set)
-    allow_code(upper, changes)
-    loop = changes.get("loop", upper.get("loop", lower.get("loop", PLANT)))
-    # A spec is the same walk in a program, and another simulation may have only a floor and the robot's own soles.
-    # A trained policy walks blind on the soles that it was trained for.
-    trained = changes.get("trained", upper.get("trained", lower.get("trained")))
-    defaults = DEFAULTS if options.spec is None and loop == PLANT and trained is None else {}
-
-    def built(**more: str) -> WalkSpec:
-        values: dict[str, Any] = copy.deepcopy(upper) | more
-        for name, value in changes.items():
-            *groups, last = place_of(name).split(".", 1)
-            place = values.setdefault(groups[0], {}) if groups else values
-            place[last] = value
-        return WalkSpec.from_json(_over(values, _over(lower, defaults)))
-
     try:
-        spec = built()
+        spec = WalkSpec.from_json(over(upper, lower))
     except InputError as error:
         if "mode" in {*upper, *lower} or not str(error).endswith(FASTER):
             raise
-        spec = built(mode="torque")  # gives the velocity that planned steps do not
+        # Steps that are planned do not give the velocity, those of torque control do.
+        spec = WalkSpec.from_json(over({**upper, "mode": "torque"}, lower))
     return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
+
+
+def _usual(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the preset of the command; none for another simulation or a trained policy.
+
+    Another simulation may have only a floor and the robot's own soles, and a policy walks blind on those of its
+    training.
+    """
+    return WALK_PRESETS[USUAL] if given.get("loop", PLANT) == PLANT and "trained" not in given else {}
 
 
 def _bounded(
@@ -260,7 +248,7 @@ def place_of(name: str) -> str:
     return f"changes.{name}"
 
 
-def read_spec(name: str) -> dict[str, Any]:
+def read_spec(name: str) -> Mapping[str, Any]:
     """Return a preset, or the walk in a file as plain values: a spec, a part of one, or the output of `--json`."""
     path = Path(name)
     if path.suffix.lower() == ".toml":
@@ -268,31 +256,8 @@ def read_spec(name: str) -> dict[str, Any]:
     elif path.suffix.lower() == ".json" or path.exists():
         data = read_object("walk", path)
     else:
-        return dict(WALK_PRESETS[name])
+        return WALK_PRESETS[name]
     spec = data.get("spec", data)
     if not isinstance(spec, dict):
         raise InputError(f"spec in {path} must be an object, got {shown(spec)}")
     return spec
-
-
-def _over(upper: Mapping[str, Any], lower: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values over others; what belongs to a value that is replaced is dropped with it."""
-    kept = dict(lower)
-    for name, followers in FOLLOWERS.items():
-        if upper.get(name, kept.get(name)) != kept.get(name):
-            kept = {key: value for key, value in kept.items() if key not in followers}
-    if isinstance(upper.get("plan"), Mapping) and isinstance(kept.get("plan"), Mapping):
-        upper = {**upper, "plan": plan_over(upper["plan"], kept.pop("plan"))}
-    for name, value in upper.items():
-        below = kept.get(name)
-        if isinstance(value, Mapping) and isinstance(below, Mapping):
-            below = {key: old for key, old in below.items() if not any(_same(key, new) for new in value)}
-            kept[name] = {**below, **value}
-        else:
-            kept[name] = value
-    return kept
-
-
-def _same(one: str, other: str) -> bool:
-    """Return True for two names of one setting: dcm_p is gains.dcm_p."""
-    return one == other or one.endswith(f".{other}") or other.endswith(f".{one}")
