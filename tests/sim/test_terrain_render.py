@@ -1,6 +1,7 @@
 """Grounds in MuJoCo: rays and contacts meet the surface that the height query describes."""
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -10,8 +11,10 @@ from properties import by_default
 from scipy.spatial.transform import Rotation
 
 from wbc.base.numbers import Array
+from wbc.feet.sensing.roughness import PARAMETERS, UNITS
+from wbc.sim.terrain import plot
 from wbc.sim.terrain.families.base import terrain_families
-from wbc.sim.terrain.plot import _draw_map, _number, example_terrain, plot_terrain
+from wbc.sim.terrain.plot import _draw_map, _number, example_terrain, plot_families, plot_terrain
 from wbc.sim.terrain.render import TERRAIN_GROUP, _colour, _geom, add_to_spec
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere, lowered
 from wbc.sim.terrain.spec import Terrain, terrain
@@ -217,3 +220,35 @@ def test_families_are_drawn_each_once_and_a_ground_with_its_profile(tmp_path: Pa
     assert (tmp_path / "ground.svg").stat().st_size > 10_000
     for name in terrain_families():
         assert example_terrain(name).name == name and example_terrain(name).amplitude >= 0.0
+
+
+def test_pictures_of_grounds_have_their_profiles_extents_and_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Heights in mm along y = 0 from strip to strip; of each family the first two metres, four side by side."""
+    drawn: list[Any] = []
+    monkeypatch.setattr(plot, "save_figure", lambda figure, path, dpi: drawn.append(figure))
+    ground = terrain("steps", 0.06, seed=3, direction="up")
+    plot_terrain(ground, "one.svg")
+    top, below, bar = drawn[0].axes
+    assert top.get_title().startswith("steps: amplitude 60 mm, seed 3 - ") and bar.get_ylabel() == "z (mm)"
+    assert tuple(top.get_images()[0].get_extent()) == ground.extent
+    x, z = (np.asarray(values) for values in below.get_lines()[0].get_data())
+    assert (x[0], x[-1]) == pytest.approx(ground.extent[:2]) and np.diff(x) == pytest.approx(0.001)
+    np.testing.assert_allclose(z, 1e3 * ground.height(x, 0.0), atol=1e-9)
+    assert below.get_xlim() == pytest.approx(ground.extent[:2])
+    low = below.collections[0].get_paths()[0].vertices[:, 1].min()
+    assert low == pytest.approx(1e3 * ground.height(x, 0.0).min())
+    title = below.get_title()
+    for name, unit, value in zip(PARAMETERS, UNITS, ground.roughness().values, strict=True):
+        assert _number(name, unit, value) in title
+    names = list(terrain_families())
+    monkeypatch.setattr(plot, "terrain_families", lambda: dict.fromkeys(names[:5]))
+    assert plot_families("all.svg") == 5
+    axes = drawn[1].axes
+    assert len(axes) == 8 and [ax.axison for ax in axes] == [True] * 5 + [False] * 3
+    assert drawn[1].get_size_inches() == pytest.approx([4 * 3.9, 2 * 2.0])
+    for ax, name in zip(axes, names[:5], strict=False):
+        shown = example_terrain(name)
+        assert ax.get_title() == f"{name}  {1e3 * shown.amplitude:.3g} mm"
+        assert tuple(ax.get_images()[0].get_extent()) == pytest.approx(
+            (shown.start - 0.1, shown.start + 2.0, *shown.extent[2:])
+        )
