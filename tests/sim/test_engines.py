@@ -351,6 +351,16 @@ def test_a_file_that_cannot_be_run_is_named(tmp_path: Path) -> None:
         trial_loop(f"{path}:Loop")
 
 
+def test_a_loop_that_advances_by_another_period_is_refused_with_both() -> None:
+    register_loop("slower", lambda description, **options: InAir(description, control_period=0.004))
+    try:
+        with pytest.raises(InputError, match="advances by 4 ms, the trial by 2 ms"):
+            trial_loop("slower").make(wbc.load_robot("hrp4_class"), control_period=0.002)
+        assert trial_loop("slower").make(wbc.load_robot("hrp4_class"), control_period=0.004).time == 0.0
+    finally:
+        del LOOPS["slower"]
+
+
 def test_an_engine_may_have_the_quaternion_of_its_base_with_either_sign() -> None:
     """Both are the same rotation; one that is off by a thousandth in one place is refused, with its name."""
 

@@ -7,6 +7,7 @@ import hashlib
 import json
 import logging
 import lzma
+import math
 import os
 import re
 from importlib import metadata
@@ -149,6 +150,31 @@ def test_entries_that_a_study_does_not_use_are_counted_by_their_reason() -> None
     foreign = {key: entry for key, entry in entries.items() if entry.spec.get("seed") == 8}
     assert left_out(study, foreign).text() is not None  # nothing at all is of the study
     assert left_out(study, own | foreign).text() is None
+
+
+def test_numbers_that_json_has_not_are_written_as_null_whatever_holds_them() -> None:
+    class Plain(dict):  # no dict of JSON's own
+        pass
+
+    values = {"a": math.nan, "b": [math.inf, 1.5, (-math.inf, 2)], "c": Plain(d=math.nan, e="x", f=3)}
+    assert json.loads(canonical(values)) == {
+        "a": None,
+        "b": [None, 1.5, [None, 2]],
+        "c": {"d": None, "e": "x", "f": 3},
+    }
+
+
+def test_entries_that_this_version_cannot_read_are_counted_where_any_code_is_taken(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path, spec = tmp_path / "journal.jsonl", WalkSpec(plan=WalkPlan(distance=0.1)).to_json()
+    with Journal(path) as journal:
+        for seed in range(3):
+            journal.add(Entry({**spec, "robot": "nobody", "seed": seed}, "done", {}, None, None, VERSION))
+        journal.add(Entry(spec, "done", {}, None, None, VERSION))
+    with caplog.at_level(logging.WARNING):
+        assert len(read_journal(path, any_code=True)) == 1
+    assert "3 entries" in caplog.text
 
 
 def test_damaged_lines_are_passed_over_and_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -314,6 +314,47 @@ def test_joints_have_the_damping_and_friction_of_their_file() -> None:
     assert not Plant(load("g1")).model.dof_damping.any()
 
 
+def test_a_payload_is_in_the_torso() -> None:
+    plain, loaded = (
+        Plant(load("hrp4_class"), machine=Machine(payload=payload), visuals=False).model
+        for payload in (0.0, 2.5)
+    )
+    torso = plain.body(load("hrp4_class").robot().torso_frame).id
+    gained = loaded.body_mass - plain.body_mass
+    assert gained[torso] == pytest.approx(2.5) and np.count_nonzero(gained) == 1
+
+
+def test_coupled_joints_go_where_their_leaders_take_them() -> None:
+    """By ratio and offset, their speeds by the ratio; a leader feels friction by the ratio, inertia by its square."""
+    whole, tie = load("hrp4_class"), '<mimic joint="left_wrist_yaw" multiplier="-2" offset="0.03"/>'
+    end = whole.urdf.index("</joint>", whole.urdf.index('<joint name="right_wrist_yaw"'))
+    left, right = whole.soles
+    description = RobotDescription.from_urdf(
+        whole.urdf[:end] + tie + whole.urdf[end:], left_sole=left, right_sole=right
+    )
+    model = Plant(description, visuals=False).model
+    robot = description.robot()
+    places, data = RobotPlaces(model, robot), mujoco.MjData(model)
+    q = robot.half_sitting.copy()
+    q[7 + robot.joint_index("left_wrist_yaw")] = 0.04
+    places.set_configuration(q, data.qpos)
+    leader, follower = model.joint("left_wrist_yaw"), model.joint("right_wrist_yaw")
+    assert data.qpos[follower.qposadr[0]] == pytest.approx(-2.0 * 0.04 + 0.03)
+    data.qvel[leader.dofadr[0]] = 0.5
+    places.couple_velocities(data.qvel)
+    assert data.qvel[follower.dofadr[0]] == pytest.approx(-1.0)
+    values = np.zeros(model.nv)
+    values[leader.dofadr[0]], values[follower.dofadr[0]] = 0.1, 0.3
+    i = robot.joint_index("left_wrist_yaw")
+    assert places.reflected(values, 1)[i] == pytest.approx(0.1 + 2.0 * 0.3)
+    assert places.reflected(values, 2)[i] == pytest.approx(0.1 + 4.0 * 0.3)
+    assert np.count_nonzero(places.reflected(values, 1)) == 1
+    (tied,) = places.ties()
+    assert {int(model.eq_obj1id[tied]), int(model.eq_obj2id[tied])} == {leader.id, follower.id}
+    model.eq_active0[tied] = 0
+    assert places.ties() == []
+
+
 def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
     """A ball at each joint, a rod from it to each joint below, and each sole as a plate that stands on the ground."""
     description = load("hrp4_class")

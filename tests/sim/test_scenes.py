@@ -248,3 +248,21 @@ def test_a_door_hangs_in_its_frame_and_opens_as_it_is_asked_to(hinge: str, side:
     mujoco.mj_kinematics(model, data)
     way = 1.0 if opens == "away" else -1.0
     assert data.site_xpos[0] == pytest.approx([0.7 + way * 0.8, side * (0.45 - way * 0.06), 0.95])
+
+
+def test_things_are_within_their_bounds_and_have_a_line_about_themselves() -> None:
+    """100 m from the origin at most; a bar is as long as its handles are apart, 0.4 m, and 20 m at most."""
+    for good, bad in (
+        ({"distance": -100.0}, {"distance": -100.1}),
+        ({"distance": 100.0}, {"distance": 100.1}),
+    ):
+        make_scene("table", **good)
+        with pytest.raises(InputError):
+            make_scene("table", **bad)
+    for width, good in ((0.4, True), (0.39, False), (20.0, True), (20.1, False)):
+        if good:
+            assert make_scene("rail", width=width).width == width  # type: ignore[attr-defined]
+        else:
+            with pytest.raises(InputError):
+                make_scene("rail", width=width)
+    assert type(make_scene("wall")).summary() == "A wall to lean against."

@@ -305,6 +305,24 @@ def test_the_largest_push_of_a_stand_is_found_by_bisection() -> None:
     assert outcome.result["impulse"] in (0.0, 0.4)
 
 
+@pytest.mark.parametrize(("impulse", "held"), [(0.05, True), (0.3, False)])
+def test_a_robot_that_still_moves_at_the_end_has_not_recovered(impulse: float, held: bool) -> None:
+    """A push of 0.3 Ns/kg that has just ended leaves 0.3 m/s, less what the feet take; one of 0.05 stays below 0.1."""
+    spec = StandSpec(mode="torque", seconds=0.05)
+    assert recovers(spec, WalkPush(time=0.01, impulse=impulse, duration=0.03)) is held
+
+
+def test_a_robot_that_has_fallen_has_not_recovered_though_it_lies_still(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(StandTrial, "fallen", property(lambda trial: trial.plant.time > 0.029))
+    monkeypatch.setattr(StandTrial, "advance", lambda trial, seconds: trial.plant.step(trial.plant.hold()))
+    spec, none = StandSpec(mode="torque", seconds=0.03), WalkPush(time=0.0, impulse=0.0)
+    assert recovers(spec, none)
+    monkeypatch.setattr(StandTrial, "fallen", True)
+    assert not recovers(spec, none)
+
+
 @pytest.mark.slow
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
     spec = StandSpec(mode="torque", seconds=1.6)

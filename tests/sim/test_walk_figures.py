@@ -397,6 +397,17 @@ def test_a_trial_waits_for_a_condition_up_to_its_time_and_ends_with_a_fall() -> 
     assert trial.real_time_factor == pytest.approx(2.0)
 
 
+def test_a_walk_along_a_plan_is_given_three_seconds_a_step_and_twelve_more() -> None:
+    """After a second at the start; who is not done then has not come to its end."""
+    for steps in (0, 2):
+        loop: Any = Still()
+        loop.done, loop.follow = False, lambda plan: None
+        trial = Trial(loop, loop)
+        with pytest.raises(StageError):
+            trial.follow([None] * steps)  # type: ignore[arg-type]
+        assert loop.time == pytest.approx(1.0 + 3.0 * (steps + 4), abs=0.21)
+
+
 # --- figures ---------------------------------------------------------------------------------------------------------
 
 

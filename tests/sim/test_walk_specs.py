@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.settings import without_law
 from wbc.sim.walks.spec import SEED_LIMIT, TOE_GAIT, WalkSpec
 from wbc.sim.walks.stiffness_policy import make_policy
-from wbc.sim.walks.trained import driven, turned
+from wbc.sim.walks.trained import driven, stamped, turned
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.gait import Gait
@@ -235,6 +236,34 @@ def test_steps_are_free_in_torque_control_unless_landings_are_given_or_planned_o
     assert WalkSpec(plan=SHORT, gait=own).settings().step_kind == "planned"
     with pytest.raises(InputError):
         WalkSpec(plan=SHORT, mode="torque", gait=own, changes=FREE)  # type: ignore[arg-type]
+
+
+def test_rows_of_a_drive_that_cannot_be_are_told_by_their_number() -> None:
+    with pytest.raises(InputError, match="0.5 s in row 3 after 1 s"):
+        WalkPlan(drive=((0.0, 0.1, 0.0, 0.0), (1.0, 0.1, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0)))
+
+
+def test_a_setting_of_steps_that_are_not_taken_is_refused_with_the_mode_that_takes_them() -> None:
+    with pytest.raises(InputError, match=r"free steps, all steps are planned here: mode='torque'"):
+        WalkSpec(plan=SHORT, mode="position", changes={"stepping.cruise": 0.1})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"planned steps, all steps are free here: step_kind='planned'"):
+        WalkSpec(plan=SHORT, mode="position", changes={"gains.dcm_p": 4.0} | FREE)  # type: ignore[arg-type]
+
+
+def test_the_file_of_a_policy_is_known_by_its_content_and_that_of_its_description(tmp_path: Path) -> None:
+    file = tmp_path / "walk.onnx"
+    file.write_bytes(b"network")
+    alone = stamped(str(file))
+    assert alone.startswith(f"{file}#") and stamped(alone) == alone
+    file.with_suffix(".toml").write_text("described", encoding="utf-8")
+    both = stamped(str(file))
+    assert both != alone and stamped(both) == both
+    file.write_bytes(b"another")
+    for old in (alone, both):
+        with pytest.raises(InputError, match="has changed"):
+            stamped(old)
+    with pytest.raises(InputError, match=r"none\.onnx"):
+        stamped(str(tmp_path / "none.onnx"))
 
 
 def test_the_plan_of_a_trained_policy_is_its_velocity_after_a_second() -> None:
