@@ -1,0 +1,188 @@
+"""Phases of a run, by a machine that stands still and is told how much its soles carry; in simulated time."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hanging import SimulatedTime
+
+import wbc
+from wbc import Command, Measurement
+from wbc.base.errors import InputError
+from wbc.core.robot import GRAVITY
+from wbc.machine import Driver, Runner, RunSettings
+from wbc.machine.loop import MachineError
+from wbc.machine.report import Phase, RunReport
+
+DESCRIPTION = wbc.load_robot("g1")
+ROBOT = DESCRIPTION.robot()
+PERIOD = 0.01
+
+
+class StillMachine(Driver):
+    """A robot at half-sitting whose soles feel a share of its weight, as a function of the time, s."""
+
+    def __init__(self, share: Callable[[float], float]) -> None:
+        self.description, self.clock = DESCRIPTION, SimulatedTime()
+        self.begin, self.share, self.damped = self.clock.time, share, 0
+        self.sent: list[Command] = []
+        self._told = -1.0
+        self._up = ROBOT.placement(ROBOT.imu_frame).rotation.T @ [0.0, 0.0, GRAVITY]
+        self.change: Callable[[Measurement], Measurement] = lambda m: m
+
+    @property
+    def now(self) -> float:
+        return self.clock.time - self.begin
+
+    def read(self, timeout: float) -> Measurement | None:
+        if self.now <= self._told:
+            self.clock.time += timeout
+            return None
+        self._told = self.now
+        wrench = np.zeros((2, 6))
+        wrench[:, 2] = 0.5 * self.share(self.now) * ROBOT.mass * GRAVITY
+        rest = ROBOT.half_sitting[7:].copy()
+        return self.change(Measurement(self.now, rest, np.zeros(ROBOT.na), np.zeros(3), self._up, wrench))
+
+    def write(self, command: Command) -> None:
+        self.sent.append(command)
+
+    def damp(self) -> None:
+        self.damped += 1
+
+
+def runner_of(machine: StillMachine, control: Any = None, **options: float) -> Runner:
+    if control is None:
+        control = wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
+    settings = RunSettings(**{"fade": 0.2, "blend": 0.2, "stop": 0.1} | options)  # type: ignore[arg-type]
+    return Runner(machine, control, 1.0 / PERIOD, settings=settings, guard=False, clock=machine.clock)
+
+
+def begun(report: RunReport) -> list[tuple[str, float]]:
+    return [(phase.name, round(time, 6)) for phase, time in report.phases]
+
+
+def test_phases_begin_when_the_feet_touch_carry_and_are_lifted() -> None:
+    """From 1 s on a fifth of the weight, from 1.4 s on all of it, from 2.2 s on none: each must last for its time."""
+
+    def share(time: float) -> float:
+        return 0.0 if time < 1.0 or time > 2.2 else 0.2 if time < 1.4 else 1.0
+
+    machine = StillMachine(share)
+    phases = begun(runner_of(machine).run(2.6))
+    assert [name for name, _ in phases] == ["START", "HANG", "STAND", "RUN", "HANG", "STOP", "DAMPED"]
+    start, hang, stand, run, again, stop, damped = (time for _, time in phases)
+    assert (start, hang) == (
+        0.0,
+        pytest.approx(0.7),
+    )  # 0.2 s of stiffness, and half a second at least to get there
+    assert 1.05 <= stand <= 1.25 and 1.7 <= run <= 1.85  # for 0.05 s and 0.3 s, after the loads are smoothed
+    assert again == pytest.approx(2.41, abs=0.011)  # for 0.2 s
+    assert stop == pytest.approx(2.61, abs=0.011) and damped == pytest.approx(stop + 0.1, abs=0.011)
+    assert machine.damped >= 50
+
+
+@pytest.mark.parametrize(
+    ("load", "touch", "reached"), [(0.9, 0.15, "RUN"), (0.1, 0.08, "STAND"), (0.1, 0.5, "HANG")]
+)
+def test_a_phase_is_left_at_its_share_of_the_weight(load: float, touch: float, reached: str) -> None:
+    machine = StillMachine(lambda time: load)
+    phases = begun(runner_of(machine, touch=touch).run(1.8))
+    assert phases[-3][0] == reached
+
+
+def test_a_robot_that_is_lifted_before_it_stands_hangs_again() -> None:
+    """0.2 s after it carries less than a third of a touch."""
+
+    def share(time: float) -> float:
+        return 0.3 if 1.2 < time < 1.5 else 0.0
+
+    phases = begun(runner_of(StillMachine(share)).run(2.1))
+    assert [name for name, _ in phases] == ["START", "HANG", "STAND", "HANG", "STOP", "DAMPED"]
+    assert phases[2][1] > 1.25 and 1.7 <= phases[3][1] <= 1.95
+
+
+def test_a_controller_is_mixed_in_over_its_time() -> None:
+    """Its torque rises in proportion from the servos to its own, which come back by themselves without it."""
+    own = np.linspace(1.0, 2.0, ROBOT.na)
+    machine = StillMachine(lambda time: 1.0)
+    runner = runner_of(machine, types.SimpleNamespace(command=lambda measurement: Command(own)), load=0.0)
+    sent: dict[float, Command] = {}
+    runner.run(lambda: sent.update({machine.now: machine.sent[-1]}) or machine.now > 1.6)  # type: ignore[func-returns-value]
+    begin = next(time for phase, time in runner._phases if phase is Phase.RUN)
+    after = {round(time - begin, 6): command for time, command in sent.items()}
+    assert after[0.3].kp is None and np.array_equal(after[0.3].joint_torque, own)
+    kps = [after[round(k * PERIOD, 6)].kp for k in (5, 10, 15)]
+    assert all(kp is not None for kp in kps)
+    late = [float(np.linalg.norm(after[round(k * PERIOD, 6)].joint_torque - own)) for k in (5, 10, 15, 19)]
+    assert late == sorted(late, reverse=True) and late[3] < 0.3 * late[0]
+
+
+def test_a_machine_that_is_slower_than_its_stamps_hangs_until_it_keeps_up() -> None:
+    machine = StillMachine(lambda time: 1.0)
+    runner = runner_of(machine)
+
+    def until() -> bool:
+        runner._inlet.pace.ratio = 0.5 if machine.now < 1.2 else 1.0
+        return machine.now > 1.4
+
+    phases = begun(runner.run(until))
+    assert [name for name, _ in phases[:3]] == ["START", "HANG", "STAND"] and 1.2 < phases[2][1] < 1.4
+    always = runner_of(StillMachine(lambda time: 1.0))
+    report = always.run(lambda: setattr(always._inlet.pace, "ratio", 0.5) or always.ticks > 120)  # type: ignore[func-returns-value]
+    assert report.reason == "stopped; the machine runs at 0.5 of real time"
+    assert Phase.STAND not in [phase for phase, _ in report.phases]
+
+
+def test_measurements_that_stay_refused_end_the_run_with_their_time_and_reason() -> None:
+    machine = StillMachine(lambda time: 1.0)
+    runner = runner_of(machine)
+
+    def until() -> bool:
+        if machine.now > 0.3:
+            machine.change = lambda m: Measurement(
+                m.time,
+                m.joint_position[:-1],
+                m.joint_velocity,
+                m.angular_velocity,
+                m.specific_force,
+                m.sole_wrench,
+            )
+        return False
+
+    report = runner.run(until)
+    assert report.reason.startswith("measurements refused for 100 ms: ") and "joint_position" in report.reason
+    assert report.phases[-1][1] == pytest.approx(0.42, abs=0.021)
+
+
+def test_the_rate_is_that_of_the_controller_and_timeouts_are_longer_than_a_period() -> None:
+    machine = StillMachine(lambda time: 1.0)
+    control = wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), 0.004))
+    with pytest.raises(InputError, match="controller, 250 Hz, got 100 Hz"):
+        Runner(machine, control, 100.0, guard=False)
+    own = types.SimpleNamespace(command=None)
+    for timeout, good in ((0.0101, True), (0.01, False), (0.009, False)):
+        for name in ("robot_timeout", "control_timeout"):
+            settings = RunSettings(**{name: timeout})  # type: ignore[arg-type]
+            if good:
+                Runner(machine, own, 100.0, settings=settings, guard=False)  # type: ignore[arg-type]
+                continue
+            with pytest.raises(InputError, match=r"100 Hz, 0\.01 s a period"):
+                Runner(machine, own, 100.0, settings=settings, guard=False)  # type: ignore[arg-type]
+
+
+def test_a_machine_of_which_nothing_is_heard_is_not_started() -> None:
+    machine = StillMachine(lambda time: 1.0)
+    machine.read = lambda timeout: setattr(machine.clock, "time", machine.clock.time + timeout)  # type: ignore
+    runner = runner_of(machine, first=0.7)
+    with pytest.raises(MachineError, match="from the machine within 0.7 s$"):
+        runner.run(1.0)
+    assert (
+        machine.now == pytest.approx(0.7 + 50 * 0.002, abs=0.011)
+        and machine.damped == 50
+        and not machine.sent
+    )
