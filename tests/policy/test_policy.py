@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_policies import DT, G1, LEGS, Known, control, described, write_network
+from made_policies import DT, G1, LEGS, Known, control, described, write_network, write_tracker
 
+import wbc
 from wbc.base.errors import InputError, UnknownNameError, WbcError
 from wbc.core.estimation.falls import FallReason
 from wbc.policy import OnnxNetwork, PolicyControl, PolicyDescription, Term
@@ -251,6 +252,37 @@ def test_files_that_are_no_network_of_a_policy_are_refused(tmp_path: Path) -> No
     write_network(tmp_path / "two.onnx", weights, names=["obs", "memory"])
     with pytest.raises(InputError, match="memory"):
         OnnxNetwork(tmp_path / "two.onnx")
+    write_tracker(tmp_path / "motion.onnx", {"joint_pos": np.zeros((2, 3))}, 4)
+    with pytest.raises(InputError, match="joint_vel"):
+        OnnxNetwork(tmp_path / "motion.onnx")
+    write_network(tmp_path / "shape.onnx", weights, shape=[1, 4])  # of which three fit
+    with pytest.raises(InputError, match="shape.onnx"):
+        OnnxNetwork(tmp_path / "shape.onnx")
     lies = {"dof_names": json.dumps(LEGS), "kp": "[1, 2]", "kd": "hello", "command_ranges": "[]"}
     with pytest.raises(WbcError):
         PolicyDescription.of(write_network(tmp_path / "lies.onnx", weights, lies))
+    lies |= {"kp": "[1, 2]", "kd": "[1, 2]", "dof_names": '["a", "b"]'}
+    with pytest.raises(InputError, match="command_ranges"):
+        PolicyDescription.of(write_network(tmp_path / "lies.onnx", weights, lies))
+
+
+def test_what_of_a_policy_hardly_fits_is_said_before_the_first_tick() -> None:
+    """Gains of a machine that are known, a posture beyond the stops, and a network slower than its period."""
+
+    class Slow(Known):
+        took = 0.03
+
+    knee, roll = LEGS.index("left_knee_joint"), LEGS.index("left_hip_roll_joint")
+    machine = wbc.load_robot("g1").with_servos(["left_knee_joint=100,2", "left_hip_roll_joint=50,3"])
+    default = [float(q) for q in G1.robot().half_sitting[7:]][: len(LEGS)]
+    kp, kd = [70.0] * N, [2.0] * N
+    kp[knee], kp[roll], kd[roll] = 95.0, 50.0, 6.0
+    description = described(kp=kp, kd=kd, default=default)
+    policy = PolicyControl(machine.robot(), Known(9 + 3 * N, N), DT, description=description)
+    (said,) = policy.doubts()
+    assert "left_hip_roll_joint" in said and "damping" in said
+    default[knee] = -1.0
+    slow = Slow(9 + 3 * N, N)
+    policy = PolicyControl(G1.robot(), slow, DT, description=described(kp=kp, kd=kd, default=default))
+    posture, time = policy.doubts()
+    assert "left_knee_joint" in posture and "30" in time and "20" in time

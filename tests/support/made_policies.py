@@ -75,6 +75,43 @@ def write_network(
     return path
 
 
+def write_tracker(path: Path, outputs: dict[str, np.ndarray], observed: int, **metadata: str) -> Path:
+    """Write a network of zero actions that holds a motion: tables of its outputs, one row a frame, the last one stays.
+
+    Its actions are zero times the observation, of a width.
+    """
+    onnx = pytest.importorskip("onnx")
+    helper, kind = onnx.helper, onnx.TensorProto
+    joints, last = outputs["joint_pos"].shape[1], len(outputs["joint_pos"]) - 1
+    held = [
+        onnx.numpy_helper.from_array(np.zeros((observed, joints), np.float32), "weights"),
+        onnx.numpy_helper.from_array(np.array(last, np.int64), "last"),
+        onnx.numpy_helper.from_array(np.array([0], np.int64), "axis"),
+    ]
+    nodes = [
+        helper.make_node("MatMul", ["obs", "weights"], ["actions"]),
+        helper.make_node("Cast", ["time_step"], ["whole"], to=kind.INT64),
+        helper.make_node("Min", ["whole", "last"], ["frame"]),
+        helper.make_node("Squeeze", ["frame", "axis"], ["row"]),
+    ]
+    results = [helper.make_tensor_value_info("actions", kind.FLOAT, [1, joints])]
+    for name, table in outputs.items():
+        held.append(onnx.numpy_helper.from_array(table.astype(np.float32), f"{name} table"))
+        nodes.append(helper.make_node("Gather", [f"{name} table", "row"], [name]))
+        results.append(helper.make_tensor_value_info(name, kind.FLOAT, [1, *table.shape[1:]]))
+    given = [
+        helper.make_tensor_value_info("obs", kind.FLOAT, [1, observed]),
+        helper.make_tensor_value_info("time_step", kind.FLOAT, [1, 1]),
+    ]
+    graph = helper.make_graph(nodes, "tracker", given, results, held)
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    for key, text in metadata.items():
+        entry = model.metadata_props.add()
+        entry.key, entry.value = key, text
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
 ARMS = tuple(G1.joint_names[15:])
 REST = {name: float(q) for name, q in zip(G1.joint_names, G1.robot().half_sitting[7:], strict=True)}
 

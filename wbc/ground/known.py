@@ -176,7 +176,7 @@ class KnownGround:
         share of the difference, unless a frame of points has shifted it since the last comparison.
         """
         s = self.settings
-        over, most, inside = self._footprints[side].over(self._at, placement.translation, placement.rotation)
+        over, most, inside = self._footprints[side].over(self.at, placement.translation, placement.rotation)
         self.difference = over
         off = max(inside, 0.0) + min(most, 0.0)  # depth of the sole in the ground, or height over it
         if abs(off) > s.contradiction:
@@ -195,7 +195,7 @@ class KnownGround:
         """Return the ground under a sole (0 left, 1 right) at a place in the world, m and rad; None if unknown."""
         if "stance" in self.doubts:
             return None
-        return self._footprints[side].support(self._at, x, y, yaw)
+        return self._footprints[side].support(self.at, x, y, yaw)
 
     def best(
         self,
@@ -212,7 +212,7 @@ class KnownGround:
         """
         if "stance" in self.doubts:
             return None
-        return self._footprints[side].best(self._at, x, y, yaw, allowed, cost)
+        return self._footprints[side].best(self.at, x, y, yaw, allowed, cost)
 
     def highest(self, side: int, start: Array, end: Array, yaw: float) -> float:
         """Return the largest height of the ground, m, under a sole on its way between two places; −inf if unknown.
@@ -226,7 +226,7 @@ class KnownGround:
         if "stance" in self.doubts:
             return -math.inf
         a, b = complex(start[0], start[1]), complex(end[0], end[1])
-        return self._footprints[side].highest(self._at, a + (b - a) * WAY, yaw)
+        return self._footprints[side].highest(self.at, a + (b - a) * WAY, yaw)
 
     def _remember(self, q: Array, time: float) -> None:
         """Remember the pose of a tick: in place of the last one, if that is too near to the one before it."""
@@ -254,7 +254,7 @@ class KnownGround:
         share = -since[before] / way
         return np.asarray(pin.interpolate(self._model, self._poses[before], self._poses[after], share))
 
-    def _at(self, places: Places) -> tuple[Array, Array]:
+    def at(self, places: Places) -> tuple[Array, Array]:
         """Return heights, NaN where unknown, and standard deviations, m, at places x + iy, m."""
         z, std = self.map.at(places)
         unknown = np.isnan(z)

@@ -10,11 +10,13 @@ from wbc.policy.description import PolicyDescription, Term
 from wbc.policy.filter import PolicyFilter
 from wbc.policy.guard import PolicyGuard
 from wbc.policy.network import Network, OnnxNetwork
+from wbc.policy.references import HeightScan, Tracked
 from wbc.policy.terms import TERMS, Observed
 
 __all__ = [
     "TERMS",
     "FootContacts",
+    "HeightScan",
     "PolicyGuard",
     "Network",
     "Observed",
@@ -23,4 +25,5 @@ __all__ = [
     "PolicyDescription",
     "PolicyFilter",
     "Term",
+    "Tracked",
 ]

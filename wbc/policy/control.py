@@ -22,11 +22,15 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
+from wbc.ground import KnownGround, PointCloud
+from wbc.ground.cloud import ElevationMap
+from wbc.motion import MotionClip
 from wbc.policy.arms import PolicyArms
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
 from wbc.policy.filter import FilteredArms, PolicyFilter
 from wbc.policy.network import Network, OnnxNetwork
+from wbc.policy.references import Frames, ScannedGround, Tracked, clip_frames, network_frames
 from wbc.policy.terms import TERMS, GaitClock, Observed
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
@@ -39,6 +43,9 @@ MOST_LACK = 0.5
 
 STILL = 0.01
 """Velocity below which a policy is asked for a stand, m/s and rad/s: its clock rests."""
+
+DIFFERENT = 0.1
+"""Share of a gain of the machine by which that of a policy may differ."""
 
 SETTLES = 2.0
 """Time in which a policy that is asked for a stand comes to one, s."""
@@ -70,6 +77,7 @@ class PolicyControl(TorqueControl):
         network: The network.
         observed: What the terms of the observation read.
         contacts: Contacts of the feet, by their measured loads.
+        ground: Known ground, for a policy that sees it; None for a blind one.
         controller: The controller; tasks and limits on the arms are added to it.
         longest: Longest time that the network may take, s; None for any time. A longer one fails the tick.
         lost: Error of the last action; None if it was good.
@@ -88,6 +96,8 @@ class PolicyControl(TorqueControl):
         description: PolicyDescription | None = None,
         arms: Sequence[str] = (),
         filter: PolicyFilter | None = None,
+        clip: MotionClip | None = None,
+        ground: KnownGround | None = None,
         sees_arms: bool | None = None,
         regain: Annotated[NonNegative, "1/s"] = 0.0,
         observer: Observer | None = None,
@@ -104,6 +114,8 @@ class PolicyControl(TorqueControl):
             arms: Names of joints that the QP of the controller moves, such as those of both arms; not of a leg. The
                 policy moves the others.
             filter: Filter that keeps the policy's torques within limits; none when None.
+            clip: Motion that the policy tracks; that in its network when None.
+            ground: Known ground, made with the robot, for a policy that sees it; clouds and maps are added to it.
             sees_arms: Let the policy see the arms where they are. When None it sees those of the QP at rest in its
                 default posture, because a policy that has trained with other arms walks elsewhere than it is asked to,
                 and its own ones, filtered or not, where they are.
@@ -115,8 +127,8 @@ class PolicyControl(TorqueControl):
 
         Raises:
             InputError: A file that cannot be read, a joint that the robot has not, an observation or an action of
-                another width than that of the network, or a period of the policy that is no multiple of the control
-                period.
+                another width than that of the network, a motion or a ground that lacks or that nothing observes, or a
+                period of the policy that is no multiple of the control period.
         """
         network: Network
         if isinstance(policy, (str, Path)):
@@ -159,6 +171,7 @@ class PolicyControl(TorqueControl):
         )
         self._clock = GaitClock(description.phase, description.period)
         self.observed.phase = self._clock.phase
+        self._reference(clip, ground)
         self._terms = [
             (TERMS[term.name], np.asarray(term.scale), term.clip) for term in description.observation
         ]
@@ -191,7 +204,36 @@ class PolicyControl(TorqueControl):
         self.longest: float | None = None
         self.changed = np.zeros(robot.na)
         self._fastest = np.array(description.fastest)
+        for doubt in self.doubts():
+            logger.warning("policy: %s", doubt)
         self._begin_policy()
+
+    def doubts(self) -> tuple[str, ...]:
+        """Return what of the policy hardly fits the robot, one line each; the control logs it when it is made.
+
+        They are gains that differ from those that the description of the robot states by more than a tenth, joints
+        whose default position is beyond their stops, and a network that takes longer than its period.
+        """
+        robot, about, columns = self.controller.robot, self.description, self._columns
+        found, servos = [], robot.servos
+        names = [robot.joint_names[column] for column in columns]
+        for what, unit, asked, has in (
+            ("stiffness", "Nm/rad", about.kp, None if servos is None else servos.kp),
+            ("damping", "Nms/rad", about.kd, None if servos is None else servos.kd),
+        ):
+            found += [
+                f"{what} of {name} is {wanted:g} {unit}, and that of the machine {own:g}"
+                for name, wanted, own in zip(names, asked, () if has is None else has[columns], strict=False)
+                if servos is not None and name in servos.given and abs(wanted - own) > DIFFERENT * own
+            ]
+        low, high = robot.position_lower[columns], robot.position_upper[columns]
+        beyond = ((self._default < low) | (self._default > high)).nonzero()[0]
+        found += [f"default of {names[k]}, {self._default[k]:g} rad, is beyond its stops" for k in beyond]
+        if (took := getattr(self.network, "took", 0.0)) > about.period:
+            found.append(
+                f"the network takes {1e3 * took:.1f} ms, longer than its period of {1e3 * about.period:g} ms"
+            )
+        return tuple(found)
 
     def _share_arms(self, arms: Sequence[str], safe: PolicyFilter | None, seen: bool) -> None:
         """Let the controller move arms, or filter the policy's, and the policy see them at rest or where they are."""
@@ -208,6 +250,36 @@ class PolicyControl(TorqueControl):
             self._arms_kd, self._kp[index], self._kd[index] = self._kd[index], 0.0, 0.0
         if self._arms is not None and not seen:
             self._masked = np.flatnonzero(np.isin(self._columns, self._arms.index))
+
+    def _reference(self, clip: MotionClip | None, ground: KnownGround | None) -> None:
+        """Prepare the motion and the ground that the policy sees."""
+        robot, about, network = self.observer.robot, self.description, self.network
+        seen = {term.name for term in about.observation}
+        tracks = any(name.startswith("motion") for name in seen)
+        for what, given, wanted in (("motion", clip, tracks), ("ground", ground, "height_scan" in seen)):
+            if given is not None and not wanted:
+                raise InputError(f"the policy observes no {what}: leave it out")
+        if tracks:
+            anchor = about.anchor or robot.torso_frame
+            frames: Frames | None = None
+            if clip is not None:
+                frames = clip_frames(robot, clip, self._columns, anchor, about.period)
+            elif isinstance(network, OnnxNetwork) and network.holds_motion:
+                frames = network_frames(network, anchor)
+            self.observed.motion = None if frames is None else Tracked(robot, anchor, frames)
+        self.ground = ground
+        if ground is not None:
+            self.observed.ground = ScannedGround(robot, about.scan, ground)
+
+    @property
+    def motion(self) -> Tracked | None:
+        """Motion that the policy tracks; None without one."""
+        return self.observed.motion
+
+    def see(self, seen: PointCloud | ElevationMap) -> None:
+        """Take a cloud of points or a map of the ground; a blind policy ignores it."""
+        if self.ground is not None:
+            self.ground.add(seen)
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """See `DriveControl.release`: the policy sees released joints at rest in its default posture, too.
@@ -238,6 +310,8 @@ class PolicyControl(TorqueControl):
         self.contacts.reset()
         self.observed.action[:] = 0.0
         self._clock.reset()
+        if self.motion is not None:
+            self.motion.begin()
 
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
@@ -313,6 +387,8 @@ class PolicyControl(TorqueControl):
             self._asked = self._asked + self.controller.dt if self._stands else 0.0
             if state.ok:
                 self.contacts.update(state.measurement.wrenches[:, 2].tolist())
+                if self.ground is not None:
+                    self.ground.update(state.robot, state.measurement.time)
             if state.ok and self._ticks % self._every == 0:
                 self.acted = True
                 try:
@@ -341,6 +417,10 @@ class PolicyControl(TorqueControl):
         if self._regain:
             self._ask_for_more(state.robot)
         self._clock.tick(not (np.abs(observed.command) >= STILL).any())
+        if observed.motion is not None:
+            if isinstance(self.network, OnnxNetwork):
+                self.network.step = observed.motion.step
+            observed.motion.tick()
         for part, (term, scale, clip) in zip(self._parts, self._terms, strict=True):
             values = term(observed) * scale
             if clip is not None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +21,7 @@ from pydantic import Field
 from wbc.base.errors import InputError, choose, shown, shown_path, unknown_name
 from wbc.base.files import read_toml
 from wbc.base.settings import Count, NonNegative, Number, Period, Positive, from_json, settings
+from wbc.policy.references import HeightScan
 from wbc.policy.terms import TERMS
 
 HOLOSOMA = {"dof_names": "joints", "kp": "kp", "kd": "kd"}
@@ -30,6 +32,7 @@ MJLAB = {
     "default_joint_pos": "default",
     "action_scale": "action_scale",
     "observation_names": "observation",
+    "anchor_body_name": "anchor",
 }
 """Keys of the metadata → fields of `PolicyDescription`."""
 
@@ -50,6 +53,11 @@ NAMES = {
     "actions": "last_action",
     "sin_phase": "phase_sine",
     "cos_phase": "phase_cosine",
+    "motion_command": "motion_joints",
+    "motion_ref_ori_b": "motion_orientation",
+    "motion_anchor_ori_b": "motion_orientation",
+    "motion_ref_pos_b": "motion_position",
+    "motion_anchor_pos_b": "motion_position",
 }
 """Names of terms in other projects → names of `TERMS`."""
 
@@ -92,6 +100,8 @@ class PolicyDescription:
         period: Time between two actions, s.
         phase: Period of the gait's clock, which terms of the phase show, s; None for a policy without one.
         fastest: Largest velocity that the policy is made for: ahead and aside, m/s, and turn, rad/s.
+        anchor: Frame of the robot that follows that of a motion, for a policy that tracks one.
+        scan: Heights that the policy sees, for one that sees the ground.
     """
 
     joints: tuple[str, ...] = Field(min_length=1)
@@ -104,6 +114,8 @@ class PolicyDescription:
     period: Period = 0.02
     phase: Annotated[Positive, "s"] | None = None
     fastest: tuple[NonNegative, NonNegative, NonNegative] = (1.0, 1.0, 1.0)
+    anchor: str | None = None
+    scan: HeightScan = field(default_factory=HeightScan)
 
     def __post_init__(self) -> None:
         if len(set(self.joints)) < len(self.joints):
@@ -164,18 +176,20 @@ def _from_metadata(metadata: Mapping[str, str]) -> dict[str, Any]:
     keys = HOLOSOMA if "dof_names" in metadata else MJLAB
     values = {field: _value(key, metadata[key]) for key, field in keys.items() if key in metadata}
     if "observation" in values:
-        values["observation"] = [{"name": name} for name in values["observation"]]
-    scale = values.get("action_scale")
-    if isinstance(scale, list) and len(scale) == 1:
-        values["action_scale"] = scale[0]
+        tracks = "motion" in _value("command_names", metadata.get("command_names", "none"))
+        given = {"command": "motion_joints"} if tracks else {}
+        values["observation"] = [{"name": given.get(name, name)} for name in values["observation"]]
+    for name in ("action_scale", "anchor"):
+        if isinstance(value := values.get(name), list) and len(value) == 1:
+            values[name] = value[0]
     ranges = _value("command_ranges", metadata.get("command_ranges", "null"))
-    if isinstance(ranges, Mapping):
+    if ranges is not None:
         try:
             values["fastest"] = [max(ranges[n]) for n in ("lin_vel_x", "lin_vel_y", "ang_vel_yaw")]
         except (KeyError, TypeError, ValueError):
             raise InputError(
                 "command_ranges of a policy must have lin_vel_x, lin_vel_y and ang_vel_yaw, each with its least and "
-                f"greatest value, got {shown(dict(ranges))}"
+                f"greatest value, got {shown(ranges)}"
             ) from None
     return values
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,6 +11,17 @@ from numpy.typing import NDArray
 
 from wbc.base.errors import InputError, shown, shown_path
 from wbc.base.files import decoding
+from wbc.base.numbers import Array
+
+STEP = "time_step"
+"""Input of a network that holds a motion: the number of a frame."""
+
+JOINTS, PLACES, QUATERNIONS = (
+    ("joint_pos", "joint_vel"),
+    ("ref_pos_xyz", "body_pos_w"),
+    ("ref_quat_xyzw", "body_quat_w"),
+)
+"""Outputs of such a network: joints of the frame; place, and orientation of one body, or of several (wxyz)."""
 
 LARGEST = 1 << 30
 """Largest file of a network, bytes."""
@@ -33,10 +45,16 @@ class Network(Protocol):
 class OnnxNetwork:
     """Network of an ONNX file, on one thread of the processor; needs the extra "policy".
 
+    A second input `time_step` is the number of a frame of the motion in the network, whose outputs `joint_pos`,
+    `joint_vel` and an orientation are that frame: the convention of whole_body_tracking and of holosoma.
+
     Attributes:
         inputs: Number of values of an observation.
         outputs: Number of values of an action.
         metadata: Metadata of the file, key → text.
+        took: Least time of three actions, s.
+        holds_motion: True for a network with a motion in it.
+        step: Frame of this motion that the next action is for.
     """
 
     def __init__(self, file: str | Path) -> None:
@@ -44,8 +62,8 @@ class OnnxNetwork:
 
         Raises:
             InputError: onnxruntime is not installed; a file that cannot be read, or is no ONNX network that onnxruntime
-                runs; a network with other inputs than one observation, with an input of another type than float32, or
-                of a width that is not fixed.
+                runs; a network with other inputs than one observation and a `time_step`, with an input of another type
+                than float32, or of a width that is not fixed.
         """
         try:
             import onnxruntime  # noqa: PLC0415 - an extra
@@ -63,18 +81,42 @@ class OnnxNetwork:
             raise InputError(
                 f"{shown_path(file)} is no ONNX network that onnxruntime {onnxruntime.__version__} runs: {reason}"
             ) from None
-        inputs, outputs = self._session.get_inputs(), self._session.get_outputs()
+        inputs = {each.name: each for each in self._session.get_inputs()}
+        outputs = {each.name: each for each in self._session.get_outputs()}
+        step = inputs.pop(STEP, None)
         if len(inputs) != 1:
-            names = ", ".join(f"'{each.name}'" for each in inputs)
+            names = ", ".join(f"'{name}'" for name in inputs)
             raise InputError(
-                f"a policy has one input, its observation; the network {shown_path(file)} has {names}"
+                f"a policy has one input, its observation, beside '{STEP}'; the network {shown_path(file)} has {names}"
             )
-        self._input, self._output = inputs[0].name, outputs[0].name
-        if inputs[0].type != "tensor(float)":
-            raise InputError(f"the input '{self._input}' of a policy must be float32, got {inputs[0].type}")
-        self.inputs = self._width("input", inputs[0])
-        self.outputs = self._width("output", outputs[0])
+        for each in filter(None, (*inputs.values(), step)):
+            if each.type != "tensor(float)":
+                raise InputError(f"the input '{each.name}' of a policy must be float32, got {each.type}")
+        (self._input,) = inputs
+        self._output = next((name for name in ("actions", "action") if name in outputs), next(iter(outputs)))
+        self.inputs = self._width("input", inputs[self._input])
+        self.outputs = self._width("output", outputs[self._output])
         self.metadata: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
+        self.step = 0
+        self.holds_motion = step is not None
+        one = [next((name for name in names if name in outputs), None) for names in (PLACES, QUATERNIONS)]
+        self._frame = [*JOINTS, *(name for name in one if name is not None)]
+        if self.holds_motion and (len(self._frame) < 4 or not {*JOINTS} <= {*outputs}):
+            raise InputError(
+                f"the network {shown_path(file)} has the input '{STEP}', and lacks outputs of a motion: it needs "
+                f"{', '.join(JOINTS)}, {' or '.join(PLACES)}, and {' or '.join(QUATERNIONS)}"
+            )
+        nothing, times = np.zeros(self.inputs, np.float32), []
+        try:
+            for _ in range(3):
+                start = perf_counter()
+                self(nothing)
+                times.append(perf_counter() - start)
+        except Exception as error:  # of classes of onnxruntime's own
+            raise InputError(
+                f"the network {shown_path(file)} does not run: {str(error).splitlines()[0]}"
+            ) from None
+        self.took = min(times)
 
     @staticmethod
     def _width(what: str, value: Any) -> int:
@@ -94,7 +136,23 @@ class OnnxNetwork:
 
     def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the action, shape (outputs,), of an observation, shape (inputs,)."""
-        action: NDArray[np.float32] = self._session.run([self._output], {self._input: observation[None]})[0][
-            0
-        ]
+        action: NDArray[np.float32] = self._run([self._output], observation, self.step)[0][0]
         return action
+
+    def frame(self, step: int, body: int = 0) -> tuple[Array, Array, Array, Array]:
+        """Return a frame of the motion in the network, by its number.
+
+        The parts are joint positions, rad, and velocities, rad/s, place, m, and quaternion (x, y, z, w) of a body.
+        """
+        parts = self._run(self._frame, np.zeros(self.inputs, np.float32), step)
+        position, velocity, place, quaternion = (np.array(part[0], dtype=float) for part in parts)
+        if quaternion.ndim == 2:  # of several bodies, wxyz
+            place, quaternion = place[body], np.roll(quaternion[body], -1)
+        return position, velocity, place, quaternion / np.linalg.norm(quaternion)
+
+    def _run(self, outputs: list[str], observation: NDArray[np.float32], step: int) -> list[Any]:
+        given = {self._input: observation[None]}
+        if self.holds_motion:
+            given[STEP] = np.array([[step]], np.float32)
+        values: list[Any] = self._session.run(outputs, given)
+        return values

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.robot import Robot
+from wbc.policy.references import ScannedGround, Tracked
 
 
 @dataclass
@@ -27,6 +29,8 @@ class Observed:
         action: Last action.
         command: Velocity that is asked for: ahead, aside, m/s, and turn, rad/s.
         phase: Phases of the left and the right foot, from −π to π.
+        motion: Motion that the policy tracks; None without one.
+        ground: Ground about the robot; None for a blind policy.
     """
 
     robot: Robot
@@ -35,11 +39,30 @@ class Observed:
     action: Array
     command: Array
     phase: Array
+    motion: Tracked | None = None
+    ground: ScannedGround | None = None
 
 
 def _gravity(observed: Observed) -> Array:
     x, y, z, w = observed.robot.q[3:7].tolist()
     return np.array([-2.0 * (x * z - w * y), -2.0 * (y * z + w * x), -(1.0 - 2.0 * (x * x + y * y))])
+
+
+def _motion(observed: Observed) -> Tracked:
+    if observed.motion is None:
+        raise InputError("a policy that observes a motion needs one: clip=…, or a network that holds it")
+    return observed.motion
+
+
+def _scan(observed: Observed) -> Array:
+    if observed.ground is None:
+        raise InputError("a policy that observes the ground needs ground=KnownGround(robot)")
+    return observed.ground()
+
+
+def _motion_joints(observed: Observed) -> Array:
+    frame = _motion(observed).frame
+    return np.concatenate((frame.position, frame.velocity))
 
 
 TERMS: dict[str, Callable[[Observed], Array]] = {
@@ -54,6 +77,12 @@ TERMS: dict[str, Callable[[Observed], Array]] = {
     "last_action": lambda o: o.action,
     "phase_sine": lambda o: np.sin(o.phase),
     "phase_cosine": lambda o: np.cos(o.phase),
+    "motion_joints": _motion_joints,
+    "motion_orientation": lambda o: (
+        _motion(o).relative.rotation[:, :2].ravel()
+    ),  # in the robot's anchor, row by row
+    "motion_position": lambda o: _motion(o).relative.translation,  # by the observer, too
+    "height_scan": _scan,
 }
 """Name → function that returns the values of the term."""
 

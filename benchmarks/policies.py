@@ -1,0 +1,232 @@
+"""Studies of trained policies: bad targets and pushes with and without a filter, take-overs by the library's walk.
+
+Usage:
+    python benchmarks/policies.py wild walk.onnx --runs 0-19 --journal wild.jsonl
+    python benchmarks/policies.py pushes walk.onnx --runs 0-24 --journal pushes.jsonl
+    python benchmarks/policies.py taken walk.onnx --runs 0-66 --journal taken.jsonl
+    python benchmarks/policies.py pushed walk.onnx --runs 0-63 --journal pushed.jsonl
+
+Every run is a JSON object of the journal; those that it has are not run again. Descriptions of the policies stand
+beside them (docs/policies.md). Wild runs and pushes are for g1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import math
+from collections.abc import Callable
+from pathlib import Path
+from time import thread_time
+from typing import Any
+
+import numpy as np
+
+import wbc
+from wbc.policy import PolicyControl, PolicyFilter, PolicyGuard
+
+DT = 0.002
+"""Control period, s."""
+
+WILD = ("random", "trunk", "stops")
+"""Bad targets of the arms, drawn each 0.4 s: anywhere, through the trunk, and beyond the stops."""
+
+NEAR = ("torso_link", "pelvis", "head_link", "left_hip_yaw_link", "right_hip_yaw_link")
+HANDS = ("rubber_hand", "wrist_roll_link")
+PAIRS = [(f"{side}_{hand}", link) for side in ("left", "right") for hand in HANDS for link in NEAR]
+PAIRS += [(f"left_{one}", f"right_{other}") for one in HANDS for other in HANDS]
+"""Pairs that a filter keeps apart."""
+
+
+class Walk:
+    """A policy that walks, with what a study does to it.
+
+    Attributes:
+        plant: The simulation, with realistic noise.
+        policy: The control.
+    """
+
+    def __init__(self, file: str, seed: int, robot: str = "g1", **options: Any) -> None:
+        """Let the robot stand; `options` are those of the control."""
+        self.plant = wbc.Plant(wbc.load_robot(robot), control_period=DT, noise="realistic", seed=seed)
+        self.robot = self.plant.description.robot()
+        self.policy = PolicyControl(self.robot, file, DT, **options)
+
+    def push(self, impulse: float, angle: float) -> None:
+        """Push the torso for 0.08 s: impulse in Ns/kg, angle in the world, rad."""
+        force = impulse * self.robot.mass / 0.08 * np.array([math.cos(angle), math.sin(angle), 0.0])
+        self.plant.push(self.robot.torso_frame, force, 0.08)
+
+    @property
+    def down(self) -> bool:
+        """True if the robot lies."""
+        return bool(self.plant.truth().com[2] < 0.55 * self.robot.com[2] or self.plant.truth().com[2] < 0.35)
+
+
+def drawn(kind: str, robot: wbc.Robot, random: np.random.Generator) -> np.ndarray:
+    """Return bad targets of all joints, rad."""
+    low, high, names = robot.position_lower, robot.position_upper, list(robot.joint_names)
+    if kind == "stops":
+        beyond = random.uniform(0.1, 1.0, robot.na)
+        return np.where(random.random(robot.na) < 0.5, high + beyond, low - beyond)
+    wild = random.uniform(low - 0.5, high + 0.5)
+    if kind == "trunk":
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            for joint, least, most, mirrored in (
+                ("shoulder_pitch", -0.8, 0.3, 1.0),
+                ("shoulder_roll", -1.2, -0.1, sign),
+                ("shoulder_yaw", -1.5, 1.0, sign),
+                ("elbow", 0.0, 1.6, 1.0),
+            ):
+                wild[names.index(f"{side}_{joint}_joint")] = mirrored * random.uniform(least, most)
+    return wild
+
+
+def filtered(file: str, run: int, what: str, on: bool, impulse: float) -> dict[str, Any]:
+    """Walk at 0.3 m/s with bad targets of the arms, or four pushes, with a filter or without."""
+    description = wbc.load_robot("g1")
+    arms = description.joint_names[15:]
+    shapes = description.collision_shapes()
+    limit = wbc.CollisionLimit(PAIRS, shapes=shapes, recovery=100.0, influence=0.5)
+    walk = Walk(file, run, filter=PolicyFilter(arms, [limit]) if on else None)
+    plant, policy, robot = walk.plant, walk.policy, walk.robot
+    gauge = wbc.Controller(description.robot(), DT)
+    near = gauge.add(wbc.CollisionLimit(PAIRS, shapes=shapes))
+    random, kind = np.random.default_rng(run + 100), WILD[run % len(WILD)]
+    index = np.arange(15, 29)
+    wild: np.ndarray | None = None
+    step = policy._step
+
+    def mad(state: Any) -> None:
+        step(state)
+        if wild is not None:
+            policy._target[index] = wild[index]
+
+    policy._step = mad  # type: ignore[method-assign]
+    if what == "wild":
+        policy._masked = index  # as for arms that others move
+    times: list[float] = []
+    if on:
+        nearest = policy._arms.near  # type: ignore[union-attr]
+
+        def timed(*arguments: Any) -> np.ndarray:
+            start = thread_time()
+            torques = nearest(*arguments)
+            times.append(thread_time() - start)
+            return np.asarray(torques)
+
+        policy._arms.near = timed  # type: ignore[union-attr]
+    beyond, least, changed, pushed, due = np.zeros(29), math.inf, list[np.ndarray](), 0, 3.0
+    while plant.time < (12.0 if what == "wild" else 15.0) and not walk.down:
+        time = plant.time
+        policy.velocity = (0.3, 0.0, 0.0) if time > 1.0 else None
+        if what == "wild" and time >= due:
+            due, wild = time + 0.4, drawn(kind, robot, random)
+        if what == "pushes" and pushed < 4 and time > 3.0 + 3.0 * pushed:
+            walk.push(impulse, random.uniform(0.0, math.tau))
+            pushed += 1
+        plant.step(policy.command(plant.measure()))
+        if time > 3.0:
+            truth = plant.truth()
+            q = np.array(truth.q[7:])
+            beyond = np.maximum(beyond, np.maximum(robot.position_lower - q, q - robot.position_upper))
+            changed.append(policy.changed.copy())
+            if round(time / DT) % 5 == 0:
+                gauge.update(np.array(truth.q), np.array(truth.v))
+                gauge.solve()
+                least = min(least, *near.distances.values())
+    change = np.square(np.array(changed))
+    return {
+        "upright": not walk.down,
+        "kind": kind if what == "wild" else impulse,
+        "pushes": pushed,
+        "nearest_mm": 1e3 * least,
+        "beyond_mrad": {
+            part: 1e3 * float(beyond[joints].max())
+            for part, joints in (("legs", slice(12)), ("waist", slice(12, 15)), ("arms", slice(15, 29)))
+        },
+        "changed_rms": [float(np.sqrt(change[:, part].mean())) for part in (slice(15), slice(15, 29))],
+        "cpu_ms": [1e3 * float(np.percentile(times, each)) for each in (50, 99)] if times else None,
+    }
+
+
+def taken(file: str, run: int, robot: str, impulse: float) -> dict[str, Any]:
+    """Take a policy over at a random instant of its walk, or 0 to 0.4 s after a push; the robot is to stand."""
+    random = np.random.default_rng(run)
+    walk = Walk(file, run, robot)
+    plant, guard = walk.plant, PolicyGuard(walk.policy)
+    speed = 0.3 if impulse else (0.0, 0.3, 0.6)[run % 3]
+    push, delay = random.uniform(3.0, 4.5), random.uniform(0.0, 0.4)
+    instant, pushed, angle = push + (delay if impulse else 0.0), not impulse, (run % 8) * math.pi / 4
+    while plant.time < instant and not walk.down:
+        guard.velocity = (speed, 0.0, 0.0) if plant.time > 1.0 else None
+        if not pushed and plant.time >= push:
+            pushed = True
+            walk.push(impulse, angle)
+        plant.step(guard.command(plant.measure()))
+    air = list(walk.policy.contacts.air)
+    end = plant.time + 5.0
+    guard.take_over()
+    while plant.time < end and not walk.down:
+        plant.step(guard.command(plant.measure()))
+    speed_left = float(np.linalg.norm(plant.truth().com_velocity))
+    return {
+        "upright": not walk.down and guard.fallen is None,
+        "stands": not walk.down and guard.fallen is None and speed_left < 0.1,
+        "speed": speed,
+        "delay": delay if impulse else None,
+        "angle": angle if impulse else None,
+        "air": air,
+        "instant": instant,
+    }
+
+
+def rows(options: argparse.Namespace) -> dict[str, Callable[[], dict[str, Any]]]:
+    """Return the name of each run, and what it does."""
+    first, _, last = options.runs.partition("-")
+    found: dict[str, Callable[[], dict[str, Any]]] = {}
+    for run in range(int(first), int(last or first) + 1):
+        name = f"{options.study} {Path(options.policy).name} {options.robot} {run}"
+        if options.study in ("wild", "pushes"):
+            for on in (True, False):
+                arguments = (options.policy, run, options.study, on, options.impulse)
+                found[f"{name} {'filtered' if on else 'bare'}"] = lambda a=arguments: filtered(*a)  # type: ignore[misc]
+        else:
+            impulse = options.impulse if options.study == "pushed" else 0.0
+            found[name] = lambda a=(options.policy, run, options.robot, impulse): taken(*a)  # type: ignore[misc]
+    return found
+
+
+def main() -> None:
+    """Run what the journal has not."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("study", choices=["wild", "pushes", "taken", "pushed"])
+    parser.add_argument("policy", help="ONNX file, with its description beside it")
+    parser.add_argument("--robot", default="g1")
+    parser.add_argument("--runs", default="0-19")
+    parser.add_argument("--impulse", type=float, default=0.7, help="of a push, Ns/kg")
+    parser.add_argument("--journal", type=Path, default=Path("policies.jsonl"))
+    options = parser.parse_args()
+    logging.disable(logging.CRITICAL)
+    text = options.journal.read_text(encoding="utf-8") if options.journal.is_file() else ""
+    done = {row["name"]: row for row in map(json.loads, text.splitlines())}
+    wanted = rows(options)
+    for name, work in wanted.items():
+        if name not in done:
+            done[name] = {"name": name, **work()}
+            with options.journal.open("a", encoding="utf-8") as journal:
+                journal.write(json.dumps(done[name]) + "\n")
+    key = "stands" if options.study in ("taken", "pushed") else "upright"
+    for part in ("filtered", "bare") if key == "upright" else ("",):
+        found = [done[name] for name in wanted if name.endswith(part)]
+        good = sum(row[key] for row in found)
+        print(f"{options.study} {part}: {key} {good} of {len(found)}", flush=True)
+        bad = [row["name"] for row in found if not row[key]]
+        print("  not:", "; ".join(bad) if bad else "none")
+
+
+if __name__ == "__main__":
+    main()
