@@ -1,4 +1,4 @@
-"""Simulation: the MuJoCo plant, trials (stands, walks) on it, terrains, scenes, the test rig of feet, and studies.
+"""Simulations: the plant, models and engines of others, trials in them, grounds, scenes, the rig of feet, and studies.
 
 `wbc.sim.studies` runs many trials, and has their journals and tables. A new kind of experiment goes into a folder of
 its own beside `balance` and `walks`, with a `TrialSpec`, a `Trial` and a `TrialResult`.
@@ -27,8 +27,8 @@ from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, para
 from wbc.sim.terrain.families.solids import dome
 from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.sim.trial.falls import TrueFallDetector
+from wbc.sim.trial.loops import register_loop, trial_loop
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.trial.simulations import register_loop, trial_loop
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
@@ -63,7 +63,7 @@ __all__ = [
     "stand",
     "TrackSpec",
     "track_motion",
-    # The loop of all simulations
+    # Trials, and the simulation in which they run
     "Trial",
     "TrialHook",
     "register_loop",

@@ -70,7 +70,7 @@ class GroundTruth:
 
 
 class Simulation(ABC):
-    """A simulated robot, which is measured, commanded, pushed and reset in the same way in every physics engine.
+    """A simulated robot, a loop that is measured, commanded, pushed and reset alike in every physics engine.
 
     Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
     over the control period that ended now, like the output of an anti-aliasing filter: hard contacts chatter within a

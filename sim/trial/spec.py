@@ -27,7 +27,7 @@ from wbc.sim.plant.fitting import with_feet
 from wbc.sim.simulation.machine import Machine, Step, steps_per_tick
 from wbc.sim.simulation.sensors import NOISE_PRESETS
 from wbc.sim.simulation.simulation import Simulation
-from wbc.sim.trial.simulations import PLANT, trial_loop
+from wbc.sim.trial.loops import PLANT, trial_loop
 
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""

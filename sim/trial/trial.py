@@ -1,4 +1,4 @@
-"""The loop of all simulations: orders, measurement, command, hooks, step, fall test.
+"""A trial: a robot in a simulation under its controller; orders, measurement, command, hooks, step and fall test.
 
     trial = WalkTrial(WalkSpec(robot="talos"))
     trial.scenario.append(Shove())      # a `TrialHook`: pushes, orders to the controller, whatever a trial is about

@@ -26,8 +26,8 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.trial.falls import BodyLimits
+from wbc.sim.trial.loops import trial_loop
 from wbc.sim.trial.push import PushSchedule
-from wbc.sim.trial.simulations import trial_loop
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.arrival import Arrival, middle

@@ -50,7 +50,7 @@ from wbc.sim.studies import (
 )
 from wbc.sim.studies.outcomes import trial_from_json
 from wbc.sim.terrain.spec import terrain
-from wbc.sim.trial.simulations import trial_loop
+from wbc.sim.trial.loops import trial_loop
 from wbc.sim.trial.trial import Trial
 from wbc.tasks import Behaviour, PostureTask, Program, StateMachine, reached
 from wbc.tasks.balance import balance_controller

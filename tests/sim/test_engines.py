@@ -29,7 +29,7 @@ from wbc.sim import (
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.studies import Journal, sweep
 from wbc.sim.studies.outcomes import trial_from_json
-from wbc.sim.trial.simulations import LOOPS, trial_loop
+from wbc.sim.trial.loops import LOOPS, trial_loop
 
 OWN_MODEL = '''
 import mujoco

@@ -17,7 +17,7 @@ from wbc.base.errors import InputError, MeasurementError
 from wbc.core.signals import Command
 from wbc.sim import DivergedError, Machine, MujocoLoop, Plant, SharedPlant
 from wbc.sim.simulation.simulation import Simulation
-from wbc.sim.trial.simulations import MEMBERS
+from wbc.sim.trial.loops import MEMBERS
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
 NA = len(DESCRIPTION.joint_names)

@@ -27,7 +27,7 @@ from wbc.base.numbers import finite_scalar
 from wbc.base.registry import allow_code
 from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
-from wbc.sim.trial.simulations import PLANT
+from wbc.sim.trial.loops import PLANT
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.plans import FASTER
 from wbc.sim.walks.presets import USUAL, WALK_PRESETS, over
