@@ -23,14 +23,14 @@ from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
 from wbc.core.robot import Closure, Coupling, Robot, driven_names, joints_to
 from wbc.robots import frames, moving, urdf
-from wbc.robots.derivation import inertia, posture, shapes
+from wbc.robots.derivation import posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, read_gains
 from wbc.robots.derivation.soles import mesh_folders
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.report import doubts, facts, report
-from wbc.robots.source import Source
+from wbc.robots.source import Source, unlimited
 from wbc.robots.source_of import source_of
 from wbc.robots.source_urdf import Urdf
 
@@ -68,6 +68,9 @@ class RobotDescription:
         torque_ranges: Joint → (smallest, largest) torque, Nm, of joints whose limits differ by direction.
         passive: Joints without a drive, whose torque is zero, such as those of the rods in a closed chain.
         closures: Where closed chains close.
+        foot_inertia: Sole → inertia that a foot adds to its leg, as the ten numbers of `toDynamicParameters` of a
+            `pin.Inertia` in the frame of the last joint of the leg; it is in the controller's model, since a plant
+            builds the feet itself.
         locked: Joint of the file that is fixed in the robot → its position, rad or m. Such a joint may move in a
             simulation of your own, as a spring does.
         sensors: Role → name of the sensor in the MJCF. The roles are "gyroscope", "accelerometer", "<body> force" and
@@ -95,6 +98,7 @@ class RobotDescription:
     torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     passive: tuple[str, ...] = ()
     closures: tuple[Closure, ...] = ()
+    foot_inertia: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     locked: Mapping[str, float] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
@@ -261,17 +265,6 @@ class RobotDescription:
         )
 
     @checked
-    def with_mass(self, name: str, link: str, inertia: pin.Inertia) -> RobotDescription:
-        """Return the same robot with a further link of an inertia, in the axes of the link that it is fixed to."""
-        source = source_of(self.xml)
-        source.add_mass(name, link, inertia)
-        return replace(self, xml=source.text)
-
-    def link_mass(self, link: str) -> float | None:
-        """Return the mass of a link of the file, kg; None for one without."""
-        inertial = self._source.inertials().get(link)
-        return None if inertial is None else inertial.mass
-
     @checked
     def with_servos(self, gains: Sequence[str]) -> RobotDescription:
         """Return the same robot with other servo gains.
@@ -400,6 +393,8 @@ class RobotDescription:
         content = (self.xml, self.soles, self.imu, self.torso, self.servo, *values)
         if self.base == "fixed":
             content = (*content, self.base)
+        if self.foot_inertia:
+            content = (*content, sorted(self.foot_inertia.items()))
         if self.closures:
             content = (*content, self.closures, self.passive)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
@@ -508,17 +503,22 @@ class RobotDescription:
     def _model(self) -> pin.Model:
         fixed = self.base == "fixed"
         source = source_of(self.xml)
-        changes = source.tidy(fixed, {})[1] + inertia.settle(source, fixed, repair=False)
-        if changes or source.unlimited():
+        changes = source.tidy(fixed, {}, repair=False)[1]
+        model = source.model(self.name, fixed)
+        if changes or unlimited(model):
             raise ModelError(
                 "the XML of a description must be tidy; use RobotDescription.from_urdf or from_mjcf"
             )
-        model = source.model(self.name, fixed)
         for description in (*self.soles, self.imu):
             frames.add_frame(model, description)
         for joint, (_, most) in self.torque_ranges.items():
             choose("joint", joint, driven_names(model))
             model.upperEffortLimit[model.joints[model.getJointId(joint)].idx_v] = most
+        for sole in self.soles:
+            if sole.name in self.foot_inertia:
+                foot = pin.Inertia.FromDynamicParameters(np.array(self.foot_inertia[sole.name]))
+                ankle = model.frames[model.getFrameId(sole.frame)].parentJoint
+                model.appendBodyToJoint(ankle, foot, pin.SE3.Identity())
         names = driven_names(model)
         model.armature[-len(names) :] = [self.armature.get(name, 0.0) for name in names]
         return model

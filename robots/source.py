@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import Array
-from wbc.core.robot import GRAVITY, UNLIMITED, Coupling, is_floating
+from wbc.core.robot import GRAVITY, UNLIMITED, Coupling, driven_joints, driven_names, is_floating
 
 Element = ElementTree.Element
 
@@ -40,13 +40,6 @@ class Geometry(NamedTuple):
     colour: tuple[float, float, float, float] | None = (
         None  # red, green, blue, opacity; None where the file has none
     )
-
-
-class Inertial(NamedTuple):
-    """Mass of a link, kg, and inertia about its centre of mass, in axes of its own, shape (3, 3), kg m²."""
-
-    mass: float
-    inertia: Array
 
 
 class Source(ABC):
@@ -94,28 +87,12 @@ class Source(ABC):
         """Return the joints that move with another one, joint → its leader, ratio and offset."""
 
     @abstractmethod
-    def inertials(self) -> dict[str, Inertial]:
-        """Return the inertias of links that have one."""
-
-    @abstractmethod
-    def set_inertial(self, link: str, inertial: Inertial | None) -> None:
-        """Give a link another mass and inertia, in the axes that it has, or none."""
-
-    @abstractmethod
-    def carriers(self, fixed: bool) -> dict[str, str]:
-        """Return link → the link with a joint, or the root, that it is fixed to; with `fixed` without those at rest."""
-
-    @abstractmethod
     def shapes(self) -> list[Geometry]:
         """Return the shapes of all links, in the order of the file; those of an unknown kind are left out."""
 
     @abstractmethod
     def without_geometry(self) -> str:
         """Return links, inertias and joints alone, which MuJoCo reads without any file."""
-
-    @abstractmethod
-    def unlimited(self) -> list[str]:
-        """Return the joints that have no torque limit; those that are coupled need none."""
 
     @abstractmethod
     def set_limits(
@@ -130,16 +107,20 @@ class Source(ABC):
     def turn_root(self, turn: float) -> str:
         """Put a link above the root whose x axis points to where the old one has `turn` (rad); return its name."""
 
-    @abstractmethod
-    def add_mass(self, name: str, link: str, inertia: pin.Inertia) -> None:
-        """Fix a link of that name and inertia, in the axes of another link, to that link."""
-
-    def tidy(self, fixed: bool, lock: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
-        """Settle what the file leaves open, and fix joints.
+    def tidy(
+        self, fixed: bool, lock: Mapping[str, float], repair: bool
+    ) -> tuple[dict[str, float], list[str]]:
+        """Settle what the file leaves open, fix joints, and check inertias, or repair them.
 
         Returned are the positions of all joints that are fixed, and what was changed, one line each.
         """
         return {}, []
+
+
+def unlimited(model: pin.Model) -> list[str]:
+    """Return the joints of a model that have no torque limit; those that are coupled need none."""
+    joints = zip(driven_names(model), driven_joints(model), strict=True)
+    return [name for name, joint in joints if model.upperEffortLimit[model.joints[joint].idx_v] == 0.0]
 
 
 def checked_limits(

@@ -9,18 +9,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import ModelError, shown
+from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.core.robot import Coupling
 from wbc.robots import tidying, urdf
-from wbc.robots.source import Element, Geometry, Inertial, Source, checked_limits
+from wbc.robots.derivation import inertia
+from wbc.robots.source import Element, Geometry, Source, checked_limits
 from wbc.robots.urdf import ENDLESS, MOVING
-
-HEAVIEST = 1e6
-"""Largest mass, kg, and largest moment of inertia, kg m², of a link."""
-
-ENTRIES = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-"""Entries of an inertia, row by row."""
 
 Colour = tuple[float, float, float, float]
 
@@ -28,10 +23,13 @@ Colour = tuple[float, float, float, float]
 class Urdf(Source):
     """A `<robot>` element; see `Source`."""
 
-    def tidy(self, fixed: bool, lock: Mapping[str, float]) -> tuple[dict[str, float], list[str]]:
+    def tidy(
+        self, fixed: bool, lock: Mapping[str, float], repair: bool
+    ) -> tuple[dict[str, float], list[str]]:
         """See `Source.tidy`."""
         notes = tidying.tidy(self.root, fixed)
-        return urdf.lock(self.root, lock), notes
+        locked = urdf.lock(self.root, lock)
+        return locked, notes + inertia.settle(self.root, fixed, repair)
 
     def tree(self, name: str, fixed: bool) -> pin.Model:
         """See `Source.tree`."""
@@ -75,51 +73,6 @@ class Urdf(Source):
                     found.append(made)
         return found
 
-    def inertials(self) -> dict[str, Inertial]:
-        """See `Source.inertials`."""
-        found = {}
-        for link in self.root.findall("link"):
-            if (inertial := link.find("inertial")) is not None:
-                name = str(link.get("name"))
-                found[name] = _inertial(name, inertial)
-        return found
-
-    def set_inertial(self, link: str, inertial: Inertial | None) -> None:
-        """See `Source.set_inertial`; the place of the centre of mass and the axes stay."""
-        element = next(each for each in self.root.findall("link") if each.get("name") == link)
-        old = element.find("inertial")
-        new = ElementTree.SubElement(element, "inertial") if old is None else old
-        if inertial is None:
-            element.remove(new)
-            return
-        for part in [*new.findall("mass"), *new.findall("inertia")]:
-            new.remove(part)
-        ElementTree.SubElement(new, "mass", value=repr(float(inertial.mass)))
-        values = inertial.inertia[np.triu_indices(3)].tolist()
-        ElementTree.SubElement(new, "inertia", dict(zip(ENTRIES, map(repr, values), strict=True)))
-
-    def carriers(self, fixed: bool) -> dict[str, str]:
-        """See `Source.carriers`."""
-        children = {child for _, child in map(urdf.parent_and_child, urdf.joints(self.root).values())}
-        ends = map(urdf.parent_and_child, urdf.joints(self.root, ("fixed",)).values())
-        fixed_to = {child: parent for parent, child in ends}
-        found = {}
-        for link in self.root.findall("link"):
-            carrier = name = str(link.get("name"))
-            while carrier in fixed_to:
-                carrier = fixed_to[carrier]
-            if not fixed or carrier in children:
-                found[name] = carrier
-        return found
-
-    def unlimited(self) -> list[str]:
-        """See `Source.unlimited`."""
-        return [
-            name
-            for name, joint in urdf.joints(self.root, MOVING).items()
-            if joint.find("mimic") is None and urdf.number(urdf.limit_of(joint), "effort", name) == 0.0
-        ]
-
     def set_limits(
         self,
         position: Mapping[str, tuple[float, float]] | None = None,
@@ -141,40 +94,6 @@ class Urdf(Source):
         self.root.insert(0, ElementTree.Element("link", name=(new := f"{old}_forward")))
         _fix(self.root, new, old, f"0 0 {-turn!r}", joint=f"{new}_fixed")
         return new
-
-    def add_mass(self, name: str, link: str, inertia: pin.Inertia) -> None:
-        """See `Source.add_mass`."""
-        inertial = ElementTree.SubElement(ElementTree.SubElement(self.root, "link", name=name), "inertial")
-        ElementTree.SubElement(
-            inertial, "origin", xyz=" ".join(f"{value!r}" for value in inertia.lever.tolist())
-        )
-        self.set_inertial(name, Inertial(inertia.mass, inertia.inertia))
-        _fix(self.root, link, name, joint=f"{name}_fixed")
-
-
-def _inertial(link: str, inertial: Element) -> Inertial:
-    mass, inertia, origin = (inertial.find(tag) for tag in ("mass", "inertia", "origin"))
-    if mass is None or inertia is None:
-        raise ModelError(f"link '{link}': <inertial> must have <mass> and <inertia>")
-    try:
-        kilograms = float(mass.get("value", "nan"))
-        ixx, ixy, ixz, iyy, iyz, izz = (float(inertia.get(entry, "0")) for entry in ENTRIES)
-    except ValueError as error:
-        given = {"mass": mass.get("value"), **inertia.attrib}
-        raise ModelError(f"link '{link}': mass and inertia must be numbers, got {shown(given)}") from error
-    matrix = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-    if not (np.isfinite(kilograms) and np.isfinite(matrix).all()):
-        raise ModelError(f"link '{link}': mass and inertia must be finite")
-    if abs(kilograms) > HEAVIEST or np.abs(matrix).max() > HEAVIEST:
-        raise ModelError(
-            f"link '{link}': mass (kg) and inertia (kg m²) must be at most {HEAVIEST:g}, got {kilograms:g} and "
-            f"{np.abs(matrix).max():g}"
-        )
-    # The URDF parser drops the whole inertia if it cannot read the origin.
-    placement = {} if origin is None else origin.attrib
-    for key in ("xyz", "rpy"):
-        urdf.triple(f"link '{link}': {key} of the inertial origin", placement.get(key, "0 0 0"))
-    return Inertial(kilograms, matrix)
 
 
 def _bare(root: Element) -> Element:

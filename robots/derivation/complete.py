@@ -14,10 +14,10 @@ from wbc.base.numbers import ROUNDING, finite_scalar, non_negative, positive
 from wbc.core.frames import FrameDescription
 from wbc.core.robot import GRAVITY, Closure, joints_to
 from wbc.robots import frames
-from wbc.robots.derivation import defaults, inertia, posture
+from wbc.robots.derivation import defaults, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
 from wbc.robots.options import DescriptionOptions
-from wbc.robots.source import Source
+from wbc.robots.source import Source, unlimited
 
 SoleFinder = Callable[[Source, pin.Model, float, list[str]], defaults.Soles]
 """Function of the robot's source, its model, the turn of the root so far (rad) and the notes that returns the soles."""
@@ -77,8 +77,8 @@ def complete(
         )
     for option in options:
         choose("option", option, DescriptionOptions.__annotations__)
-    locked, changes = robot.tidy(fixed, options.get("lock") or {})
-    notes += changes + inertia.settle(robot, fixed, options.get("repair", False))
+    locked, changes = robot.tidy(fixed, options.get("lock") or {}, options.get("repair", False))
+    notes += changes
     robot.set_limits(
         options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
     )
@@ -115,7 +115,7 @@ def complete(
     # Sizes follow from the height over the soles.
     com_height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
     mass = pin.computeTotalMass(model)
-    missing = robot.unlimited()
+    missing = unlimited(model)
     if missing and not soles:
         hint = defaults.feet_hint(model)
         raise ModelError(

@@ -1,6 +1,6 @@
 """An MJCF as the source of a robot: its bodies alone, and a Pinocchio model of what MuJoCo compiles of them.
 
-The root has no joint: the base floats, or is bolted to the world, as the description says. A position of a joint is
+A base that floats has a free joint, one that is bolted to the world has none. A position of a joint is
 MuJoCo's `qpos`. Velocity limits, which MJCF has not, are the first of the user's numbers of a joint. Geoms of the group
 `SHOWN` are visual shapes, the others are collision shapes; meshes are named as in a URDF, with their scale.
 """
@@ -18,7 +18,7 @@ import pinocchio as pin
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.core.robot import Coupling
-from wbc.robots.source import Element, Geometry, Inertial, Source, checked_limits
+from wbc.robots.source import Element, Geometry, Source, checked_limits
 
 WORLD_LINK = "world_link"
 """Root link of a robot that is bolted to the world."""
@@ -26,7 +26,7 @@ WORLD_LINK = "world_link"
 SHOWN = "2"
 """Group of the geoms that are drawn."""
 
-HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+FREE, HINGE, SLIDE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}")) for kind in ("FREE", "HINGE", "SLIDE"))
 
 _ALIGNED = {
     HINGE: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelRevoluteUnaligned),
@@ -84,44 +84,6 @@ class Mjcf(Source):
                 found.append(Geometry(link, role, kind, size, place, file, colour))
         return found
 
-    def inertials(self) -> dict[str, Inertial]:
-        """See `Source.inertials`."""
-        return {
-            name: Inertial(
-                float(str(inertial.get("mass"))), np.diag(_numbers(str(inertial.get("diaginertia"))))
-            )
-            for name, body in self._bodies().items()
-            if (inertial := body.find("inertial")) is not None
-        }
-
-    def set_inertial(self, link: str, inertial: Inertial | None) -> None:
-        """See `Source.set_inertial`; the place of the centre of mass and the axes stay."""
-        body = self._bodies()[link]
-        old = body.find("inertial")
-        new = ElementTree.SubElement(body, "inertial", pos="0 0 0") if old is None else old
-        if inertial is None:
-            body.remove(new)
-        else:
-            new.attrib.update(mass=repr(float(inertial.mass)), diaginertia=text(np.diag(inertial.inertia)))
-
-    def carriers(self, fixed: bool) -> dict[str, str]:
-        """See `Source.carriers`."""
-        found: dict[str, str] = {}
-        above = {body: each for each in self.root.iter() for body in each.findall("body")}
-        for body, parent in above.items():  # parents first
-            name, root = str(body.get("name")), parent.tag == "worldbody"
-            moves = body.find("joint") is not None or (root and not fixed)
-            carrier = name if moves else found.get(str(parent.get("name")))
-            if carrier is not None:
-                found[name] = carrier
-        return found
-
-    def unlimited(self) -> list[str]:
-        """See `Source.unlimited`."""
-        coupled = self.couplings()
-        joints = self._joints().items()
-        return [n for n, joint in joints if joint.get("actuatorfrcrange") is None and n not in coupled]
-
     def set_limits(
         self,
         position: Mapping[str, tuple[float, float]] | None = None,
@@ -143,24 +105,14 @@ class Mjcf(Source):
         world = next(self.root.iter("worldbody"))
         old = next(world.iter("body"))
         new = ElementTree.SubElement(world, "body", name=f"{old.get('name')}_forward")
+        new.extend(old.findall("freejoint"))
+        for joint in old.findall("freejoint"):
+            old.remove(joint)
         world.remove(old)
         new.append(old)
         turned = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, -turn)) * _quaternion(old)
         old.set("quat", text(turned.coeffs()[[3, 0, 1, 2]]))
         return str(new.get("name"))
-
-    def add_mass(self, name: str, link: str, inertia: pin.Inertia) -> None:
-        """See `Source.add_mass`."""
-        sizes, axes = np.linalg.eigh(inertia.inertia)
-        axes[:, 2] *= np.sign(np.linalg.det(axes))
-        ElementTree.SubElement(
-            ElementTree.SubElement(self._bodies()[link], "body", name=name),
-            "inertial",
-            pos=text(inertia.lever),
-            quat=text(pin.Quaternion(axes).coeffs()[[3, 0, 1, 2]]),
-            mass=repr(float(inertia.mass)),
-            diaginertia=text(sizes),
-        )
 
     def _bodies(self) -> dict[str, Element]:
         return {str(body.get("name")): body for body in self.root.iter("body")}
@@ -176,17 +128,12 @@ def pinocchio_model(compiled: mujoco.MjModel, fixed: bool) -> pin.Model:
     """
     names = {str(compiled.joint(i).name) for i in range(compiled.njnt)}
     model, free = pin.Model(), "root_joint"
-    frame = {0: 0}  # of each body
+    while free in names:
+        free += "_"
+    frame = {0: model.addBodyFrame(WORLD_LINK, 0, pin.SE3.Identity(), 0) if fixed else 0}  # of each body
     at = {
         0: (0, pin.SE3.Identity())
     }  # joint that moves each body, and the place of the body in the joint's frame
-    if fixed:
-        frame[0] = model.addBodyFrame(WORLD_LINK, 0, pin.SE3.Identity(), 0)
-    else:
-        while free in names:
-            free += "_"
-        root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), free)
-        frame[0], at[0] = model.addJointFrame(root, 0), (root, pin.SE3.Identity())
     for body in range(1, compiled.nbody):
         above = int(compiled.body_parentid[body])
         parent, place = at[above]
@@ -194,7 +141,10 @@ def pinocchio_model(compiled: mujoco.MjModel, fixed: bool) -> pin.Model:
         inner = frame[above]
         first = int(compiled.body_jntadr[body])
         for joint in range(first, first + int(compiled.body_jntnum[body])):
-            parent = _add_joint(model, compiled, joint, parent, place)
+            if int(compiled.jnt_type[joint]) == FREE:
+                parent = model.addJoint(parent, pin.JointModelFreeFlyer(), pin.SE3.Identity(), free)
+            else:
+                parent = _add_joint(model, compiled, joint, parent, place)
             inner = model.addJointFrame(parent, inner)
             place = along(-compiled.jnt_pos[joint])
         at[body] = parent, place

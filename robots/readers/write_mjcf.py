@@ -46,6 +46,8 @@ def write(
             carrier = _element("body", carrier, behind, place * along(anchor))
             place = along(-anchor)
         elements[body] = element = _element("body", carrier, link, place)
+        if floats:
+            ElementTree.SubElement(element, "freejoint")
         for joint, at, axis in moving:
             own = carrier if anchor.any() else element
             own.append(_joint(tree, joint, at - anchor, axis, torque))

@@ -22,9 +22,6 @@ from wbc.robots.description import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.terrain.render import TERRAIN_GROUP
 
-MASS_SUFFIX = "/mass"
-"""Suffix of a sole's name in the name of the link that carries the mass of its foot."""
-
 
 def ankle_soles(robot: Robot) -> tuple[AnkleSole, ...]:
     """Return the robot's own soles as input for fitting feet, left first; `ModelError` for one on the floating base."""
@@ -72,11 +69,17 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
     """
     description = as_description(description)
     robot = description.robot()
-    soles, worn = [], description
+    soles, inertias = [], dict(description.foot_inertia)
     for sole, geometry in zip(description.soles, ankle_soles(robot), strict=True):
         fit = foot.fit(geometry)
         if mass and fit.mass > 0.0:
-            worn = _with_mass(worn, f"{sole.name}{MASS_SUFFIX}", geometry.ankle_link, fit.added_inertia)
+            own = tuple(fit.added_inertia.toDynamicParameters().tolist())
+            has = inertias.setdefault(sole.name, own)[0]
+            if abs(has - fit.mass) > ROUNDING:
+                raise InputError(
+                    f"the description wears other feet already: '{sole.name}' has {has:g} kg, not {fit.mass:g} kg; "
+                    "give the description of the robot with its own soles"
+                )
         fitted = fit.sole
         unchanged = fitted.placement.isApprox(geometry.placement, ROUNDING)
         if unchanged and (fitted.length, fitted.width) == (sole.length, sole.width):
@@ -94,27 +97,9 @@ def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = F
                 width=fitted.width,
             )
         )
-    if tuple(soles) == description.soles:
-        return worn
-    return replace(worn, soles=(soles[0], soles[1]))
-
-
-def _with_mass(
-    description: RobotDescription, name: str, ankle: str, inertia: pin.Inertia
-) -> RobotDescription:
-    """Return a description with a foot of an inertia, in the axes of the ankle link, if it is not there already.
-
-    A foot of that name with another mass is an `InputError`.
-    """
-    has = description.link_mass(name)
-    if has is None:
-        return description.with_mass(name, ankle, inertia)
-    if abs(has - inertia.mass) > ROUNDING:
-        raise InputError(
-            f"the description wears other feet already: '{name}' has {has:g} kg, not {inertia.mass:g} kg; "
-            "give the description of the robot with its own soles"
-        )
-    return description
+    if tuple(soles) == description.soles and inertias == description.foot_inertia:
+        return description
+    return replace(description, soles=(soles[0], soles[1]), foot_inertia=inertias)
 
 
 class FootDevices:

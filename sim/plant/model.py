@@ -124,7 +124,8 @@ def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
     # The importer would weld the feet's force sensors into the ankles and drop visual geoms.
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
-    spec.worldbody.first_body().add_freejoint()
+    if not (base := spec.worldbody.first_body()).joints:
+        base.add_freejoint()
     return spec
 
 
