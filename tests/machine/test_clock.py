@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import mmap
 import os
+import pickle
+import time
 import types
 
 import numpy as np
@@ -11,6 +14,7 @@ import pytest
 
 from wbc.machine import clock, guard
 from wbc.machine.guard import BEAT, DAMP_PERIOD, watch
+from wbc.machine.loop import MachineError
 from wbc.machine.report import RunReport
 
 
@@ -79,6 +83,55 @@ def test_page_faults_and_collections_are_those_of_the_loop_alone(monkeypatch: py
     with clock.quiet(None) as got:
         assert got.page_faults == (0, 0) and got.collections == 0
     assert got.page_faults == (5, 50) and got.collections == 2
+
+
+class Child:
+    """A process of the guard that says a line."""
+
+    def __init__(self, says: bytes) -> None:
+        self.stdin, self.stdout, self.ended = io.BytesIO(), io.BytesIO(says), 0
+        self.given: tuple[str, ...] = ()
+
+    def __call__(self, command: tuple[str, ...], **options: object) -> Child:
+        self.given = (*command, *map(str, options["pass_fds"]))  # type: ignore[call-overload]
+        return self
+
+    def wait(self, timeout: float) -> None:
+        self.ended += 1
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *error: object) -> None: ...
+
+
+def test_a_guard_gets_the_driver_and_the_number_of_its_loop_and_sees_beats_alarms_and_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    child = Child(guard.WATCHING)
+    monkeypatch.setattr(guard.subprocess, "Popen", child)
+    driver = types.SimpleNamespace(name="drives")
+    made = guard.Guard(driver, 0.015, 7)  # type: ignore[arg-type]
+    assert pickle.loads(child.stdin.getvalue()) == driver
+    *_, memory, priority, parent, passed = child.given
+    assert (priority, parent) == ("7", str(os.getpid())) and memory == passed
+    seen = mmap.mmap(os.dup(int(memory)), mmap.PAGESIZE)
+    assert BEAT.unpack_from(seen, 0) == (0.0, 0.0)
+    before = time.monotonic()
+    made.beat()
+    beat, age = BEAT.unpack_from(seen, 0)
+    assert before <= beat <= time.monotonic() and age == 0.015
+    made.alarm()
+    assert BEAT.unpack_from(seen, 0) == (-np.inf, 0.015)
+    made.close()
+    assert BEAT.unpack_from(seen, 0)[1] == -1.0 and child.ended == 1
+    seen.close()
+    for says in (b"", b"Traceback\n", b"watching"):
+        monkeypatch.setattr(guard.subprocess, "Popen", child := Child(says))
+        with pytest.raises(MachineError, match="SimpleNamespace"):
+            guard.Guard(driver, 0.015)  # type: ignore[arg-type]
+        assert child.given[-3] == "0" and child.ended == 1
+    with pytest.raises(MachineError, match="pickled"):
+        guard.Guard(lambda: None, 0.015)  # type: ignore[arg-type]
 
 
 def test_a_report_counts_ticks_in_classes_of_their_times() -> None:
