@@ -50,10 +50,22 @@ def test_refuses_bad_commands_without_moving() -> None:
         (Command(np.zeros(na - 1), position, zero), "shape"),
         (Command(zero, None, zero), "position"),
         (Command(zero, position, zero, np.array([5.0, 5.0])), "stiffness"),
+        (Command(zero, 1e200 * (1.0 + position**2), zero), plant.robot.joint_names[0]),
     ]
+    for value in (-1.0, np.nan, np.inf, 1e200):  # of one joint, or of all alike
+        for gains in (np.full(na, value), np.where(np.arange(na) == 3, value, 1.0)):
+            fine = np.ones(na)
+            bad += [
+                (Command(zero, position, zero, kp=k, kd=d), "k[pd] of joint")
+                for k, d in ((gains, fine), (fine, gains))
+            ]
+            bad += [
+                (Command(zero, position, zero, kp=gains), "kp of joint"),
+                (Command(zero, position, zero, kd=gains), "kd of joint"),
+            ]
     for _ in range(3):
         for command, named in bad:
-            with pytest.raises(InputError, match=named):
+            with pytest.raises(InputError, match=named), np.errstate(over="ignore"):
                 plant.step(command)
         plant.step(good)
         twin.step(good)

@@ -30,7 +30,7 @@ from wbc.feet.soles.rigid import RigidFoot
 from wbc.motion import write_motion
 from wbc.robots import RobotDescription, load, names
 from wbc.sim.balance.push_recovery import recovers
-from wbc.sim.balance.standing import MODES, StandSpec, StandTrial, centre_of_pressure, stand
+from wbc.sim.balance.standing import MODES, StandResult, StandSpec, StandTrial, centre_of_pressure, stand
 from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
@@ -40,6 +40,7 @@ from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.trial import Trial
 from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.result import WallClock
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.tasks.balance import balance_controller
@@ -294,6 +295,63 @@ def test_a_search_begins_without_a_push_and_adds_up_its_walks() -> None:
     for bad in ({"resolution": 1.1}, {"push": {"time": 0.95}}):
         with pytest.raises(InputError):
             trial_from_json({"kind": "stand_push_limit", "seconds": 1.0} | bad)
+
+
+def test_a_walk_that_diverges_is_no_result_of_a_trial_nor_of_a_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What else a walk may end with is a result; of a search strayed walks count as held, fallen ones as not."""
+
+    def ended(outcome: str) -> Any:
+        clock = WallClock(1.0, 2.0, {"median": 1.0}, 0.5)
+        return SimpleNamespace(
+            outcome=outcome,
+            record=lambda: {"outcome": outcome},
+            clock=clock,
+            steps_done=3,
+            seconds=1.5,
+            fall_reason=None,
+        )
+
+    spec = WalkSpec(plan=WalkPlan(distance=0.1))
+    search = WalkPushLimitSpec(walk=replace(spec, pushes=(WalkPush(impulse=0.1, time=0.1),)), highest=0.4)
+    for outcome, status, found in (
+        ("completed", "done", 0.4),
+        ("strayed", "done", 0.4),
+        ("fell", "done", None),
+        ("diverged", "diverged", None),
+    ):
+        monkeypatch.setattr("wbc.sim.studies.kinds.WalkTrial.run", lambda trial, hooks, o=outcome: ended(o))
+        trial = run_trial(spec)
+        assert (trial.status, trial.result) == (status, {"outcome": outcome})
+        assert trial.clock is not None and trial.clock["wall_s"] == 1.0
+        monkeypatch.setattr("wbc.sim.studies.push_limit.walk", lambda spec, hooks, o=outcome: ended(o))
+        limit = run_trial(search)
+        assert limit.status == status and limit.result is not None and limit.result["impulse"] == found
+        assert limit.result["walks"] == (2 if found else 1 if outcome == "fell" else 0)
+
+
+def test_results_are_shown_with_their_units() -> None:
+    """Numbers with four digits; what is no plain value, such as a list, is left out."""
+    shown = StandResult(
+        robot="g1",
+        mode="torque",
+        upright=True,
+        com_error_mm=1.23456,
+        zmp_noise_mm=0.5,
+        real_time_factor=2.0,
+        tick_us={"median": 1.0},
+        seconds=3.0,
+        steps_taken=2,
+        failures=0,
+        noise="none",
+        foot="flat",
+        seed=5,
+        control_period=0.002,
+    )._repr_html_()
+    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in shown.split("<tr")]
+    assert ["com_error_mm", "1.235"] in [row[-2:] for row in rows]
+    assert ["seconds", "3", "s"] in [row[-3:] for row in rows] and "tick_us" not in shown
 
 
 @pytest.mark.slow
