@@ -6,7 +6,7 @@ The command line, files and journals of a trial are made from the fields of its 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Annotated, Any, ClassVar, Self
 
@@ -32,6 +32,9 @@ from wbc.sim.trial.loops import PLANT, trial_loop
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
 
+
+DELAYS = ("measurement_delay", "command_delay")
+"""Delays of a machine that its observer knows."""
 
 RobotName = Annotated[str, BeforeValidator(name_of)]
 """Name of a robot; a description is taken by the name under which this process finds it."""
@@ -141,20 +144,26 @@ class TrialSpec:
         """Return the controller's robot, the loop, and an observer with some settings that knows the delays."""
         foot = foot_by_name(self.foot)
         description = with_feet(load(self.robot).with_servos(self.servo), foot)
+        plant = self.simulation(description, foot=foot, seed=self.seed, visuals=visuals)
+        robot, settings = description.robot(), self.with_delays(observer or ObserverSettings())
+        return robot, plant, Observer(robot, settings, adopt=self.chosen != "position")
+
+    def simulation(self, description: RobotDescription, **options: Any) -> Simulation:
+        """Return the simulation of a robot; the options are those that the fields of every trial do not say."""
         plant: Simulation = trial_loop(self.loop).make(
             description,
-            foot=foot,
             noise=self.noise,
-            seed=self.seed,
             timestep=self.timestep,
             control_period=self.period,
             machine=self.machine,
-            visuals=visuals,
+            **options,
         )
-        robot = description.robot()
-        delays = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
-        knowing = replace(observer or ObserverSettings(), **delays)
-        return robot, plant, Observer(robot, knowing, adopt=self.chosen != "position")
+        return plant
+
+    def with_delays(self, observer: ObserverSettings, given: Collection[str] = ()) -> ObserverSettings:
+        """Return settings of an observer that knows the delays of the machine, but for those that are given."""
+        delays = {name: getattr(self.machine, name) for name in DELAYS if name not in given}
+        return replace(observer, **delays)
 
 
 @dataclass(frozen=True, kw_only=True)

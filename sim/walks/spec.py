@@ -253,11 +253,9 @@ class WalkSpec(TrialSpec):
 
     def settings(self) -> WalkTrialSettings:
         """Return preset and changes as settings."""
-        stated = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
-        given = dict(self.changes)
-        delays = {f"observer.{k}": v for k, v in stated.items() if v > 0.0 and f"observer.{k}" not in given}
-        changes = as_changes({**given, **delays})
-        trial = trial_settings(self.gains, changes, self.chosen, self.timestep)
+        trial = trial_settings(self.gains, self.changes, self.chosen, self.timestep)
+        given = [path.removeprefix("observer.") for path, _ in self.changes]
+        trial = replace(trial, observer=self.with_delays(trial.observer, given))
         if not self.gait.given:
             return trial
         if trial.step_kind == "free":

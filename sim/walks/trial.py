@@ -26,7 +26,6 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.trial.falls import BodyLimits
-from wbc.sim.trial.loops import trial_loop
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
@@ -272,17 +271,13 @@ def _walking(
 
 def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> Simulation:
     """Return the simulation, its robot where the controller's robot is."""
-    plant: Simulation = trial_loop(spec.loop).make(
+    plant = spec.simulation(
         prepared.plant_description,
         foot=prepared.foot,
         terrain=spec.ground(),
-        timestep=spec.timestep,
-        control_period=spec.period,
-        noise=spec.noise,
         range_sensor=_range_sensor(spec, prepared.settings),
         seed=spec.seed if spec.noise_seed is None else spec.noise_seed,
         physics=prepared.settings.physics,
-        machine=spec.machine,
         scene=spec.things(),
         eyes=_eyes(spec, prepared.settings),
         visuals=visuals,
