@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,16 +11,18 @@ import pytest
 from at_rest import at_rest
 from task_factory import near_half_sitting, standing
 
-from wbc.base.errors import UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.core.drive.control import FailurePolicy
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
+from wbc.core.drive.servos import Servos
 from wbc.core.drive.torque import TorqueControl
+from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solver import Status
-from wbc.core.robot import Robot
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command
 from wbc.tasks import CoMTask
 
@@ -187,3 +190,85 @@ def test_outside_forces_take_part_in_the_equations_of_motion_and_residuals_are_w
                 @ solution.wrenches[sole.name]
             )
         np.testing.assert_allclose(left, 0.0, atol=1e-5)
+
+
+# ---- figures --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_balance_is_lost_where_the_dcm_is_farther_from_every_foot_than_the_limit_over_the_height(
+    yaw: float,
+) -> None:
+    """ξ = c + ċ √(h/g), with the height h of the CoM over the lower foot."""
+    controller = standing("hrp4_class", DT)
+    control, robot = TorqueControl(controller), controller.robot
+    q, v = np.array(robot.half_sitting), np.zeros(robot.nv)
+    q[:2], q[2] = (3.0, -2.0), q[2] + 0.4
+    q[3:7] = 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    v[:2] = 0.5, 0.3
+    robot.update(q, v)
+    soles = [np.array(robot.placement(sole.frame).translation) for sole in robot.soles]
+    height = float(robot.com[2]) - min(sole[2] for sole in soles)
+    dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
+    least = min(float(np.linalg.norm(dcm - sole[:2])) for sole in soles) / height
+    for share in (0.999, 1.001):
+        control.dcm_limit = share * least
+        assert ("balance lost" in control.status()) == (share < 1.0)
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 4])
+def test_a_control_stops_once_failures_have_lasted_longer_than_its_policy_says(
+    ticks: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    controller = standing("hrp4_class", DT)
+    control = TorqueControl(controller, policy=FailurePolicy(stop_after=(ticks + 0.5) * DT))
+    control.command(at_rest(controller.robot, 0.0))
+    assert not control.failing and control.fallen is None
+    fail_from_now_on(controller, monkeypatch)
+    for tick in range(1, ticks + 3):
+        control.command(at_rest(controller.robot, tick * DT))
+        assert control.failing and control.failures == tick
+        assert control.stopped == (tick > ticks) == control.status().startswith("stopped: ")
+        assert control.fallen is (FallReason.SOLVER if tick > ticks else None)
+    assert control.time == pytest.approx((ticks + 3) * DT)
+
+
+def test_servos_are_as_soft_as_a_share_of_what_was_derived_and_stiff_enough_at_given_ankles() -> None:
+    """Three hundredths of derived gains; 0.4 m g h at each ankle whose gain is given."""
+    names, kp, kd = (
+        ("hip", "left_ankle", "right_ankle"),
+        np.array([500.0, 79.0, 81.0]),
+        np.array([5.0, 3.0, 2.0]),
+    )
+    for given, soft in (
+        ((), None),
+        (("left_ankle",), "left_ankle"),
+        (("right_ankle",), None),
+        (("hip", "left_ankle", "right_ankle"), "left_ankle"),
+    ):
+        servos = Servos(kp, kd, frozenset(given), names, names[1:], tipping=200.0)
+        assert servos.soft_ankle == soft
+        share = np.array([1.0 if name in given else 0.03 for name in names])
+        np.testing.assert_allclose(servos.soft(), [share * kp, share * kd])
+        if soft is None:
+            servos.check_position_control()
+        else:
+            with pytest.raises(InputError, match=r"kp of 80 Nm/rad .*\(0.4 m g h\), 'left_ankle' has 79"):
+                servos.check_position_control()
+
+
+def test_a_position_control_that_is_damped_holds_nothing_and_brakes_each_joint() -> None:
+    """Gains of zero and damping over the torque limit, about where the joints are within their ranges."""
+    controller = standing("hrp4_class", DT)
+    robot, control = controller.robot, PositionControl(controller)
+    control.command(at_rest(robot, 0.0))
+    control.falls.reason = FallReason.DOWN
+    q = at_rest(robot, DT).joint_position + 0.01
+    q[3] = robot.position_upper[3] + 0.1
+    moving = speeds(robot)
+    command = control.command(at_rest(robot, DT, joint_position=q, joint_velocity=moving))
+    assert command.kp is not None and command.kd is not None and not command.kp.any()
+    np.testing.assert_allclose(command.kd, 0.02 * robot.torque_limit)
+    np.testing.assert_allclose(command.joint_velocity, 0.0, atol=1e-12)
+    np.testing.assert_allclose(command.joint_torque, 0.0, atol=1e-9)
+    assert control.status().startswith("fallen: ") and "damped" in control.status()
