@@ -46,6 +46,9 @@ MAX_SOLIDS = 50_000_000
 MOST_PLACED = 50_000
 """Largest number of solids that a density asks for."""
 
+DAMPING_TIME = 0.01
+"""Damping of a floor that gives over its stiffness by default, s."""
+
 LARGEST_AMPLITUDE = 100.0
 """Largest amplitude, m."""
 
@@ -74,6 +77,8 @@ class Terrain:
         ramp: Length of the first piece of the rough part, on which heights grow from 0 to their own, m; solids sink
             by the ratio at their middle. 0 for a sharp edge. The amplitude is that without the ramp.
         sole_radius: Radius of the spheres under the sole, m; a height field must be as fine.
+        floor_stiffness: Stiffness of the ground per area, N/m³, the modulus of subgrade reaction; None for a rigid one.
+        floor_damping: Damping of the ground per area, Ns/m³; a hundredth of a second times its stiffness when None.
     """
 
     parameters: Family
@@ -85,6 +90,8 @@ class Terrain:
     strip: Annotated[Positive, Field(le=LONGEST_TRACK), "m"] = 1.0
     ramp: Annotated[NonNegative, Field(le=LONGEST_TRACK), "m"] = RAMP
     sole_radius: Annotated[Positive, "m"] = SOLE_SPHERE_RADIUS
+    floor_stiffness: Annotated[Positive, "N/m³"] | None = None
+    floor_damping: Annotated[NonNegative, "Ns/m³"] | None = None
 
     def __post_init__(self) -> None:
         """Check the amplitude and the track against the family."""
@@ -97,6 +104,8 @@ class Terrain:
             raise InputError(
                 f"amplitude of {self.name} must be 0 or at least {LEAST_AMPLITUDE:g} m, got {self.amplitude:g}"
             )
+        if self.floor_damping is not None and self.floor_stiffness is None:
+            raise InputError("floor_damping is that of a floor that gives: it needs floor_stiffness, too")
         self.parameters.check_track(self.length, self.width)
         if self.ramp > 0.0 and not self.parameters.ramps:
             raise InputError(f"terrain '{self.name}' has no ramp, its heights are exact; got {self.ramp:g} m")
@@ -116,6 +125,12 @@ class Terrain:
     def name(self) -> str:
         """Name of the family."""
         return self.parameters.name
+
+    @property
+    def own_damping(self) -> float:
+        """Damping of a ground that gives, Ns/m³."""
+        given, stiffness = self.floor_damping, self.floor_stiffness or 0.0
+        return DAMPING_TIME * stiffness if given is None else given
 
     @property
     def stop(self) -> float:
@@ -317,6 +332,8 @@ class Terrain:
             "width_m": self.width,
             "strip_m": self.strip,
             "ramp_m": self.ramp,
+            "floor_stiffness_n_per_m3": self.floor_stiffness,
+            "floor_damping_ns_per_m3": None if self.floor_stiffness is None else self.own_damping,
             "unidirectional": self.parameters.unidirectional,
             "rise_m": self.parameters.rise_at(self.amplitude),
             "geoms": dict(Counter(type(s).__name__.lower() for s in ground.solids)),
@@ -334,7 +351,7 @@ def _as_text(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
-TRACK = ("length", "width", "start", "strip", "ramp", "sole_radius")
+TRACK = ("length", "width", "start", "strip", "ramp", "sole_radius", "floor_stiffness", "floor_damping")
 """Fields of a terrain that have a default, which a family may change."""
 
 
@@ -348,7 +365,8 @@ def terrain(
         name: One of `terrain_families()`, or an instance of a family with its parameters.
         amplitude: Highest minus lowest point of the rough part, m; the default of the family when None.
         seed: Fixes every random draw.
-        **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius; all in m) and parameters of the
+        **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius in m; floor_stiffness in N/m³,
+            floor_damping in Ns/m³) and parameters of the
             family; by default those of the family.
     """
     given = {field: values.pop(field) for field in TRACK if field in values}

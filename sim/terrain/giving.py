@@ -1,0 +1,112 @@
+"""Floors that give: each point of a sole rests on a spring and a damper of the floor, by MuJoCo's own contacts.
+
+A contact of a constant impedance d whose `solref` is (−s, −b) has the force
+
+    f = (s r − b v − d a) / ((1 − d) Â),
+
+with the depth r, its rate v, the acceleration a of the gap without contact, and the inverse inertia Â of the sole's
+body at the contact (`body_invweight0`). A spring K and a damper C follow from s = K (1 − d) Â and b = C (1 − d) Â; the
+smaller d is, the smaller is the virtual mass d/((1 − d) Â) of the contact. For a floor of stiffness k per area and a
+point that stands for the area A of its sole, K = k A.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.feet import FootParts
+from wbc.sim.terrain.spec import Terrain
+
+IMPEDANCE = 1e-3
+"""Impedance d of a contact with a floor that gives."""
+
+FRICTION_IMPEDANCE = 1000.0
+"""Ratio of the impedances of friction and normal force (`impratio`): friction would creep by the softness of the floor,
+at half of its limit by 13 mm/s with a ratio of 10, by 0.13 mm/s with this one."""
+
+
+class GivingFloor:
+    """Springs and dampers of a floor under the points of all soles of a compiled model.
+
+    MuJoCo's `discrete` integrator takes the inverse inertia Â in its own metric, in which the servos of the joints and
+    the hinges of a sole count, too. `adapt` reads it from the rows of the contacts and corrects their parameters.
+    """
+
+    def __init__(self, model: mujoco.MjModel, feet: Iterable[FootParts], ground: Terrain) -> None:
+        """Write the parameters into the model, by the inverse inertia that it has at rest.
+
+        Raises an `InputError` for a floor that is too stiff for the step of the physics, with the step that could.
+        """
+        stiffness = ground.floor_stiffness
+        assert stiffness is not None
+        data, area = mujoco.MjData(model), np.zeros(model.ngeom)
+        mujoco.mj_kinematics(model, data)
+        for foot in feet:
+            geoms = np.array([model.geom(name).id for name in foot.contact_geoms])
+            sole = data.site(foot.wrench_site)
+            points = (data.geom_xpos[geoms] - sole.xpos) @ sole.xmat.reshape(3, 3)
+            area[geoms] = point_areas(points[:, :2], foot.fit.sole.length * foot.fit.sole.width)
+        self._own = area > 0.0
+        self._springs = np.outer(area, (-stiffness, -ground.own_damping)) * (1.0 - IMPEDANCE)
+        inverse = model.body_invweight0[model.geom_bodyid, 0]
+        longest = 1.0 / math.sqrt(stiffness * float((area * inverse).max()))
+        if model.opt.timestep > longest:
+            raise InputError(
+                f"a floor of {stiffness:.3g} N/m³ under these soles needs a physics step of {longest:.3g} s at most, "
+                f"got {model.opt.timestep:g} s: shorten the step, or leave floor_stiffness out for a rigid floor"
+            )
+        model.opt.impratio = FRICTION_IMPEDANCE
+        model.geom_solref[self._own] = (self._springs * inverse[:, None])[self._own]
+        model.geom_solimp[self._own, :2] = IMPEDANCE
+
+    def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Correct the parameters of the points that touch, by the rows of the step that has just been made.
+
+        A row has the regularisation R = (1 − d)/d Â / (1 + h (b + h s)/d) with the step h.
+        """
+        contact, step = data.contact, model.opt.timestep
+        geoms, rows = contact.geom.max(axis=1, initial=0), contact.efc_address
+        touching = (rows >= 0) & self._own[geoms]
+        geoms, rows = geoms[touching], rows[touching]
+        s, b = -model.geom_solref[geoms].T
+        inverse = (
+            data.efc_R[rows] * (1.0 + step * (b + step * s) / IMPEDANCE) * (IMPEDANCE / (1.0 - IMPEDANCE))
+        )
+        model.geom_solref[geoms] = self._springs[geoms] * inverse[:, None]
+
+
+def point_areas(points: Array, area: float) -> Array:
+    """Return the area that each point of a sole stands for, shape (n,), m²: their sum is that of the sole.
+
+    Points on a grid, shape (n, 2), m, are weighed by the trapezoidal rule, three equal columns by Simpson's rule, under
+    which a sole also has the right stiffness about its axes; other points have equal shares.
+    """
+    (rows, row), (columns, column) = (_levels(points[:, axis]) for axis in range(2))
+    if len(rows) * len(columns) != len(points):
+        return np.full(len(points), area / len(points))
+    weights = _rule(rows)[row] * _rule(columns)[column]
+    return np.asarray(area * weights)
+
+
+def _levels(values: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Return the different values, to a hundredth of a millimetre, and the number of each one."""
+    places, which = np.unique(np.round(values, 5), return_inverse=True)
+    return places, which.astype(np.intp)
+
+
+def _rule(places: Array) -> Array:
+    """Return weights of places by which a mean over their span is taken."""
+    if len(places) == 1:
+        return np.ones(1)
+    gaps = np.diff(places)
+    if len(places) == 3 and abs(gaps[0] - gaps[1]) < 1e-4:
+        return np.array([1.0, 4.0, 1.0]) / 6.0
+    weights = 0.5 * (np.append(gaps, 0.0) + np.insert(gaps, 0, 0.0))
+    return np.asarray(weights / weights.sum())

@@ -1,0 +1,154 @@
+"""Floors that give: depth, stiffness about the axes of a sole, damping and friction are those of a bed of springs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import wbc
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array
+from wbc.core.robot import GRAVITY
+from wbc.feet import foot
+from wbc.sim.rig.rig import GUIDE_STIFFNESS, FootTest, Rig
+from wbc.sim.terrain.giving import point_areas
+from wbc.sim.terrain.spec import terrain
+
+STIFFNESS = 1e7
+"""Stiffness of the floor, N/m³: that of loose sand."""
+
+
+def settled(name: str, seconds: float = 1.5, **values: Any) -> Rig:
+    """A foot that has come to rest on the floor."""
+    given = {"load": 200.0, "drop": 0.0} | values
+    rig = Rig(FootTest(foot=foot(name), ground=terrain("flat", floor_stiffness=STIFFNESS), **given))
+    for _ in range(rig.steps(seconds)):
+        rig.step()
+    return rig
+
+
+def depths(rig: Rig) -> tuple[Array, Array]:
+    """Area that each point of a sole stands for, m², and its depth in the floor, m."""
+    geoms = [rig.model.geom(name).id for name in rig.foot.contact_geoms]
+    start = mujoco.MjData(rig.model)
+    mujoco.mj_kinematics(rig.model, start)
+    sole = start.site(rig.foot.wrench_site)
+    points = (start.geom_xpos[geoms] - sole.xpos) @ sole.xmat.reshape(3, 3)
+    size = rig.foot.fit.sole
+    areas = point_areas(points[:, :2], size.length * size.width)
+    return areas, np.maximum(rig.model.geom_size[geoms, 0] - rig.data.geom_xpos[geoms, 2], 0.0)
+
+
+@pytest.mark.parametrize("name", ["flat", "rigid", "soft", "long_arch"])
+@pytest.mark.parametrize("load", [50.0, 500.0])
+def test_springs_under_the_points_carry_the_weight(name: str, load: float) -> None:
+    rig = settled(name, load=load)
+    areas, depth = depths(rig)
+    assert STIFFNESS * float(areas @ depth) == pytest.approx(rig.mass * GRAVITY, rel=0.005)
+
+
+@pytest.mark.parametrize("load", [10.0, 200.0, 600.0])
+def test_a_level_sole_sinks_by_weight_over_stiffness_and_area(load: float) -> None:
+    rig = settled("flat", load=load)
+    size = rig.foot.fit.sole
+    height = rig.data.site(rig.foot.wrench_site).xpos[2]
+    assert -height == pytest.approx(rig.mass * GRAVITY / (STIFFNESS * size.length * size.width), rel=0.004)
+
+
+@pytest.mark.parametrize(("axis", "stiff"), [("roll", "width"), ("pitch", "length")])
+def test_a_sole_tilts_by_the_second_moment_of_its_area(axis: str, stiff: str) -> None:
+    """M = (k I + servo + g h² − m g h) φ with I = L W³/12 about the long axis, L³ W/12 about the short one.
+
+    The ankle at the height h carries the weight, and the springs g of the guide hold it sideways.
+    """
+    rig = settled("flat", load=600.0)
+    size, servo, moment = rig.foot.fit.sole, rig.test.ankle_stiffness, 0.5
+    own, other = getattr(size, stiff), size.length * size.width / getattr(size, stiff)
+    joint = rig.model.joint(axis)
+    before = float(rig.data.qpos[joint.qposadr[0]])
+    rig.data.qfrc_applied[joint.dofadr[0]] = moment
+    for _ in range(rig.steps(1.5)):
+        rig.step()
+    angle = float(rig.data.qpos[joint.qposadr[0]]) - before
+    height = float(rig.data.body("carriage").xpos[2])
+    ankle = GUIDE_STIFFNESS * height**2 - rig.mass * GRAVITY * height
+    assert moment / angle - servo - ankle == pytest.approx(STIFFNESS * other * own**3 / 12.0, rel=0.05)
+
+
+def test_a_foot_swings_on_the_floor_as_a_damped_oscillator_does() -> None:
+    """The greatest depth of a foot that is let go is that of m z̈ + C ż + K z = 0 about the depth of rest."""
+    stiffness, damping = 2e6, 4e3
+    ground = terrain("flat", floor_stiffness=stiffness, floor_damping=damping)
+    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=400.0, drop=0.0))
+    size = rig.foot.fit.sole
+    k, c = (value * size.length * size.width for value in (stiffness, damping))
+    ratio = c / (2.0 * math.sqrt(k * rig.mass))
+    most = rig.mass * GRAVITY / k * (1.0 + math.exp(-math.pi * ratio / math.sqrt(1.0 - ratio**2)))
+    deepest = 0.0
+    for _ in range(rig.steps(0.5)):
+        rig.step()
+        deepest = max(deepest, -float(rig.data.site(rig.foot.wrench_site).xpos[2]))
+    assert ratio < 0.3 and deepest == pytest.approx(most, rel=0.02)
+
+
+def test_a_loaded_sole_does_not_creep_under_half_of_its_friction() -> None:
+    rig = settled("flat", load=400.0)
+    joint = rig.model.joint("forward")
+    rig.model.jnt_stiffness[joint.id] = 0.0
+    rig.data.qfrc_applied[joint.dofadr[0]] = 0.5 * rig.test.foot.contact.friction * rig.mass * GRAVITY
+    for _ in range(rig.steps(0.5)):
+        rig.step()
+    assert abs(rig.data.qvel[joint.dofadr[0]]) < 5e-4  # m/s
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_standing_robot_sinks_by_its_weight_whatever_its_drives_do(mode: str) -> None:
+    """Servos change the metric in which the contacts are solved, and not the floor."""
+    description = wbc.load_robot("g1")
+    plant = wbc.Plant(description, terrain=terrain("flat", floor_stiffness=STIFFNESS), control_period=0.005)
+    kind = wbc.PositionControl if mode == "position" else wbc.TorqueControl
+    control = kind(wbc.balance_controller(description.robot(), plant.control_period))
+    while plant.time < 1.0:
+        plant.step(control.command(plant.measure()))
+    heights = [plant.sole_pose(side)[0][2] for side in (0, 1)]
+    area = sum(built.fit.sole.length * built.fit.sole.width for built in plant.feet)
+    weight = float(plant.model.body_mass.sum()) * GRAVITY
+    assert -np.mean(heights) == pytest.approx(weight / (STIFFNESS * area), rel=0.01)
+
+
+def test_areas_of_points_are_those_of_rules_of_integration() -> None:
+    x, y = np.meshgrid([0.0, 0.1, 0.2], [-0.03, 0.03], indexing="ij")
+    grid = np.column_stack([x.ravel(), y.ravel()])
+    np.testing.assert_allclose(point_areas(grid, 1.2), 1.2 / 6.0 * np.repeat([1.0, 4.0, 1.0], 2) / 2.0)
+    four = np.column_stack([[0.0, 0.1, 0.2, 0.4], np.zeros(4)])
+    np.testing.assert_allclose(point_areas(four, 0.8), [0.1, 0.2, 0.3, 0.2])  # trapezoidal rule
+    odd = np.array([(0.0, 0.0), (0.1, 0.0), (0.0, 0.05)])
+    np.testing.assert_allclose(point_areas(odd, 0.3), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("values", "named"),
+    [
+        ({"floor_stiffness": 0.0}, "floor_stiffness"),
+        ({"floor_stiffness": math.nan}, "floor_stiffness"),
+        ({"floor_stiffness": 1e7, "floor_damping": -1.0}, "floor_damping"),
+        ({"floor_damping": 1e5}, "floor_stiffness"),
+    ],
+)
+def test_floors_that_are_none_are_refused(values: dict[str, float], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        terrain("flat", **values)  # type: ignore[arg-type]
+
+
+def test_a_floor_that_is_too_stiff_for_the_step_names_the_step_that_could() -> None:
+    with pytest.raises(InputError, match="s at most") as refused:
+        Rig(FootTest(foot=foot("flat"), ground=terrain("flat", floor_stiffness=1e13)))
+    step = float(str(refused.value).partition("step of ")[2].split()[0])
+    assert 0.0 < step < 0.001
+    rig = settled("flat", seconds=0.01)
+    assert rig.model.opt.impratio == 1000.0
+    assert Rig(FootTest(foot=foot("flat"))).model.opt.impratio == 10.0
