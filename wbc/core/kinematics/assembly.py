@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.core.kinematics.solution import Achieved, holding
+from wbc.core.kinematics.solution import holding
 from wbc.core.limits.base import Limit
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
@@ -72,7 +72,6 @@ class VelocityAssembly(RowStore):
         """Allocate the problem and place these items, which are bound to the robot."""
         super().__init__(robot, levels, contacts, limits, 1)
         self._regularisation, self._per_error = regularisation, damping
-        self._contacts = contacts
         self._tasks = [task for level in levels for task in level]
         p, n = self.problem, self.targets.size
         self._gain, self._cost = np.zeros(n), np.zeros(n)  # rate that acts, 1/s; weighted errors
@@ -123,13 +122,8 @@ class VelocityAssembly(RowStore):
             level.damping = self._regularisation + self._per_error * float(cost.dot(left))
         for limit, matrix, lower, upper in self._limits:
             limit.write_velocity(dt, matrix, lower, upper)
-        if self._others.stop > self._others.start:
+        if self._demands:
             self._attainable.cut()
-
-    def _fill(self) -> None:
-        for contact in self._contacts:
-            contact.advance(np.inf)  # there is no force to ramp
-        super()._fill()
 
     def _take_gains(self) -> None:
         """Compute what follows from rates, weights and bounds."""
@@ -149,7 +143,7 @@ class VelocityAssembly(RowStore):
     def cost_after(self, step: Array) -> float:
         """Return the cost of the configuration after a step, were the rows that `write_step` has filled exact."""
         values = self.problem.rows.dot(step)
-        left = self.achieved(step, values).residuals
+        left = self.residuals(step, values, self.targets)
         return self._cost_of(left, values[self.problem.target.size :])
 
     def _cost_of(self, error: Array, values: Array) -> float:
@@ -172,10 +166,9 @@ class VelocityAssembly(RowStore):
         self.damping = damping
         self._write_diagonal(damping)
 
-    def achieved(self, x: Array, values: Array) -> Achieved:
-        """Return the velocities of all rows of generalised velocities x; `values` are those of the problem's."""
-        lower = self._lower_matrix.dot(x) if self.lower else None
-        return Achieved(x, values, lower, self._columns, self.targets.copy())
+    def error_gain(self, task: Task) -> Array:
+        """Return the velocity per error, 1/s, shape (dim,)."""
+        return self._gain[self.places[task.name]]
 
     def pull(self, task: Task) -> tuple[float, float]:
         """Return the length of the gradient of the cost of a task, and its share of the greatest for such an error."""

@@ -17,7 +17,7 @@ from wbc.core.kinematics.levels import solve_levels
 from wbc.core.kinematics.reach import Search
 from wbc.core.kinematics.solution import ReachResult, VelocitySolution
 from wbc.core.limits.base import Limit
-from wbc.core.qp.diagnosis import held_back, is_far, violated_groups
+from wbc.core.qp.diagnosis import held_back, is_far
 from wbc.core.qp.items import Item, Items, ItemT
 from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
@@ -191,15 +191,23 @@ class InverseKinematics(Items):
         if self._moving:
             self._moving = [task for task in self._moving if task.move_on(self._dt)]
         assembly, solver = self._assembly, self._solver
-        assembly.write(self._dt)
+        self._write()
         velocities, multipliers, status = self._solve()
         values = solver.values if not assembly.lower else assembly.problem.rows.dot(velocities)
-        achieved = assembly.achieved(velocities, values)
         self._solution = VelocitySolution(
-            status, velocities, achieved, multipliers, assembly.places, assembly.names
+            status, velocities, values, assembly.targets.copy(), multipliers, assembly
         )
         self._asked = True
         return velocities
+
+    def _engage(self) -> None:
+        """Hold or let go of contacts that have been switched at once: there is no force to ramp."""
+        for contact in self._contacts:
+            contact.advance(np.inf)
+
+    def _write(self) -> None:
+        self._engage()
+        self._assembly.write(self._dt)
 
     def _solve(self) -> tuple[Array, Array, Status]:
         """Solve the QP that is written; return variables, multipliers and status."""
@@ -264,6 +272,7 @@ class InverseKinematics(Items):
         before, velocity, asked = robot.q.copy(), robot.v.copy(), self._asked
         tasks = [task for task in self._tasks if not task.of_velocity]
         robot.v[:] = 0.0
+        self._engage()
         if self._dirty or len(tasks) < len(self._tasks):
             self._rebuild(tasks)
         elif self._reads_all:
@@ -285,32 +294,12 @@ class InverseKinematics(Items):
         if solution is None or not solution.ok or self._dirty:
             return {}
         residuals = solution.residuals
-        soft = {
-            task.name: (task, residuals[task.name], np.minimum(task.rate, 1.0 / self._dt))
-            for task in self._tasks
-            if not (task.hard or task.idle)
-        }
-        first = {name: each for name, each in soft.items() if id(each[0]) not in self._levels}
-        lower = {name: each for name, each in soft.items() if name not in first}
-        found = held_back(
-            first, self._assembly.problem, solution.places, solution.limits, solution.multipliers
-        )
-        for name, (task, residual, rate) in lower.items():
-            if is_far(task, residual, rate):
-                level = self._levels[id(task)]
-                found[name] = tuple(
-                    each.name
-                    for each in self._tasks
-                    if self._levels.get(id(each), 0) < level and not each.idle
-                )
+        soft = [task for task in self._tasks if not (task.hard or task.idle)]
+        first = [task for task in soft if id(task) not in self._levels]
+        found = held_back(first, self._assembly, residuals, solution.multipliers)
+        for task in soft:
+            level = self._levels.get(id(task), 0)
+            if level and is_far(task, self._assembly, residuals):
+                above = (each for each in self._tasks if self._levels.get(id(each), 0) < level)
+                found[task.name] = tuple(each.name for each in above if not each.idle)
         return found
-
-    def diagnose(self) -> dict[str, float]:
-        """Return contacts, hard tasks and limits that contradict each other: name → violation, largest first.
-
-        If tasks or constraints contain NaN or infinity, the result is NaN for these.
-        """
-        if self._dirty:
-            self._rebuild()
-            self._assembly.write(self._dt)
-        return self._assembly.not_finite() or violated_groups(self._assembly.problem)

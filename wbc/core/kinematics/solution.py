@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.core.qp.solving.solver import Status
+from wbc.core.qp.store import RowStore
 
 HOLDS = 1e-6
 """Multiplier, as a share of the greatest or of one, above which a limit holds something."""
@@ -24,41 +24,6 @@ def holding(names: tuple[str, ...], multipliers: Array) -> tuple[str, ...]:
 
 
 @dataclass(slots=True, eq=False)
-class Achieved:
-    """Velocities of all rows, put together where somebody asks for them.
-
-    Attributes:
-        velocities: Generalised velocities, shape (nv,).
-        rows: All rows of the QP times the velocities; the first of them are those of the first level.
-        lower: Rows of the lower levels times the velocities; None without any.
-        columns: Coordinates of soft selections, whose rows are the last.
-        targets: Wanted velocities of all rows.
-    """
-
-    velocities: Array
-    rows: Array
-    lower: Array | None
-    columns: NDArray[np.intp]
-    targets: Array
-
-    @property
-    def values(self) -> Array:
-        """Velocities of all rows, a new array."""
-        values, n, lower = np.empty(self.targets.size), self.columns.size, self.lower
-        between = slice(values.size - n - (0 if lower is None else lower.size), values.size - n)
-        values[: between.start] = self.rows[: between.start]
-        if lower is not None:
-            values[between] = lower
-        values[between.stop :] = self.velocities[self.columns]
-        return values
-
-    @property
-    def residuals(self) -> Array:
-        """Achieved minus wanted velocities of all rows."""
-        return self.values - self.targets
-
-
-@dataclass(slots=True, eq=False)
 class VelocitySolution:
     """Result of one step; owns its arrays.
 
@@ -66,18 +31,18 @@ class VelocitySolution:
         status: Step of the solver's ladder that succeeded; `RELAXED` where limits, contacts and hard tasks could not
             all be kept. When `ok` is False the velocities are zero.
         velocities: Generalised velocities: base (in its own frame), then joints, shape (nv,), m/s and rad/s.
-        achieved: Velocities of all rows, and the wanted ones.
+        values: Velocities of the rows of the QP.
+        targets: Wanted velocities of all rows.
         multipliers: Multipliers of the inequalities, positive where the upper bound is active.
-        places: Name of a task → its residual rows.
-        limits: Name of each inequality.
+        rows: Rows of tasks and limits, with their names.
     """
 
     status: Status
     velocities: Array
-    achieved: Achieved
+    values: Array
+    targets: Array
     multipliers: Array
-    places: Mapping[str, slice]
-    limits: tuple[str, ...]
+    rows: RowStore
 
     def __repr__(self) -> str:
         return f"VelocitySolution({self.status.name.lower()}, {len(self.active_limits)} active limits)"
@@ -96,13 +61,13 @@ class VelocitySolution:
     @property
     def residuals(self) -> dict[str, Array]:
         """Task name → achieved minus wanted velocity, shape (dim,), unit of the task per second."""
-        residuals = self.achieved.residuals
-        return {name: residuals[rows] for name, rows in self.places.items()}
+        residuals = self.rows.residuals(self.velocities, self.values, self.targets)
+        return {name: residuals[place] for name, place in self.rows.places.items()}
 
     @property
     def active_limits(self) -> tuple[str, ...]:
         """Names of the limits that are active, each once."""
-        return holding(self.limits, self.multipliers)
+        return holding(self.rows.names, self.multipliers)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -252,7 +252,7 @@ class Assembly(RowStore):
             for lower, upper in self._single:
                 if lower.size:
                     lower[released.index], upper[released.index] = -np.inf, np.inf
-        if self._others.stop > self._others.start:
+        if self._demands:
             self._attainable.cut()
 
     def kept(
@@ -267,10 +267,6 @@ class Assembly(RowStore):
             lower[released.index], upper[released.index] = -np.inf, np.inf
         return np.clip(torques, lower, upper)
 
-    def residuals(self, x: Array, values: Array) -> Array:
-        """Return achieved minus reference of all rows and selections, a new array; `values` are all rows times x."""
-        n, residual = self.problem.target.size, np.empty(self.targets.size)
-        residual[:n] = values[:n]
-        residual[n:] = x.take(self._columns)
-        residual -= self.targets
-        return residual
+    def error_gain(self, task: Task) -> Array:
+        """Return the acceleration per error, 1/s², shape (dim,)."""
+        return task.stiffness

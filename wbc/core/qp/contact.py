@@ -323,7 +323,7 @@ class Contact(Motion):
     def hold(self) -> None:
         """Take the present placement of the frame as the place of the contact, at rest."""
         self._target = pin.SE3(self._placement)
-        self.velocity = np.zeros(self.dim)
+        self._rows.velocity[:] = 0.0
 
     @property
     def target(self) -> pin.SE3:

@@ -17,7 +17,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
 from wbc.core.qp.assembly import Assembly, empty_problem
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.diagnosis import held_back, status_table, violated_groups
+from wbc.core.qp.diagnosis import held_back, status_table
 from wbc.core.qp.items import Item, Items
 from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.released import ReleasedJoints
@@ -166,7 +166,7 @@ class Controller(Items):
                 task.observe(measurement, self._dt)
         for contact in self._contacts:
             contact.advance(self._dt)
-        assembly.write(self._dt, self._torques, self.outside, self._released)
+        self._write()
         assembled = perf_counter()
         status = solver.solve()
         solved = perf_counter()
@@ -176,7 +176,7 @@ class Controller(Items):
             self._torques = torques = solver.values[assembly.torque_rows] + assembly.problem.torque_bias
             if self.robot.passive.size:  # zero up to the solver's tolerance
                 torques[self.robot.passive] = 0.0
-            residual = assembly.residuals(x, solver.values)
+            residual = assembly.residuals(x, solver.values, assembly.targets)
             multipliers = solver.multipliers
         else:
             x = self._variables_of(last)
@@ -189,6 +189,10 @@ class Controller(Items):
             status, x, torques, solver.iterations, timings, assembly.layout, residual, multipliers
         )
         return solution
+
+    def _write(self) -> None:
+        """Write the present state into the QP."""
+        self._assembly.write(self._dt, self._torques, self.outside, self._released)
 
     def _variables_of(self, last: Solution | None) -> Array:
         """Return the variables of the last tick by their names: wrenches of contacts that are new are zero."""
@@ -251,18 +255,6 @@ class Controller(Items):
 
     # ---- explanations -------------------------------------------------------------------------------------------
 
-    def diagnose(self) -> dict[str, float]:
-        """Return the constraints that contradict each other, found with slack on every group; slow, not for the tick.
-
-        The result maps the name of a group of constraints to its largest violation in the group's own unit, largest
-        first. It is empty when the QP has a solution. If the QP contains NaN or infinity, the result is NaN for the
-        tasks and groups that contain it.
-        """
-        if self._dirty:
-            self._rebuild()
-            self._assembly.write(self._dt, self._torques, self.outside, self._released)
-        return self._assembly.not_finite() or violated_groups(self.problem)
-
     def status_table(self) -> str:
         """Return a printable table of the tasks, contacts and limits at the last tick."""
         items = self._tasks, self._contacts
@@ -276,13 +268,12 @@ class Controller(Items):
         if solution is None or not solution.ok or solution.layout is not self._assembly.layout:
             return {}
         residuals = solution.residuals
-        soft = {
-            task.name: (task, residuals[task.name], task.stiffness)
+        soft = [
+            task
             for task in self._tasks
             if not (task.hard or task.idle or task is self._released) and task.name in residuals
-        }
-        layout = solution.layout
-        return held_back(soft, self.problem, layout.tasks, layout.limits, solution.multipliers)
+        ]
+        return held_back(soft, self._assembly, residuals, solution.multipliers)
 
     def _repr_html_(self) -> str:
         return html_table(self.status_table())

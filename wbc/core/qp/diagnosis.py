@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import qpsolvers
-from numpy.typing import NDArray
 
 from wbc.base.numbers import Array
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution
+from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import NEAR, Task
 from wbc.core.robot import Robot
 
@@ -64,23 +64,8 @@ def violated_groups(problem: Problem) -> dict[str, float]:
     return {name: value for name, value in worst_first if value > SLACK_TOLERANCE}
 
 
-def groups_not_finite(problem: Problem) -> list[str]:
-    """Return the groups of constraints whose numbers are not finite."""
-    p = problem
-    finite: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(p.rows), axis=1)
-    finite[: p.target.size] &= np.isfinite(p.target)
-    finite[p.target.size :] &= (p.lower < np.inf) & (p.upper > -np.inf)
-    groups = {name: finite[rows] for name, rows in p.equality_groups.items()}
-    groups |= {name: finite[p.target.size :][rows] for name, rows in p.inequality_groups.items()}
-    return [name for name, inside in groups.items() if not inside.all()]
-
-
 def held_back(
-    tasks: Mapping[str, tuple[Task, Array, Array]],
-    problem: Problem,
-    places: Mapping[str, slice],
-    limits: Sequence[str],
-    multipliers: Array,
+    tasks: Sequence[Task], rows: RowStore, residuals: Mapping[str, Array], multipliers: Array
 ) -> dict[str, tuple[str, ...]]:
     """Return the tasks that others hold off their targets → names of the tasks and limits that do, strongest first.
 
@@ -89,30 +74,27 @@ def held_back(
     what holds it back. A task with a smaller residual than that of an error with which it is reached is left out.
 
     Args:
-        tasks: Name of a soft task → the task, its residual, and the gains that make residuals of its errors, shape
-            (dim,).
-        problem: The QP that has been solved.
-        places: Name of a task that is no selection → its rows.
-        limits: Names of the inequalities.
-        multipliers: Their multipliers.
+        tasks: Soft tasks.
+        rows: Rows of the QP that has been solved.
+        residuals: Name of a task → its residual.
+        multipliers: Multipliers of the inequalities.
     """
-    p = problem
+    p = rows.problem
     pulls: dict[str, Array] = {}
-    for name, (task, residual, _) in tasks.items():
-        cost = task._rows.weight * residual
+    for task in tasks:
+        cost = task._rows.weight * residuals[task.name]
         if isinstance(task, SelectionTask):
-            pulls[name] = np.zeros(p.diagonal.size)
-            pulls[name][np.arange(p.diagonal.size)[task.columns]] = cost
+            pulls[task.name] = np.zeros(p.diagonal.size)
+            pulls[task.name][np.arange(p.diagonal.size)[task.columns]] = cost
         else:
-            pulls[name] = cost @ p.rows[places[name]]
+            pulls[task.name] = cost @ p.rows[rows.places[task.name]]
     for row in np.flatnonzero(multipliers).tolist():
-        pulls[limits[row]] = pulls.get(limits[row], 0.0) + multipliers[row] * p.inequality[row]
+        limit = rows.names[row]
+        pulls[limit] = pulls.get(limit, 0.0) + multipliers[row] * p.inequality[row]
     _, sizes, axes = np.linalg.svd(p.equality, full_matrices=False)
     axes = axes[sizes > 1e-9 * sizes.max(initial=0.0)]
     found = {}
-    for name, (task, residual, gains) in tasks.items():
-        if not is_far(task, residual, gains):
-            continue
+    for name in (task.name for task in tasks if is_far(task, rows, residuals)):
         free = pulls[name] - axes.T @ (axes @ pulls[name])
         shares = {
             other: -float(pull @ free / (free @ free)) for other, pull in pulls.items() if other != name
@@ -125,11 +107,12 @@ def held_back(
     return found
 
 
-def is_far(task: Task, residual: Array, gains: Array) -> bool:
-    """Return true for a residual beyond that of an error with which a task is reached."""
-    sizes = zip(task._parts(), task._sizes(residual), strict=True)
+def is_far(task: Task, rows: RowStore, residuals: Mapping[str, Array]) -> bool:
+    """Return true for a task whose residual is beyond that of an error with which it is reached."""
+    gains, sizes = rows.error_gain(task), task._sizes(residuals[task.name])
     return any(
-        size > NEAR.get(unit, NEAR["m"]) * (float(gains[part].max()) or 1.0) for (unit, part), size in sizes
+        size > NEAR.get(unit, NEAR["m"]) * (float(gains[part].max()) or 1.0)
+        for (unit, part), size in zip(task._parts(), sizes, strict=True)
     )
 
 

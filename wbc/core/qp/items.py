@@ -19,6 +19,7 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
+from wbc.core.qp.diagnosis import violated_groups
 from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import Task
@@ -196,6 +197,26 @@ class Items:
 
     def held_back(self) -> dict[str, tuple[str, ...]]:
         """Return the tasks that others hold off their targets at the last tick → names of what does."""
+        raise NotImplementedError
+
+    def diagnose(self) -> dict[str, float]:
+        """Return the constraints that contradict each other, found with slack on every group; slow, not for the tick.
+
+        The result maps the name of a group of constraints (contacts, hard tasks, limits) to its largest violation in
+        the group's own unit, largest first. It is empty when the QP has a solution. If the QP contains NaN or infinity,
+        the result is NaN for the tasks and groups that contain it.
+        """
+        if self._dirty:
+            self._rebuild()
+            self._write()
+        return self._assembly.not_finite() or violated_groups(self._assembly.problem)
+
+    def _rebuild(self) -> None:
+        """Make QP and solver of what there is now."""
+        raise NotImplementedError
+
+    def _write(self) -> None:
+        """Write the present state into the QP."""
         raise NotImplementedError
 
     def error_of(self, task: Task) -> Array:

@@ -27,7 +27,6 @@ from wbc.core.limits.base import ATTAINABLE, BACK, Attainable, Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.diagnosis import groups_not_finite
 from wbc.core.qp.kinds import SelectionTask, VariableTask
 from wbc.core.qp.motion import NONE, Block, Motion, Rows
 from wbc.core.qp.solving.problem import Problem
@@ -96,7 +95,9 @@ class RowStore:
         self.problem = p = Problem(nv, n_torques, nv + rows_in(forces), n_eq, n_soft, self._others.stop)
         p.n_physics = self._start
 
-        qp, beside, selected = consecutive(n_eq + n_soft, rows_in(lower), rows_in(selections))
+        self._of_qp, self._of_lower, self._of_selections = qp, beside, selected = consecutive(
+            n_eq + n_soft, rows_in(lower), rows_in(selections)
+        )
         self.targets = np.zeros(selected.stop)
         p.target, self._selected_target = self.targets[qp], self.targets[selected]
         self._lower_matrix = np.zeros((rows_in(lower), nv))
@@ -122,13 +123,12 @@ class RowStore:
         self._columns: NDArray[np.intp] = np.concatenate(
             [coordinates[:0], *(coordinates[task.columns] for task in selections)]
         )
+        # A single selection of consecutive coordinates, such as a posture, is the usual case.
+        alone = len(selections) == 1 and isinstance(selections[0].columns, slice)
+        self._alone = p.linear[:nv][selections[0].columns] if alone else None
         self._selected_weight = rows.weight[selected.start - self._start :]
         self._selected_cost: Array = np.zeros(nv)  # sum of their weights at each coordinate
         self._diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
-        # A single selection of consecutive coordinates, such as a posture, is the usual case.
-        alone = len(selections) == 1 and isinstance(selections[0].columns, slice)
-        self._alone = self._linear[selections[0].columns] if alone else None
-
         names = [f"torque of {joint}" for joint in robot.joint_names][:n_torques]
         if n_torques:
             p.inequality_groups["torque limits"] = self._torques
@@ -140,6 +140,7 @@ class RowStore:
             names += [f"{what} of {contact.name}"] * len(contact.ranged)
         self.names = (*names, *self._place_limits(many, self._others.start))
         bounds = (p.lower[self._joints], p.upper[self._joints]) if single else None
+        self._demands = bool(many)
         demanding = p.inequality[self._others, :nv], p.lower[self._others], p.upper[self._others]
         self._attainable = Attainable(*demanding, bounds, ATTAINABLE if order == 2 else BACK)
         p.yielding[self._others], p.yielding[self._joints] = 1, 2
@@ -280,6 +281,20 @@ class RowStore:
 
     # ---- results ------------------------------------------------------------------------------------------------
 
+    def residuals(self, x: Array, values: Array, targets: Array) -> Array:
+        """Return achieved minus wanted of all targets, a new array, for variables x and `values`, all rows times x."""
+        residual = np.empty(self.targets.size)
+        residual[self._of_qp] = values[self._of_qp]
+        if self._lower_matrix.size:
+            residual[self._of_lower] = self._lower_matrix.dot(x)
+        residual[self._of_selections] = x.take(self._columns)
+        residual -= targets
+        return residual
+
+    def error_gain(self, task: Task) -> Array:
+        """Return what a task asks for per error, shape (dim,): velocity, 1/s, or acceleration, 1/s²."""
+        raise NotImplementedError
+
     def error_of(self, task: Task) -> Array:
         """Return the error of a task at the last tick, shape (dim,), a copy; zero for one that is not there."""
         rows = self.places.get(task.name)
@@ -289,7 +304,13 @@ class RowStore:
 
     def not_finite(self) -> dict[str, float]:
         """Return what has NaN or infinity in it: name of a task or of a group of constraints → NaN."""
-        found = dict.fromkeys(groups_not_finite(self.problem), float("nan"))
+        p = self.problem
+        finite: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(p.rows), axis=1)
+        finite[: p.target.size] &= np.isfinite(p.target)
+        finite[p.target.size :] &= (p.lower < np.inf) & (p.upper > -np.inf)
+        groups = {name: finite[rows] for name, rows in p.equality_groups.items()}
+        groups |= {name: finite[p.target.size :][rows] for name, rows in p.inequality_groups.items()}
+        found = {name: float("nan") for name, inside in groups.items() if not inside.all()}
         for block in (*self._blocks, *self._on_variables):
             task = block.item
             target = self.targets[self.places[task.name]]
