@@ -33,8 +33,8 @@ from .core.limits.shapes import CollisionHull as CollisionHull
 from .core.limits.shapes import CollisionSphere as CollisionSphere
 from .core.limits.shapes import Obstacle as Obstacle
 from .core.limits.torque import TorqueLimits as TorqueLimits
+from .core.qp.closure import FixedContact as FixedContact
 from .core.qp.closure import LoopClosure as LoopClosure
-from .core.qp.contact import FixedContact as FixedContact
 from .core.qp.contact import PointContact as PointContact
 from .core.qp.contact import SoleContact as SoleContact
 from .core.qp.controller import Controller as Controller

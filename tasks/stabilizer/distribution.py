@@ -28,7 +28,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import largest
-from wbc.core.qp.contact import rectangle_wrench_cone
+from wbc.core.friction import rectangle_wrench_cone
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
 

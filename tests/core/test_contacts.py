@@ -17,14 +17,12 @@ from task_factory import ROBOTS, integrate, left_hand, make_robot, right_hand, s
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.core.qp.closure import LoopClosure
+from wbc.core.friction import friction_pyramid, rectangle_wrench_cone
+from wbc.core.qp.closure import FixedContact, LoopClosure
 from wbc.core.qp.contact import (
     Contact,
-    FixedContact,
     PointContact,
     SoleContact,
-    friction_pyramid,
-    rectangle_wrench_cone,
 )
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription

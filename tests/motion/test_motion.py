@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 from wbc import load_robot
 from wbc.app.cli import main
 from wbc.base.errors import InputError
-from wbc.core.qp.contact import mean_distance
+from wbc.core.friction import mean_distance
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion
 from wbc.motion.contacts import find_contacts, runs

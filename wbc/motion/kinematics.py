@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.ndimage import gaussian_filter1d
 
 from wbc.base.numbers import ROUNDING, Array
-from wbc.core.qp.contact import mean_distance
+from wbc.core.friction import mean_distance
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 
 SMOOTHING = 0.02

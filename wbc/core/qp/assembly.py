@@ -27,9 +27,8 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Block
 from wbc.core.qp.released import ReleasedJoints
-from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Layout
-from wbc.core.qp.store import NOTHING, RowStore, consecutive, rows_in
+from wbc.core.qp.store import NOTHING, RowStore, rows_in
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 
@@ -47,17 +46,6 @@ class _Force:
     cone_upper: Array
     lower: Array  # of the components that have a range
     upper: Array
-
-
-def empty_problem(robot: Robot, contacts: Sequence[Contact]) -> Problem:
-    """Return the QP of some contacts alone, unwritten, to try tasks on variables on: it changes nothing elsewhere."""
-    nv, na, physics, n_force = robot.nv, robot.na, robot.base_dof + robot.passive.size, rows_in(contacts)
-    problem = Problem(nv, na, nv + n_force, physics + n_force, 0, na)
-    problem.n_physics = physics
-    _, *columns = consecutive(nv, *(contact.dim for contact in contacts))
-    for contact, own in zip(contacts, columns, strict=True):
-        problem.contacts[contact.name], problem.loaded[contact.name] = own, np.array(contact.active)
-    return problem
 
 
 class Assembly(RowStore):
@@ -107,7 +95,7 @@ class Assembly(RowStore):
         self._yielding = [
             (block.jacobian, self._forces[block.item.name].columns)
             for block, _ in self._holds
-            if block.item.motion_weight is not None
+            if block.item._yields
         ]
         self._torque_lower, self._torque_upper = p.lower[self._torques], p.upper[self._torques]
         self._torque_bounds = np.zeros(robot.na), np.zeros(robot.na)

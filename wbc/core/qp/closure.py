@@ -1,5 +1,6 @@
-"""Closed chains: two frames of a robot that are one place, as the ends of a rod and of the lever that it moves.
+"""Contacts that hold any wrench: of a frame with the world, and of two frames of a robot that close a chain.
 
+The two frames are one place, as the ends of a rod and of the lever that it moves.
 A robot's model is a tree; a chain that closes is opened at one joint, and the closure holds what that joint held.
 """
 
@@ -15,9 +16,12 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.vectors import add_cross
 from wbc.core.frames import frame_jacobian
-from wbc.core.qp.contact import Contact, ContactOptions
+from wbc.core.qp.contact import NORMAL, USUAL_WEIGHTS, Contact, ContactOptions, HeldFrame
 from wbc.core.qp.motion import Rows
-from wbc.core.robot import Robot
+from wbc.core.robot import GRAVITY, Robot
+
+LEVER = 1.0
+"""Length by which the moments of a frame that is gripped are bounded while its forces grow, m."""
 
 SAMPLES = 12
 """Number of postures around the present one in which the directions are looked for that the chain leaves free."""
@@ -27,6 +31,46 @@ SPREAD = 0.3
 
 FREE = 1e-6
 """Share of the greatest motion of the two ends against each other below which there is none in a direction."""
+
+
+class FixedContact(HeldFrame):
+    """Contact of a frame that is fixed to the world and holds any wrench: a bolted base, a gantry, a gripped rail.
+
+    Its wrench is along the axes of the frame, and no friction cone bounds it. Its cost is 10⁻⁸ per N² and (Nm)² by
+    default. `max_force` bounds the force along the z axis in both directions, 10⁶ N by default. All six components have
+    bounds while the contact is being switched on or off.
+    """
+
+    ranged = (0, 1, 2, 3, 4, 5)
+    usual = {"max_force": 1e6, "wrench_weight": 1e-8}
+
+    @checked
+    def __init__(self, frame: str, **options: Unpack[ContactOptions]) -> None:
+        """Describe the contact of a frame, which stays where it is when the contact is added."""
+        super().__init__(frame, frame, np.zeros((0, 6)), **options)
+
+    @property
+    def normal_force_range(self) -> tuple[float, float]:
+        """Smallest and largest force along the z axis of the frame that are allowed now, N."""
+        high = float(self.force_ranges()[1][NORMAL])
+        return -high, high
+
+    def force_ranges(self) -> tuple[Array, Array]:
+        """Return the smallest and largest values of the force variables allowed now, each of shape (6,), N and Nm."""
+        if self._active and self._load == 1.0:
+            high = np.full(self.dim, np.inf)
+            high[NORMAL] = self.max_force
+        else:
+            high = self._load * self._greatest()
+        return -high, high
+
+    def _greatest(self) -> Array:
+        """Forces of which the load is a share, shape (6,), N and Nm; see `Contact`."""
+        if self._carried is not None:
+            return self._carried
+        assert self.max_force is not None
+        most = min(self.max_force, USUAL_WEIGHTS * self.robot.mass * GRAVITY)
+        return most * np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
 
 
 class LoopClosure(Contact):
@@ -92,32 +136,22 @@ class LoopClosure(Contact):
 
     def _resize(self, directions: Array) -> None:
         """Take other directions over, with the gains and weights that were given for them."""
+        numbers = np.vstack([self._rows.values, self._wrench_weight])
         same = np.abs(directions.dot(self.directions.T)) > 1.0 - FREE  # rows along rows that were there
-        given: dict[str, Array | None] = {
-            "stiffness": self.stiffness,
-            "damping": None if self._critical else self.damping,
-            "rate": self.rate,
-            "wrench_weight": self.wrench_weight,
-            "motion_weight": self.motion_weight,
-        }
-        for what, values in given.items():
-            if values is None or (values == values[0]).all():
-                given[what] = None if values is None else values[0]
-            elif same.any(axis=1).all():
-                given[what] = values[same.argmax(axis=1)]
-            else:
-                raise InputError(
-                    f"{what} of closure '{self.name}' must be a scalar: its chain opens in directions that are not "
-                    f"along the axes of '{self.frame}', got {values}"
-                )
+        if (numbers == numbers[:, :1]).all():
+            kept = np.zeros(len(directions), dtype=np.intp)
+        elif same.any(axis=1).all():
+            kept = same.argmax(axis=1)
+        else:
+            raise InputError(
+                f"gains and weights of closure '{self.name}' must be scalars: its chain opens in directions that are "
+                f"not along the axes of '{self.frame}'"
+            )
         self.dim, self.directions = len(directions), directions
-        self._lines = np.ascontiguousarray(directions[:, :3])
-        self._spins = np.ascontiguousarray(directions[:, 3:])
-        self._rows, self.cone = Rows.zeros(self.dim), np.zeros((0, self.dim))
-        if self.dim:
-            for what, values in given.items():
-                if what != "motion_weight" or values is not None:
-                    setattr(self, what, values)
+        self._lines, self._spins = (np.ascontiguousarray(part) for part in np.hsplit(directions, [3]))
+        self._rows, self._wrench_weight = Rows(numbers[:-1, kept]), numbers[-1, kept]
+        self.cone = np.zeros((0, self.dim))
+        self.revision += 1
 
     @property
     def normal_force_range(self) -> tuple[float, float]:

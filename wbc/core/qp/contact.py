@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, positive, read_only
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
 from wbc.core.frames import frame_jacobian
+from wbc.core.friction import box_wrench_cone, friction_pyramid, rectangle_wrench_cone
 from wbc.core.qp.motion import RATE, Motion
 from wbc.core.robot import GRAVITY, Reads, Robot
 
@@ -37,70 +38,11 @@ USUAL_WEIGHTS = 4.0
 LEAST_CARRIED = 0.01
 """Force from which a contact unloads at least, over the weight of the robot."""
 
-LEVER = 1.0
-"""Length by which the moments of a frame that is gripped are bounded while its forces grow, m."""
+NORMAL = 2
+"""Place of the normal force among the force variables."""
 
 UPRIGHT = 1e-3
 """Length of the level part of a sole's x axis below which it has no heading: the sole stands on end."""
-
-
-def mean_distance(half_length: float, half_width: float) -> float:
-    """Return the mean distance d of the points of a rectangle from its centre, m; even pressure holds μ f_z d."""
-    x, y = half_length, half_width
-    return float(np.hypot(x, y) / 3 + x**2 / (6 * y) * np.arcsinh(y / x) + y**2 / (6 * x) * np.arcsinh(x / y))
-
-
-def rectangle_wrench_cone(
-    half_length: float, half_width: float, friction: float, *, even: bool = False
-) -> Array:
-    """Return the cone of wrenches that a rectangular sole can transmit with Coulomb friction at its corners.
-
-    Args:
-        half_length: Half extent along x, m.
-        half_width: Half extent along y, m.
-        friction: Coulomb coefficient μ of the ground; forces are those of the pyramid inside its friction cone (see
-            `inner_friction`).
-        even: Scale the bounds of the yaw moment so that the greatest one is that of even pressure, ν f_z d with d the
-            mean distance of the points from the centre and ν the friction of the pyramid, instead of ν (X + Y) f_z:
-            with friction at its corners alone a sole holds about twice as much.
-
-    Returns:
-        Matrix F with F w ≤ 0 for a wrench w = [force; moment] in the sole frame at its centre, shape (16, 6).
-
-    Source: Caron, Pham, Nakamura, "Stability of surface contacts for humanoid robots: closed-form formulae of the
-    contact wrench cone for rectangular support areas", ICRA 2015, eq. (9)–(14).
-    """
-    x, y = positive("half length (m)", half_length), positive("half width (m)", half_width)
-    mu = inner_friction(friction)
-    cone = np.zeros((16, 6))
-    cone[0:4, 2] = -mu  # friction pyramid
-    cone[0:4, 0:2] = [[1, 0], [-1, 0], [0, 1], [0, -1]]
-    cone[4:6, 2], cone[4:6, 3] = -y, [1, -1]  # CoP inside the rectangle: |m_x| ≤ Y f_z
-    cone[6:8, 2], cone[6:8, 4] = -x, [1, -1]  # and |m_y| ≤ X f_z
-    row = 8
-    # Yaw moment within its bounds: ± m_z ≤ μ (X + Y) f_z − |Y f_x ± μ m_x| − |X f_y ± μ m_y|.
-    for yaw in (1.0, -1.0):
-        for s in (1.0, -1.0):
-            for t in (1.0, -1.0):
-                cone[row] = [s * y, t * x, -mu * (x + y), yaw * s * mu, yaw * t * mu, yaw]
-                row += 1
-    if even:
-        cone[8:, 5] *= (x + y) / mean_distance(x, y)
-    return cone
-
-
-def inner_friction(friction: float) -> float:
-    """Return ν = μ / √2, with which the pyramid |f_x|, |f_y| ≤ ν f_z is inside the cone √(f_x² + f_y²) ≤ μ f_z."""
-    return positive("friction", friction) / math.sqrt(2.0)
-
-
-def friction_pyramid(friction: float) -> Array:
-    """Return the pyramid of forces of a point inside its friction cone: a matrix F with F f ≤ 0, shape (4, 3).
-
-    They are |f_x|, |f_y| ≤ μ / √2 f_z with the Coulomb coefficient μ, so that √(f_x² + f_y²) ≤ μ f_z.
-    """
-    mu = inner_friction(friction)
-    return np.array([[1, 0, -mu], [-1, 0, -mu], [0, 1, -mu], [0, -1, -mu]], dtype=float)
 
 
 class ContactOptions(TypedDict, total=False):
@@ -132,6 +74,20 @@ class ContactOptions(TypedDict, total=False):
     motion_weight: ArrayLike | None
 
 
+USUAL: ContactOptions = {
+    "min_force": 0.0,
+    "max_force": None,
+    "ramp": 0.1,
+    "stiffness": 100.0,
+    "damping": None,
+    "rate": RATE,
+    "wrench_weight": 1e-5,
+    "active": True,
+    "motion_weight": None,
+}
+"""Options of contacts where neither the user nor the class has others."""
+
+
 class Contact(Motion):
     """Base of contacts.
 
@@ -139,7 +95,6 @@ class Contact(Motion):
         name: Name in status tables and solutions, unique within a controller.
         frame: Frame of the robot that is in contact.
         dim: Number of motion rows and of force variables.
-        force_axis: Place of the normal force among the force variables.
         ranged: Places of the force variables that have a range: the normal force alone, or all.
         usual: Options of the contacts of a class where none are given.
         reads: State of the robot that the rows need in inverse kinematics; see `Task`.
@@ -155,8 +110,7 @@ class Contact(Motion):
 
     _kind = "contact"
     reads: ClassVar[Reads] = "kinematics"
-    force_axis = 2
-    ranged: ClassVar[tuple[int, ...]] = (2,)
+    ranged: ClassVar[tuple[int, ...]] = (NORMAL,)
     usual: ClassVar[ContactOptions] = {}
     _with_world: ClassVar[bool] = True
 
@@ -165,22 +119,16 @@ class Contact(Motion):
         """Describe the contact by the attributes above; a cone of shape (0, dim) lets it transmit any force."""
         for option in options:
             choose(f"option of contact '{name}'", option, ContactOptions.__annotations__)
-        given: ContactOptions = {**self.usual, **options}
-        super().__init__(name, given.get("stiffness", 100.0), given.get("damping"))
-        self.rate = given.get("rate", RATE)
+        given: ContactOptions = {**USUAL, **self.usual, **options}
+        super().__init__(name, given["stiffness"], given["damping"])
         self.frame, self.cone = frame, cone
-        self._min_force, self._least_given = 0.0, False
-        self._max_force: float | None = None
-        self.min_force = given.get("min_force", 0.0)
+        self.rate, self.wrench_weight, self._ramp = given["rate"], given["wrench_weight"], given["ramp"]
         self._least_given = "min_force" in options
-        if (max_force := given.get("max_force")) is not None:
-            self.max_force = max_force
-        self._ramp = given.get("ramp", 0.1)
-        self.wrench_weight = given.get("wrench_weight", 1e-5)
-        self._motion_weight: Array | None = None
-        if (motion_weight := given.get("motion_weight")) is not None:
-            self._set_motion_weight(motion_weight)
-        self._active = bool(given.get("active", True))
+        self._set_forces(given["min_force"], given["max_force"])
+        self._yields = given["motion_weight"] is not None
+        if given["motion_weight"] is not None:
+            self.motion_weight = given["motion_weight"]
+        self._active = bool(given["active"])
         self._load = 1.0 if self._active else 0.0  # share of the greatest forces that is allowed now
         self._carried: Array | None = (
             None  # greatest forces of a contact that unloads, shape (dim,), N and Nm
@@ -211,9 +159,7 @@ class Contact(Motion):
     @property
     def max_force(self) -> float | None:
         """Greatest normal force, N; assign None for the usual one, which is None before the contact is added."""
-        if self._max_force is None and self._robot is not None:
-            return USUAL_WEIGHTS * self._robot.mass * GRAVITY
-        return self._max_force
+        return self._usual_greatest() if self._max_force is None else self._max_force
 
     @max_force.setter
     @checked
@@ -233,35 +179,30 @@ class Contact(Motion):
 
     @property
     def wrench_weight(self) -> Array:
-        """See `ContactOptions`; shape (dim,)."""
-        return self._wrench_weight
+        """See `ContactOptions`; shape (dim,), read-only."""
+        return read_only(self._wrench_weight)
 
     @wrench_weight.setter
     def wrench_weight(self, value: ArrayLike) -> None:
         weight = self._checked_gain("wrench weight", value, above_zero=True)
-        self._wrench_weight = np.broadcast_to(weight, (self.dim,))  # read-only
+        self._wrench_weight = np.array(np.broadcast_to(weight, (self.dim,)))
         self.revision += 1
 
     @property
     def motion_weight(self) -> Array | None:
-        """See `ContactOptions`; shape (dim,)."""
-        return self._motion_weight
+        """See `ContactOptions`; shape (dim,), read-only."""
+        return read_only(self._rows.weight) if self._yields else None
 
     @motion_weight.setter
     def motion_weight(self, value: ArrayLike | None) -> None:
-        if value is None and self._motion_weight is None:
-            return
-        if value is None or self._motion_weight is None:
+        if (value is not None) != self._yields:
             raise InputError(
                 f"whether the motion of contact '{self.name}' is a constraint or a cost is fixed: give motion_weight "
                 "when the contact is made"
             )
-        self._set_motion_weight(value)
-
-    def _set_motion_weight(self, value: ArrayLike) -> None:
-        self._rows.weight[:] = self._checked_gain("motion weight", value, most=FIRMEST)
-        self._motion_weight = read_only(self._rows.weight)
-        self.revision += 1
+        if value is not None:
+            self._rows.weight[:] = self._checked_gain("motion weight", value, most=FIRMEST)
+            self.revision += 1
 
     @property
     def active(self) -> bool:
@@ -279,7 +220,9 @@ class Contact(Motion):
             self._carried = self._carried_now()
             self._set_load(0.0 if self.ramp == 0.0 else self._load)
         elif self._load == 0.0:
-            self._set_load(0.0 if self.ramp > 0.0 else 1.0, engage=True)
+            self._set_load(0.0 if self.ramp > 0.0 else 1.0)
+            if self._robot is not None:
+                self.hold()
         elif self._carried is not None:  # loaded again: from the forces that are allowed now
             allowed, self._carried = self._load * self._carried, None
             self._set_load(min(1.0, float((allowed / self._greatest()).max())))
@@ -364,7 +307,7 @@ class Contact(Motion):
     @property
     def normal_force_range(self) -> tuple[float, float]:
         """Smallest and greatest normal force allowed now, N."""
-        high = self._load * float(self._greatest()[self.force_axis])
+        high = self._load * float(self._greatest()[NORMAL])
         return min(self._min_force, 0.5 * high), high
 
     def force_ranges(self) -> tuple[Array | float, Array | float]:
@@ -392,9 +335,8 @@ class Contact(Motion):
         """Write `cone` anew and raise `revision`, as after a change of friction; that of the constructor stays here."""
 
     def _set_forces(self, low: float, high: float | None) -> None:
-        greatest = high
-        if high is None and self._robot is not None:
-            greatest = USUAL_WEIGHTS * self._robot.mass * GRAVITY
+        """Take the least and the greatest normal force over, N; None for the usual greatest one."""
+        greatest = self._usual_greatest() if high is None else high
         if greatest is not None and greatest <= low:
             raise InputError(
                 f"greatest force of contact '{self.name}' must exceed the smallest: {greatest} ≤ {low} N"
@@ -402,38 +344,39 @@ class Contact(Motion):
         self._min_force, self._max_force = low, high
         self.revision += 1
 
-    def _set_load(self, load: float, *, engage: bool = False) -> None:
+    def _usual_greatest(self) -> float | None:
+        """Return the greatest normal force where none is given, N; None before the robot is known."""
+        return None if self._robot is None else USUAL_WEIGHTS * self._robot.mass * GRAVITY
+
+    def _set_load(self, load: float) -> None:
         self._load = load
         if load == 0.0:
             self._rows.velocity[:] = 0.0
         if self._active or load == 0.0:
             self._carried = None
         self.revision += 1
-        if engage and self._robot is not None:
-            self.hold()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', frame='{self.frame}', active={self.active})"
 
 
-class _HeldFrame(Contact):
+class HeldFrame(Contact):
     """Base of contacts that hold position and orientation of a frame; force and moment are in its axes."""
 
     dim = 6
-    _local = pin.LOCAL
 
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill the motion rows in the axes of the frame; see `Motion.measure`."""
-        jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._local)
+        jacobian[:] = frame_jacobian(self._model, self._data, self._id, pin.LOCAL)
         error[:] = pin.log6(self._placement.actInv(self._target)).vector
 
     def drift(self) -> Array:
         """Return the acceleration of the frame, shape (6,); see `Motion.drift`."""
-        drift: Array = pin.getFrameAcceleration(self._model, self._data, self._id, self._local).vector
+        drift: Array = pin.getFrameAcceleration(self._model, self._data, self._id, pin.LOCAL).vector
         return drift
 
 
-class SoleContact(_HeldFrame):
+class SoleContact(HeldFrame):
     """Contact of a sole with the ground: its motion is a constraint or a cost, its centre of pressure stays in a box.
 
     Without a `torsion` the ground is taken as flat. Wrench and motion are then those of the sole centre along the axes
@@ -539,11 +482,7 @@ class SoleContact(_HeldFrame):
         if self._torsion is None:
             self.cone[:] = rectangle_wrench_cone(length, width, self._friction, even=self._even)
         else:
-            self.cone[:4, :3] = friction_pyramid(self._friction)
-            # |m_x| ≤ half width · f_z, |m_y| ≤ half length · f_z, |m_z| ≤ torsion · f_z
-            self.cone[4:, 2] = [-width, -width, -length, -length, -self._torsion, -self._torsion]
-            for row, axis in ((4, 3), (6, 4), (8, 5)):
-                self.cone[row : row + 2, axis] = [1.0, -1.0]
+            self.cone[:] = box_wrench_cone(length, width, self._friction, self._torsion)
         self.revision += 1
 
     def measure(self, jacobian: Array, error: Array) -> None:
@@ -648,44 +587,3 @@ class PointContact(Contact):
         """Return the acceleration of the point, shape (3,); see `Motion.drift`."""
         motion = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)
         return np.asarray(self._world_to_contact.dot(motion.linear))
-
-
-class FixedContact(_HeldFrame):
-    """Contact of a frame that is fixed to the world and holds any wrench: a bolted base, a gantry, a gripped rail.
-
-    Its wrench is along the axes of the frame, and no friction cone bounds it. Its cost is 10⁻⁸ per N² and (Nm)² by
-    default. `max_force` bounds the force along the z axis in both directions, 10⁶ N by default. All six components have
-    bounds while the contact is being switched on or off.
-    """
-
-    ranged = (0, 1, 2, 3, 4, 5)
-
-    usual = {"max_force": 1e6, "wrench_weight": 1e-8}
-
-    @checked
-    def __init__(self, frame: str, **options: Unpack[ContactOptions]) -> None:
-        """Describe the contact of a frame, which stays where it is when the contact is added."""
-        super().__init__(frame, frame, np.zeros((0, 6)), **options)
-
-    @property
-    def normal_force_range(self) -> tuple[float, float]:
-        """Smallest and largest force along the z axis of the frame that are allowed now, N."""
-        high = float(self.force_ranges()[1][self.force_axis])
-        return -high, high
-
-    def force_ranges(self) -> tuple[Array, Array]:
-        """Return the smallest and largest values of the force variables allowed now, each of shape (6,), N and Nm."""
-        if self._active and self._load == 1.0:
-            high = np.full(self.dim, np.inf)
-            high[self.force_axis] = self.max_force
-        else:
-            high = self._load * self._greatest()
-        return -high, high
-
-    def _greatest(self) -> Array:
-        """Forces of which the load is a share, shape (6,), N and Nm; see `Contact`."""
-        if self._carried is not None:
-            return self._carried
-        assert self.max_force is not None
-        most = min(self.max_force, USUAL_WEIGHTS * self.robot.mass * GRAVITY)
-        return most * np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])

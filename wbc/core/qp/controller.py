@@ -15,7 +15,7 @@ from wbc.base.errors import InputError, names_in, unknown_name
 from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.base.settings import Period, Positive
-from wbc.core.qp.assembly import Assembly, empty_problem
+from wbc.core.qp.assembly import Assembly
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import held_back, status_table
 from wbc.core.qp.items import Item, Items
@@ -105,11 +105,10 @@ class Controller(Items):
         contacts = [*self._contacts, *(item for item in new if isinstance(item, Contact))]
         tasks = [item for item in new if isinstance(item, VariableTask)]
         tasks = [task for task in tasks if task.waits_for() in (None, *contacts)]
-        if not tasks:
-            return
-        problem = empty_problem(self.robot, contacts)
-        for task in tasks:
-            task.try_on(problem)
+        if tasks:
+            alone = Assembly(self.robot, (), contacts, (), self._regularisation)
+            for task in tasks:
+                task.try_on(alone.problem)
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """Leave exactly these joints to another controller, such as a teleoperator; an empty list takes all back.

@@ -77,7 +77,7 @@ class RowStore:
         soft = sorted((task for task in first if not task.hard), key=_kind)
         selections = [task for task in soft if isinstance(task, SelectionTask)]
         soft = soft[: len(soft) - len(selections)]
-        yielding = [contact for contact in contacts if contact.motion_weight is not None]
+        yielding = [contact for contact in contacts if contact._yields]
         forces = contacts if order == 2 else ()
         reserved = contacts if order == 2 else [each for each in contacts if each not in yielding]
         limits = [limit for limit in limits if not isinstance(limit, TorqueLimits)]
@@ -150,7 +150,7 @@ class RowStore:
     def _place_contacts(self, contacts: Sequence[Contact], at: int, soft_at: int) -> tuple[int, int]:
         """Place contacts from an equality and a soft row on; return the next ones."""
         for contact in contacts:
-            yields, rows = contact.motion_weight is not None, None
+            yields, rows = contact._yields, None
             if self._order == 2 or not yields:
                 rows = slice(at, at + contact.dim)
                 self.problem.equality_groups[
@@ -242,7 +242,7 @@ class RowStore:
             if not engaged:
                 block.clear()
             if rows is not None:
-                yields = contact.motion_weight is not None
+                yields = contact._yields
                 empty = engaged and yields if self._order == 2 else not engaged
                 self.problem.set_empty(rows, np.full(contact.dim, empty))
         self._take(block)

@@ -29,7 +29,8 @@ import pinocchio as pin
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
-from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
+from wbc.core.qp.closure import FixedContact
+from wbc.core.qp.contact import ContactOptions, PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.move import least_turn
