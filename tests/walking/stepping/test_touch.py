@@ -1,0 +1,209 @@
+"""Contact of the foot in the air in closed form: when it meets the ground, has lost it, is to carry, or is hurled."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from point_mass import SCALE
+
+from wbc.core.robot import GRAVITY
+from wbc.walking.ground import GroundEstimate
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.stepping.law import Divergent, Orbit, takes_over, viability
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.touch import SwingStep, SwingTouch
+
+DT = 0.004
+LAW, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
+OMEGA = math.sqrt(GRAVITY / SCALE.height)
+POINT = (0.0, 0.0, 0.0)
+STILL = Orbit.of((0.0, 0.0), 1.0, SETTINGS.width, SETTINGS.step_time, SETTINGS.step_time, OMEGA)
+
+
+def loaded(*forces: float) -> list[list[float]]:
+    return [[0.0, 0.0, force, 0.0, 0.0, 0.0] for force in forces]
+
+
+def touching(
+    stance: int, swing_load: float, stance_load: float = 300.0, **state: Any
+) -> tuple[SwingTouch, Any]:
+    """Contact of a swing foot with forces on both soles, N, in a world where it is level with the one that stands."""
+    loads = [swing_load, stance_load] if stance == 1 else [stance_load, swing_load]
+    places = ((0.0, 0.11, 0.0), (0.0, -0.11, 0.0))
+    usual = {"wrenches": loaded(*loads), "places": places, "speeds": (POINT, POINT), "velocity": POINT}
+    felt = SimpleNamespace(
+        state=SimpleNamespace(**(usual | state)), contact=places[stance], dcm=Divergent(0.0, 0.0, OMEGA)
+    )
+    felt.carrying_point = lambda side: felt.state.places[side]
+    felt.centre_of_pressure = lambda side: tuple(np.add(felt.state.places[side], (0.03, 0.0, 0.0)))
+    touch = SwingTouch(felt, GroundEstimate(0.5, 0.25), SETTINGS, LAW, DT)  # type: ignore[arg-type]
+    return touch, felt
+
+
+def step_of(stance: int, elapsed: float = 0.3, **changes: Any) -> SwingStep:
+    usual = SwingStep(stance, (1.0, 0.0), STILL, elapsed, 0.4, 0.35, 0.6, 0.0, LAW.patience)
+    return usual._replace(**changes)
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_a_foot_meets_the_ground_where_it_is_low_bears_a_force_and_half_of_its_step_is_over(
+    stance: int,
+) -> None:
+    """Lower than a share of the height of the swing over the foot that stands, or over the ground if that is higher."""
+    landing = Footstep("left" if stance else "right", 0.0, 0.11 if stance else -0.11)
+    for share, meets in ((0.99, False), (1.01, True)):
+        touch, _ = touching(stance, share * LAW.met)
+        assert touch.meets(step_of(stance), landing, 5.0) == meets
+    for part, meets in ((0.99, False), (1.01, True)):
+        touch, _ = touching(stance, 2.0 * LAW.met)
+        assert touch.meets(step_of(stance, part * LAW.early * 0.4), landing, 5.0) == meets
+    low = LAW.low * SETTINGS.swing_height
+    for stands, ground, height, meets in (
+        (0.0, 0.0, 0.99 * low, True),
+        (0.0, 0.0, 1.01 * low, False),
+        (0.05, 0.0, 0.05 + 0.99 * low, True),
+        (0.05, 0.02, 0.05 + 1.01 * low, False),
+        (0.0, 0.03, 0.03 + 0.99 * low, True),
+        (-0.1, -0.2, -0.1 + 1.01 * low, False),
+    ):
+        places = [(0.0, 0.11, stands), (0.0, -0.11, stands)]
+        places[1 - stance] = (*places[1 - stance][:2], height)
+        touch, _ = touching(stance, 2.0 * LAW.met, places=tuple(places))
+        touch._ground.height = ground
+        assert touch.meets(step_of(stance), landing, 5.0) == meets
+    touch, _ = touching(stance, 2.0 * LAW.met)
+    touch.hurl(5.0 - 0.99 * LAW.hurled_time)
+    assert not touch.meets(step_of(stance), landing, 5.0) and touch.is_hurled(5.0)
+    touch.hurl(5.0 - 1.01 * LAW.hurled_time)
+    assert touch.meets(step_of(stance), landing, 5.0) and not touch.is_hurled(5.0)
+    touch.hurl(5.0)
+    touch.begin()
+    assert not touch.is_hurled(5.0), "a new step has not been hurled"
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_a_foot_has_lost_the_ground_after_a_while_without_a_force_if_the_other_one_holds(stance: int) -> None:
+    for load, since, held, loses in (
+        (0.99 * LAW.lost, 1.01 * LAW.lost_time, 1.01 * LAW.held, True),
+        (1.01 * LAW.lost, 1.01 * LAW.lost_time, 1.01 * LAW.held, False),
+        (0.99 * LAW.lost, 0.99 * LAW.lost_time, 1.01 * LAW.held, False),
+        (0.99 * LAW.lost, 1.01 * LAW.lost_time, 0.99 * LAW.held, False),
+    ):
+        touch, _ = touching(stance, load, held)
+        assert touch.loses(stance, since, 9.0) == loses
+    touch, _ = touching(stance, 300.0)
+    touch.hurl(9.0)
+    assert touch.loses(stance, 0.0, 9.0), "a push has hurled it"
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+def test_a_foot_in_contact_carries_where_the_other_one_no_longer_does_or_it_has_waited_too_long(
+    stance: int,
+) -> None:
+    far = Divergent(0.0, 0.0, OMEGA)  # half way: waiting would help
+    touch, felt = touching(stance, 300.0)
+    felt.dcm = far
+    touch.carry(1 - stance, met=False)
+    assert not touch.is_to_carry(step_of(stance, 0.59)) and touch.is_to_carry(step_of(stance, 0.61))
+    for swing, stands, unloads in (
+        (1.01 * LAW.held, 0.99 * LAW.held, True),
+        (0.99 * LAW.held, 0.5 * LAW.held, False),
+        (1.5 * LAW.held, 1.01 * LAW.held, False),
+    ):
+        touch, felt = touching(stance, swing, stands)
+        felt.dcm = far
+        touch.carry(1 - stance, met=False)
+        ticks = math.ceil(0.5 * LAW.lost_time / DT + 1e-9)
+        for tick in range(1, ticks + 2):
+            carries = touch.is_to_carry(step_of(stance, 0.3, haste=0.5))
+            assert carries == (unloads and tick * DT > 0.5 * LAW.lost_time)
+        assert touch.is_to_carry(step_of(stance, 0.3)) == unloads, "at once in a slow walk"
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+@pytest.mark.parametrize("yaw", [0.0, 1.1])
+def test_a_foot_in_contact_carries_where_waiting_makes_it_no_more_viable(stance: int, yaw: float) -> None:
+    """By the offsets of ξ ahead and inwards from the place where it will carry, and from the contact of the other."""
+    side, c, s = (1.0 if stance == 1 else -1.0), math.cos(yaw), math.sin(yaw)
+    rng = np.random.default_rng(4)
+    found = set()
+    for _ in range(60):
+        there, here = rng.uniform((-0.2, -0.3), (0.2, 0.3)), rng.uniform((-0.1, -0.1), (0.1, 0.3))
+        touch, felt = touching(stance, 300.0)
+
+        def world(ahead: float, outwards: float) -> tuple[float, float]:
+            left = side * outwards
+            return c * ahead - s * left, s * ahead + c * left
+
+        # ξ at the origin: the foot is `there` behind it and outwards, the other one's contact `here` behind it.
+        foot, contact = world(-there[0], there[1]), world(-here[0], -here[1])
+        places = [(0.0, 0.0, 0.0)] * 2
+        places[1 - stance] = (*foot, 0.0)
+        felt.state.places, felt.contact = tuple(places), (*contact, 0.0)
+        touch.carry(1 - stance, met=False)
+        step = step_of(stance, direction=(c, s))
+        expected = takes_over(tuple(there), tuple(here), STILL, LAW.stretch, LAW.wait, LAW.patience)
+        assert touch.is_to_carry(step) == expected
+        found.add(expected)
+    assert found == {True, False}
+
+
+def test_where_a_foot_in_contact_carries_is_low_passed_from_its_carrying_point_on() -> None:
+    touch, felt = touching(1, 300.0)
+    touch.carry(0, met=False)
+    assert touch._carrying == felt.state.places[0]
+    for tick in range(1, 30):
+        touch.carry(0, met=True)
+        share = 1.0 - math.exp(-tick * DT / LAW.cop_lag)
+        np.testing.assert_allclose(touch._carrying, (0.03 * share, 0.11, 0.0), atol=1e-12)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_push_hurls_a_foot_that_is_faster_than_any_step_without_hurry_in_the_world_and_past_the_com(
+    side: int,
+) -> None:
+    """From its bound and twice the speed of the steps on, once in a step, while it is calm and not cut short."""
+    for speed, com, urgency, paced, hurled in (
+        (1.02, 0.0, 0.0, 1.0, True),
+        (0.98, 0.0, 0.0, 1.0, False),
+        (1.5, 0.48, 0.0, 1.0, True),
+        (1.5, 0.52, 0.0, 1.0, False),
+        (1.5, 0.0, 0.49, 1.0, True),
+        (1.5, 0.0, 0.51, 1.0, False),
+        (1.5, 0.0, 0.0, 0.81, True),
+        (1.5, 0.0, 0.0, 0.79, False),
+    ):
+        bound = LAW.hurled + 2.0 * 0.2
+        speeds = [POINT, POINT]
+        speeds[side] = (0.6 * speed * bound, -0.8 * speed * bound, 0.0)
+        velocity = (0.6 * com * bound, -0.8 * com * bound, 0.0)
+        touch, _ = touching(1 - side, 0.0, speeds=tuple(speeds), velocity=velocity)
+        touch.fly(side, 3.0, urgency, paced, 0.2)
+        assert touch.is_hurled(3.0) == hurled
+    touch, felt = touching(1 - side, 0.0, speeds=((9.0, 0.0, 0.0),) * 2)
+    touch.fly(side, 3.0, 0.0, 1.0, 0.0)
+    touch.fly(side, 3.0 + 0.9 * LAW.hurled_time, 0.0, 1.0, 0.0)
+    assert touch.is_hurled(3.0 + 1.8 * LAW.hurled_time), "it goes on while the foot is as fast"
+    touch.fly(side, 3.0 + 3.0 * LAW.hurled_time, 0.0, 1.0, 0.0)
+    assert not touch.is_hurled(3.0 + 3.0 * LAW.hurled_time), "a foot that comes back is as fast"
+
+
+def test_viability_is_the_lesser_ratio_of_offsets() -> None:
+    """Of the orbit's offset inwards to that of ξ, and ahead with half a stretch."""
+    orbit = Orbit.of((0.3, 0.0), 1.0, 0.2, 0.4, 0.4, OMEGA)
+    for ahead, inwards in ((0.0, 0.02), (0.3, 0.02), (-0.3, 0.02), (0.01, 0.5), (0.5, 0.5)):
+        aside = orbit.inwards / inwards
+        along = (abs(orbit.ahead) + 0.5 * 0.09) / max(abs(ahead), 1e-9)
+        assert viability(ahead, inwards, orbit, 0.09) == pytest.approx(min(aside, along))
+    growth, paced = math.exp(OMEGA * 0.4), math.exp(OMEGA * 0.5)
+    for side in (1.0, -1.0):
+        orbit = Orbit.of((0.3, 0.05), side, 0.2, 0.4, 0.5, OMEGA)
+        drift = side * 0.05 * 0.4 / (growth - 1.0)
+        assert orbit.inwards == pytest.approx(0.2 / (1.0 + growth) - drift)
+        assert orbit.closing == pytest.approx(0.2 / (1.0 + growth) + drift)
+        assert orbit.ahead == pytest.approx(0.3 * 0.5 / (paced - 1.0))
+        assert orbit.forward == pytest.approx(paced * orbit.ahead)
