@@ -156,17 +156,6 @@ def test_an_imu_of_another_engine_feels_what_the_body_that_carries_it_does(perio
     np.testing.assert_allclose(measured.joint_velocity, v[6:], atol=1e-12)
 
 
-@pytest.mark.parametrize("duration", [0.01, 0.0173])
-def test_a_push_gives_its_impulse_wherever_it_acts(duration: float) -> None:
-    loop, force = InAir("hrp4_class", timestep=0.001), np.array([30.0, -50.0, 20.0])
-    loop.push("torso", force, duration)
-    loop.push("right_foot", force, duration, at=[0.1, 0.0, 0.0])
-    for _ in range(10):
-        loop.step(limp(loop))
-    gained = loop.truth().com_velocity + [0.0, 0.0, GRAVITY * loop.time]
-    np.testing.assert_allclose(gained, 2.0 * duration * force / loop.robot.mass, atol=2e-3)
-
-
 def test_drives_of_another_engine_keep_to_their_law_and_limits_and_delays() -> None:
     loop = InAir("hrp4_class")
     q = loop.truth().q[7:]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from wbc.base.errors import InputError, MeasurementError
 from wbc.core.signals import Command
 from wbc.sim import DivergedError, Machine, MujocoLoop, Plant, SharedPlant
 from wbc.sim.simulation.simulation import Simulation
-from wbc.sim.trial.loops import MEMBERS
+from wbc.sim.trial.loops import MEMBERS, trial_loop
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
 NA = len(DESCRIPTION.joint_names)
@@ -29,10 +30,18 @@ def own(**options: Any) -> MujocoLoop:
     return MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix="mine/", **options)
 
 
+def dart(**options: Any) -> Simulation:
+    pytest.importorskip("dartpy")
+    place = Path(__file__).parents[2] / "examples" / "other_engine.py"
+    made: Simulation = trial_loop(f"{place}:DartLoop").factory(DESCRIPTION, **options)
+    return made
+
+
 KINDS: dict[str, Callable[..., Simulation]] = {
     "plant": lambda **options: Plant(DESCRIPTION, control_period=0.002, visuals=False, **options),
     "mujoco": own,
     "engine": lambda **options: InAir(DESCRIPTION, **options),
+    "dart": dart,
 }
 
 
@@ -145,7 +154,7 @@ def test_a_command_that_no_drive_follows_is_refused(make: Callable[..., Simulati
 
 @pytest.mark.parametrize("duration", [0.01, 0.0173])
 def test_a_push_gives_its_impulse_wherever_it_acts(make: Callable[..., Simulation], duration: float) -> None:
-    simulation, force = make(), np.array([30.0, -50.0, 0.0])
+    simulation, force = make(), np.array([200.0, -300.0, 0.0])
     simulation.reset(aloft(simulation))
     simulation.push("torso", force, duration)
     simulation.push("right_foot", force, duration, at=[0.1, 0.0, 0.0])
