@@ -68,6 +68,19 @@ def test_frames_come_at_their_rate_after_their_latency_with_noise_and_losses() -
     assert all(np.array_equal(a.points, b.points) for a, b in zip(clouds, after(again, 0.5), strict=True))
 
 
+def test_errors_of_eyes_are_drawn_anew_for_each_seed() -> None:
+    camera = DepthCamera(rays=(6, 4), latency=0.0)
+    plant = Plant("hrp4_class", eyes=[camera, camera], visuals=False, seed=3)
+    found = {}
+    for seed in (3, 4, 3):
+        plant.reset(seed=seed)
+        one, other = (cloud.points for cloud in plant.clouds())
+        assert one.shape != other.shape or not np.array_equal(one, other)
+        again = found.setdefault(seed, one)
+        np.testing.assert_array_equal(one, again)
+    assert found[3].shape != found[4].shape or not np.array_equal(found[3], found[4])
+
+
 def test_a_cloud_is_given_once() -> None:
     camera = DepthCamera(rays=(4, 3), latency=0.0, rate=100.0)
     plant = Plant("hrp4_class", eyes=[camera, camera], visuals=False)

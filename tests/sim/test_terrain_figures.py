@@ -211,6 +211,19 @@ def test_plates_are_laid_in_rows_with_their_joints_and_their_bond() -> None:
         np.testing.assert_allclose(lengths[[0, -1]], 0.2 if j % 2 == 0 else 0.09)
 
 
+def test_plates_that_are_high_and_tilted_do_not_lean_over_their_joints() -> None:
+    """Each has half of a joint on either side, so that neighbours never meet; low ones tilt as far as is asked for."""
+    for joint in (0.004, 0.02):
+        tiles = made("floor_tiles", 2.0, 1.0, 0.06, side=0.05, joint=joint, tilt=1.0)
+        sizes = np.array([[tile.box[1] - tile.box[0], tile.box[3] - tile.box[2]] for tile in tiles])
+        assert sizes[:, 1].min() >= 0.05 - 1e-3 and sizes.max() <= 0.05 + joint
+        leans = sizes.max() - 0.05
+        assert leans > 0.3 * joint
+    low = made("floor_tiles", 2.0, 1.0, 0.004, side=0.05, joint=0.02, tilt=1.0)
+    slopes = np.array([abs(tile.rotation[:2, 2] / tile.rotation[2, 2]) for tile in low])  # type: ignore[attr-defined]
+    assert 0.9 * 0.5 * 0.004 / 0.05 < slopes.max() <= 0.5 * 0.004 / 0.05 + 1e-9
+
+
 @pytest.mark.parametrize("rising", [True, False])
 def test_a_barrel_tile_climbs_from_its_heel_to_its_top(rising: bool) -> None:
     """Over a tile the crown goes from a share of its height to all of it, and its section is as wide as its breadth."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections import deque
 from dataclasses import replace
 from types import SimpleNamespace
@@ -21,11 +20,9 @@ from wbc.base.errors import InputError
 from wbc.base.files import file_hash
 from wbc.core.robot import GRAVITY
 from wbc.feet.stiffness.model import DEFAULT_MODEL
-from wbc.robots import load
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
-from wbc.sim.trial.trial import StageError, Trial
 from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
 from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, fitted, stair_of
 from wbc.sim.walks.prepare import moved
@@ -325,87 +322,6 @@ def test_a_spec_that_names_a_policy_has_the_hash_of_what_it_reads() -> None:
         assert spec.scheduling == (spec.policy or "model", stored or (("sha256", model),))
     timing = WalkSpec(foot="variable").prepare().settings.stiffness
     assert (timing.decide_at, timing.early_landing) == (0.55, 0.25)  # as docs/feet.md says
-
-
-# --- trials ----------------------------------------------------------------------------------------------------------
-
-
-class Still:
-    """A loop whose robot stands still in the air, and its controller."""
-
-    diverged, fallen = None, None
-    control_period = 0.005
-
-    def __init__(self) -> None:
-        self.robot = load("hrp4_class").robot()
-        self.base_pose = tuple(self.robot.half_sitting[:7].tolist())
-        self.ticks, self.com_height = 0, float(self.robot.com[2])
-
-    @property
-    def time(self) -> float:
-        return self.ticks * self.control_period
-
-    def measure(self) -> None:
-        return None
-
-    def clouds(self) -> list[Any]:
-        return []
-
-    def step(self, command: object) -> None:
-        self.ticks += 1
-
-    def command(self, measurement: object) -> None:
-        return None
-
-
-@pytest.mark.parametrize(
-    ("seconds", "ticks"), [(0.0, 0), (0.0024, 0), (0.0026, 1), (0.012, 2), (0.013, 3), (1.0, 200)]
-)
-def test_a_trial_advances_by_the_nearest_number_of_periods(seconds: float, ticks: int) -> None:
-    loop: Any = Still()
-    trial = Trial(loop, loop)
-    looks: list[float] = []
-    trial.advance(seconds, lambda: looks.append(trial.plant.time))
-    assert loop.ticks == len(looks) == ticks
-    trial.advance(0.1)
-    assert loop.ticks == ticks + 20
-
-
-def test_a_trial_waits_for_a_condition_up_to_its_time_and_ends_with_a_fall() -> None:
-    """The condition is asked every 0.1 s, after the last one once more."""
-    for over, most, passes in ((0.35, 0.5, True), (0.55, 0.5, True), (0.65, 0.5, False)):
-        loop: Any = Still()
-        trial = Trial(loop, loop)
-        if passes:
-            trial.until(lambda loop=loop, over=over: loop.time >= over, most)
-            assert loop.time == pytest.approx(math.ceil(10.0 * over) / 10.0)
-        else:
-            with pytest.raises(StageError):
-                trial.until(lambda loop=loop, over=over: loop.time >= over, most)
-            assert loop.time == pytest.approx(0.6)
-    loop = Still()
-    trial = Trial(loop, loop)
-    lowest = 0.7 * loop.com_height
-    for height, fallen in ((1.001 * lowest, False), (0.999 * lowest, True)):
-        loop.com_height = height
-        assert trial.step() != fallen and trial.fallen == fallen
-    with pytest.raises(StageError):
-        trial.advance(0.1)
-    trial.tick_times = array("d", [1e-6 * t for t in range(1, 102)])
-    assert trial.tick_us() == pytest.approx({"median": 51.0, "p99": 100.0})
-    trial.loop_time = 0.5 * loop.time
-    assert trial.real_time_factor == pytest.approx(2.0)
-
-
-def test_a_walk_along_a_plan_is_given_three_seconds_a_step_and_twelve_more() -> None:
-    """After a second at the start; who is not done then has not come to its end."""
-    for steps in (0, 2):
-        loop: Any = Still()
-        loop.done, loop.follow = False, lambda plan: None
-        trial = Trial(loop, loop)
-        with pytest.raises(StageError):
-            trial.follow([None] * steps)  # type: ignore[arg-type]
-        assert loop.time == pytest.approx(1.0 + 3.0 * (steps + 4), abs=0.21)
 
 
 # --- figures ---------------------------------------------------------------------------------------------------------
