@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from at_rest import at_rest
 from standing_hands import AHEAD, DOWN, held_hand, hold, standing, turned, wrench_at
 
+from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking import HandSettings
 from wbc.walking.hands.frames import carried
 from wbc.walking.hands.hand import HandState
@@ -338,3 +341,54 @@ def test_the_force_of_a_hand_is_the_one_that_the_qp_has_chosen_for_its_contact()
     assert hands._chosen(hand) is None, "the last QP was without it"
     hands._controller = SimpleNamespace(solution=None)  # type: ignore[assignment]
     assert hands._chosen(hand) is None
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.2])
+@pytest.mark.parametrize("direction", [(0.6, 0.0, -0.8), (0.0, 0.8, 0.6), (-0.48, 0.6, -0.64)])
+def test_the_greatest_force_is_the_one_whose_loss_moves_the_zmp_to_an_edge_of_the_soles_anywhere(
+    yaw: float, direction: tuple[float, float, float]
+) -> None:
+    """The moment of the force about the ground below the CoM, over the weight, ahead and to the side in the heading."""
+    walking, hands = standing(margin=0.01)
+    place, robot = np.array([3.0, -2.0, 0.7]), walking.controller.robot
+    q = turned(walking, yaw)
+    q[:3] += place
+    for each in (robot, walking.control.observer.robot):
+        each.update(q, np.zeros(robot.nv))
+    turn, sole = pin.utils.rotate("z", yaw), robot.soles[0]
+    ahead, hand = turn @ direction, hands.all["left_hand"]
+    com = np.array(robot.com)
+    below = np.array([com[0], com[1], com[2] - hands._height])
+    for at in (None, hand.arm.shoulder + turn @ (0.3, 0.1, -0.2)):
+        point = np.array(hand.arm.place.translation) if at is None else at
+        moment = turn.T @ np.cross(point - below, -ahead) / (robot.mass * GRAVITY)
+        off = np.abs((moment[1], moment[0]))
+        room = np.array([0.5 * sole.length - 0.01, 0.5 * sole.width - 0.01])
+        most = float((room / np.maximum(off, 1e-12)).min())
+        hands._check_loss("left_hand", ahead, 0.999 * most, at)
+        with pytest.raises(InputError, match=rf"at most {most:.0f} N there.* move the ZMP by") as error:
+            hands._check_loss("left_hand", ahead, 1.001 * most, at)
+        moved = 1e3 * 1.001 * most * math.hypot(*off)
+        assert f"by {moved:.0f} mm" in str(error.value)
+
+
+def test_a_tick_of_the_stabilizer_that_has_failed_is_followed_by_good_ones(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of a tick without an output no bias is estimated."""
+    walking, _ = standing()
+    balance = walking.balance
+    assert balance is not None and balance.bias is not None
+    update, calls = StabilizerTask.update, []
+
+    def fails_first(*arguments: Any, **options: Any) -> Any:
+        calls.append(len(calls))
+        if len(calls) == 1:
+            raise RuntimeError("no forces yet")
+        return update(*arguments, **options)
+
+    monkeypatch.setattr(StabilizerTask, "update", fails_first)
+    for tick in range(4):
+        walking.command(at_rest(walking.controller.robot, 0.005 * tick))
+        assert walking.control.failing == (tick == 0)
+    assert balance.output is not None
