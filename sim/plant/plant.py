@@ -44,7 +44,7 @@ from wbc.sim.plant.signals import Imu
 from wbc.sim.scenes.base import Scene
 from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
-from wbc.sim.terrain.giving import GivingFloor
+from wbc.sim.terrain.giving import surfaces
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 
@@ -160,8 +160,7 @@ class Plant(MujocoRobot):
         self._from_due = self.control_period - self._until_due
         age = whole_steps(machine.measurement_delay, self.timestep)
         # Readings of range sensors and stiffness actuators, once a tick: the oldest is the one that counts.
-        gives = self.terrain.floor_stiffness is not None
-        self._floor = GivingFloor(model, self.feet, self.terrain) if gives else None
+        self._surfaces = surfaces(model, self.feet, self.terrain)
         self._late_feet: deque[tuple[Array, Array]] = deque(
             maxlen=math.ceil(age / self.steps) + 1 if age else 0
         )
@@ -311,8 +310,9 @@ class Plant(MujocoRobot):
     def _integrate(self) -> None:
         # The first half of a step computes positions, velocities and contacts: `_refresh` may have done it.
         (mujoco.mj_step2 if self._begun else mujoco.mj_step)(self.model, self.data)
-        if self._floor is not None and self._begun:  # once a period
-            self._floor.adapt(self.model, self.data)
+        if self._begun:  # once a period
+            for surface in self._surfaces:
+                surface.adapt(self.model, self.data)
         self._begun = False
 
     def _refresh(self) -> None:

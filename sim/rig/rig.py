@@ -21,7 +21,7 @@ from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
 from wbc.feet.soles.sole import AnkleSole
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.simulation.simulation import DivergedError
-from wbc.sim.terrain.giving import GivingFloor
+from wbc.sim.terrain.giving import surfaces
 from wbc.sim.terrain.render import add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain
 
@@ -168,8 +168,7 @@ class Rig:
         except ValueError as error:
             raise ModelError(f"MuJoCo cannot compile the foot: {error}") from error
         self.data = mujoco.MjData(self.model)
-        gives = test.ground.floor_stiffness is not None
-        self._floor = GivingFloor(self.model, [self.foot], test.ground) if gives else None
+        self._surfaces = surfaces(self.model, [self.foot], test.ground)
         self.probe = SoleProbe(self.model, self.foot)
         self.mass = float(self.model.body_mass.sum())
         self._lift = int(self.model.joint("lift").dofadr[0])
@@ -183,8 +182,8 @@ class Rig:
     def step(self) -> None:
         """Advance by one physics step; `DivergedError` if the state is no longer finite, or is about to be."""
         mujoco.mj_step(self.model, self.data)
-        if self._floor is not None:
-            self._floor.adapt(self.model, self.data)
+        for surface in self._surfaces:
+            surface.adapt(self.model, self.data)
         finite = math.isfinite(self.data.qpos @ self.data.qpos + self.data.qvel @ self.data.qvel)
         if not finite or self.data.warning.number[BAD].any():
             raise DivergedError(f"the rig has diverged after {self.data.time:.3f} s")

@@ -1,6 +1,7 @@
-"""Floors that give: each point of a sole rests on a spring and a damper of the floor, by MuJoCo's own contacts.
+"""Floors that give or are slippery in places, by the parameters of MuJoCo's own contacts, which are those of the soles.
 
-A contact of a constant impedance d whose `solref` is (−s, −b) has the force
+On a floor that gives, each point of a sole rests on a spring and a damper of the floor. A contact of a constant
+impedance d whose `solref` is (−s, −b) has the force
 
     f = (s r − b v − d a) / ((1 − d) Â),
 
@@ -13,7 +14,8 @@ point that stands for the area A of its sole, K = k A.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from typing import Protocol
 
 import mujoco
 import numpy as np
@@ -30,6 +32,40 @@ IMPEDANCE = 1e-3
 FRICTION_IMPEDANCE = 1000.0
 """Ratio of the impedances of friction and normal force (`impratio`): friction would creep by the softness of the floor,
 at half of its limit by 13 mm/s with a ratio of 10, by 0.13 mm/s with this one."""
+
+
+class Surface(Protocol):
+    """Property of a ground that changes the contacts of the soles while a robot moves."""
+
+    def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Correct the contacts' parameters after a step of the physics, once a control period."""
+
+
+def surfaces(model: mujoco.MjModel, feet: Sequence[FootParts], ground: Terrain) -> list[Surface]:
+    """Return what a ground changes at the soles of a compiled model; nothing for a rigid one of one friction."""
+    found: list[Surface] = []
+    if ground.floor_stiffness is not None:
+        found.append(GivingFloor(model, feet, ground))
+    if ground.slippery:
+        found.append(SlipperyFloor(model, feet, ground))
+    return found
+
+
+class SlipperyFloor:
+    """Stretches of a ground on which the soles have less friction than elsewhere."""
+
+    def __init__(self, model: mujoco.MjModel, feet: Iterable[FootParts], ground: Terrain) -> None:
+        """Look up the points of the soles, and their friction elsewhere."""
+        self._geoms = np.array([model.geom(name).id for foot in feet for name in foot.contact_geoms])
+        self._usual = model.geom_friction[self._geoms, 0].copy()
+        self._stretches = np.array(ground.slippery).reshape(-1, 3)
+
+    def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Give each point the least friction of the stretches that it is on."""
+        x, friction = data.geom_xpos[self._geoms, 0], self._usual
+        for start, end, coefficient in self._stretches:
+            friction = np.where((x >= start) & (x < end), np.minimum(friction, coefficient), friction)
+        model.geom_friction[self._geoms, 0] = friction
 
 
 class GivingFloor:

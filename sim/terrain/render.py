@@ -32,6 +32,7 @@ nothing more.
 """
 
 _STRIP_COLOUR = (0.55, 0.60, 0.62, 1.0)
+_SLIPPERY_COLOUR = (0.45, 0.70, 0.90, 0.6)
 _LOW_COLOUR = np.array([0.40, 0.36, 0.33])
 _HIGH_COLOUR = np.array([0.80, 0.75, 0.66])
 
@@ -80,6 +81,19 @@ def add_to_spec(spec: mujoco.MjSpec, terrain: Terrain, *, sole_radius: float | N
         rgba=_STRIP_COLOUR,
         **common,
     )
+    for k, (start, end) in enumerate(zip(terrain.slippery[::3], terrain.slippery[1::3], strict=True)):
+        _, _, right, left = terrain.extent
+        spec.worldbody.add_geom(
+            name=f"terrain_slippery_{k}",
+            type=_T.mjGEOM_BOX,
+            size=[0.5 * (end - start), 0.5 * (left - right), 0.0005],
+            pos=[0.5 * (start + end), 0.5 * (left + right), 0.0],
+            rgba=_SLIPPERY_COLOUR,
+            contype=0,
+            conaffinity=0,
+            density=0.0,
+            group=1,  # not seen by sensors
+        )
     slabs: dict[int, Any] = {}
     for i, shape in enumerate(ground.solids):
         name = f"terrain_{i}"

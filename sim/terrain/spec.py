@@ -18,7 +18,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar, non_negative, positive
-from wbc.base.settings import NonNegative, Positive, Seed, settings
+from wbc.base.settings import NonNegative, Number, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family
@@ -79,6 +79,8 @@ class Terrain:
         sole_radius: Radius of the spheres under the sole, m; a height field must be as fine.
         floor_stiffness: Stiffness of the ground per area, N/m³, the modulus of subgrade reaction; None for a rigid one.
         floor_damping: Damping of the ground per area, Ns/m³; a hundredth of a second times its stiffness when None.
+        slippery: Stretches across the whole ground on which it is slippery: from x (m), to x (m), coefficient of
+            friction of a sole there, one stretch behind the other.
     """
 
     parameters: Family
@@ -92,6 +94,7 @@ class Terrain:
     sole_radius: Annotated[Positive, "m"] = SOLE_SPHERE_RADIUS
     floor_stiffness: Annotated[Positive, "N/m³"] | None = None
     floor_damping: Annotated[NonNegative, "Ns/m³"] | None = None
+    slippery: tuple[Number, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the amplitude and the track against the family."""
@@ -106,6 +109,14 @@ class Terrain:
             )
         if self.floor_damping is not None and self.floor_stiffness is None:
             raise InputError("floor_damping is that of a floor that gives: it needs floor_stiffness, too")
+        parts = self.slippery
+        if len(parts) % 3 or any(
+            a >= b or mu < 0.0 for a, b, mu in zip(parts[::3], parts[1::3], parts[2::3], strict=False)
+        ):
+            raise InputError(
+                "slippery must be stretches of three numbers: from x (m), to a greater x (m), coefficient of friction "
+                f"of 0 or more; got {parts}"
+            )
         self.parameters.check_track(self.length, self.width)
         if self.ramp > 0.0 and not self.parameters.ramps:
             raise InputError(f"terrain '{self.name}' has no ramp, its heights are exact; got {self.ramp:g} m")
@@ -341,6 +352,7 @@ class Terrain:
             "cell_m": None if map_ is None else list(map_.step),
             "height_field_bytes": 0 if map_ is None else 4 * map_.z.size,
             "smallest_feature_m": self._feature if math.isfinite(self._feature) else None,
+            "slippery": list(self.slippery),
             **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
             "fingerprint": self.fingerprint(),
         }
@@ -351,7 +363,17 @@ def _as_text(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
-TRACK = ("length", "width", "start", "strip", "ramp", "sole_radius", "floor_stiffness", "floor_damping")
+TRACK = (
+    "length",
+    "width",
+    "start",
+    "strip",
+    "ramp",
+    "sole_radius",
+    "floor_stiffness",
+    "floor_damping",
+    "slippery",
+)
 """Fields of a terrain that have a default, which a family may change."""
 
 
@@ -366,7 +388,7 @@ def terrain(
         amplitude: Highest minus lowest point of the rough part, m; the default of the family when None.
         seed: Fixes every random draw.
         **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius in m; floor_stiffness in N/m³,
-            floor_damping in Ns/m³) and parameters of the
+            floor_damping in Ns/m³; slippery) and parameters of the
             family; by default those of the family.
     """
     given = {field: values.pop(field) for field in TRACK if field in values}

@@ -1,4 +1,4 @@
-"""Floors that give: depth, stiffness about the axes of a sole, damping and friction are those of a bed of springs."""
+"""Floors that give: depth, stiffness, damping and friction are those of a bed of springs; slippery stretches."""
 
 from __future__ import annotations
 
@@ -152,3 +152,41 @@ def test_a_floor_that_is_too_stiff_for_the_step_names_the_step_that_could() -> N
     rig = settled("flat", seconds=0.01)
     assert rig.model.opt.impratio == 1000.0
     assert Rig(FootTest(foot=foot("flat"))).model.opt.impratio == 10.0
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e8])
+def test_a_block_slides_on_a_stretch_by_its_friction(stiffness: float | None) -> None:
+    """On μ = 0.1 a pushed sole accelerates by (F − μ m g)/m; before the stretch it stands."""
+    middle = 1.8  # of the ground, where the rig stands
+    ground = terrain("flat", floor_stiffness=stiffness, slippery=(middle - 0.5, middle + 0.5, 0.1))
+    for place, moves in ((0.0, True), (1.0, False)):
+        rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, x=place))
+        joint = rig.model.joint("forward")
+        rig.model.jnt_stiffness[joint.id] = rig.model.dof_damping[joint.dofadr[0]] = 0.0
+        for _ in range(rig.steps(0.5)):
+            rig.step()
+        push = 0.3 * rig.mass * GRAVITY
+        rig.data.qfrc_applied[joint.dofadr[0]] = push
+        before, steps = float(rig.data.qvel[joint.dofadr[0]]), rig.steps(0.2)
+        for _ in range(steps):
+            rig.step()
+        gained = (float(rig.data.qvel[joint.dofadr[0]]) - before) / 0.2
+        assert gained == pytest.approx(0.2 * GRAVITY if moves else 0.0, rel=0.03, abs=0.03)
+
+
+def test_the_least_friction_of_stretches_counts_and_is_never_more_than_the_sole_has() -> None:
+    ground = terrain("flat", slippery=(0.0, 5.0, 0.3, 1.7, 1.9, 0.2, 1.7, 1.9, 5.0))
+    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))
+    rig.step()
+    x = rig.data.geom_xpos[[rig.model.geom(name).id for name in rig.foot.contact_geoms], 0]
+    friction = rig.model.geom_friction[[rig.model.geom(name).id for name in rig.foot.contact_geoms], 0]
+    np.testing.assert_allclose(friction, np.where((x >= 1.7) & (x < 1.9), 0.2, 0.3))
+    assert set(friction.tolist()) == {0.2, 0.3} or (x >= 1.7).all()
+
+
+@pytest.mark.parametrize(
+    "stretches", [(0.5,), (0.5, 1.0), (1.0, 0.5, 0.1), (0.5, 1.0, -0.1), (0.5, 1.0, math.nan)]
+)
+def test_stretches_that_are_none_are_refused(stretches: tuple[float, ...]) -> None:
+    with pytest.raises(InputError, match="slippery"):
+        terrain("flat", slippery=stretches)
