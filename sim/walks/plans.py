@@ -25,9 +25,6 @@ from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
 
-FASTER = "; free steps walk faster: mode='torque', or wbc walk --mode torque"
-"""Advice for a velocity that planned steps do not give."""
-
 BESIDE = 0.45
 """Room that a walk needs beside the way of its middle, m: feet, soles, and what it strays."""
 
@@ -45,6 +42,10 @@ STEPS = 22
 
 KINDS = ("distance", "velocity", "turn", "stairs", "footsteps", "drive")
 """Kinds of plans, of which a walk has one."""
+
+
+class TooFastError(InputError):
+    """A velocity that planned steps do not give, and free steps may."""
 
 
 @settings(kw_only=True)
@@ -163,10 +164,8 @@ class WalkPlan:
         return [(x, y) for x, y, _ in places]
 
 
-def check_velocity(
-    velocity: Velocity, limits: VelocityLimits, what: str, advice: str, *, together: bool = False
-) -> None:
-    """Raise an `InputError` for a velocity that the steps of a walk do not give, which is named, with an advice.
+def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, *, together: bool = False) -> None:
+    """Raise an `InputError` for a velocity that the steps of a walk do not give, which is named.
 
     With `together` the parts share what there is: the squares of their shares of the limits are at most 1 in sum.
     """
@@ -177,7 +176,7 @@ def check_velocity(
         both = ", and less of each where they come together" if together else ""
         raise InputError(
             f"{what} give velocities of at most {limits.forward:.3g} m/s forward, {limits.back:.3g} back, "
-            f"{limits.aside:.3g} aside and {limits.turn:.3g} rad/s{both}, got ({x:g}, {y:g}, {turn:g}){advice}"
+            f"{limits.aside:.3g} aside and {limits.turn:.3g} rad/s{both}, got ({x:g}, {y:g}, {turn:g})"
         )
 
 

@@ -18,7 +18,7 @@ from wbc.sim.plant.fitting import with_feet
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
-from wbc.sim.walks.plans import FASTER, WalkPlan, check_velocity
+from wbc.sim.walks.plans import TooFastError, WalkPlan, check_velocity
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
@@ -103,17 +103,18 @@ def prepare(
     given = plan.footsteps is not None or plan.stairs is not None
     free = settings.kinds == ("free",) or ("free" in settings.kinds and not given)
     walked = steps if given or not free else replace(steps, steps=())
-    if plan.velocity is not None and not free:
-        check_velocity(plan.velocity, settings.drive.limits, "planned steps", FASTER, together=True)
     try:
+        if plan.velocity is not None and not free:
+            check_velocity(plan.velocity, settings.drive.limits, "planned steps", together=True)
         walking = WalkingControl(model, walked, period, settings, extent=extent)
     except InputError as error:
         if plan.velocity is None or free:
             raise
-        raise InputError(f"{error}{FASTER}") from None
+        advice = "free steps walk faster: mode='torque', or wbc walk --mode torque"
+        raise TooFastError(f"{error}; {advice}") from None
     if isinstance(walking.source, SteppingWalk):
         if plan.velocity is not None:
-            check_velocity(plan.velocity, walking.velocity_limits, f"steps of '{model.name}'", "")
+            check_velocity(plan.velocity, walking.velocity_limits, f"steps of '{model.name}'")
         orders, time = _orders(plan, steps, walking.source)
         if given:
             check_plan(steps, Reach.of(model), extent)

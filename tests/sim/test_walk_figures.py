@@ -177,7 +177,7 @@ def test_a_velocity_is_within_its_limits_each_or_together(axis: int) -> None:
 
     def fits(velocity: tuple[float, ...], *, together: bool) -> bool:
         try:
-            check_velocity(velocity, limits, "steps", "", together=together)  # type: ignore[arg-type]
+            check_velocity(velocity, limits, "steps", together=together)  # type: ignore[arg-type]
         except InputError:
             return False
         return True
@@ -190,8 +190,8 @@ def test_a_velocity_is_within_its_limits_each_or_together(axis: int) -> None:
     assert fits(tuple(both), together=False) and not fits(tuple(both), together=True)
     assert fits(tuple(both / math.sqrt(2.0) * 0.999), together=True)  # shares of 0.71 each: squares add to 1
     with pytest.raises(InputError):
-        check_velocity((0.0, 1e-6, 0.0), limits._replace(aside=0.0), "steps", "")
-    check_velocity((0.1, 0.0, 0.0), limits._replace(aside=0.0), "steps", "")
+        check_velocity((0.0, 1e-6, 0.0), limits._replace(aside=0.0), "steps")
+    check_velocity((0.1, 0.0, 0.0), limits._replace(aside=0.0), "steps")
 
 
 @pytest.mark.parametrize(("direction", "sign"), [("up", 1.0), ("down", -1.0)])

@@ -29,7 +29,7 @@ from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loops import PLANT
 from wbc.sim.trial.trial import TrialHook
-from wbc.sim.walks.plans import FASTER
+from wbc.sim.walks.plans import TooFastError
 from wbc.sim.walks.presets import USUAL, WALK_PRESETS, over
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
@@ -196,10 +196,9 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         upper["foot"] = "variable"  # the only one that a policy sets
     try:
         spec = WalkSpec.from_json(over(upper, lower))
-    except InputError as error:
-        if "mode" in {*upper, *lower} or not str(error).endswith(FASTER):
+    except TooFastError:
+        if "mode" in {*upper, *lower}:
             raise
-        # Steps that are planned do not give the velocity, those of torque control do.
         spec = WalkSpec.from_json(over({**upper, "mode": "torque"}, lower))
     return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
 
