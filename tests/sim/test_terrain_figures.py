@@ -64,6 +64,22 @@ def test_waves_of_a_road_lie_between_its_frequencies() -> None:
         terrain("iso8608", low=0.1, high=1.0, length=0.999, ramp=0.5)
 
 
+def test_heights_of_both_directions_blend_into_the_strips_over_a_tenth_of_a_metre() -> None:
+    """About their mean, by 3t² − 2t³ at either end; heights along the track alone begin at zero and end as they are."""
+    site = Site(1.0, 2.0, 1.0, 0.03, Draws(0, "key"))
+    x = np.linspace(1.0, 2.0, 101)[None, :]
+    raw = np.random.default_rng(2).normal(5.0, 1.0, (4, 101))
+    both: Any = terrain("iso8608", isotropic=True).parameters
+    found, start, stop = both.level(site, x, raw)
+    t = np.clip(np.minimum(x - 1.0, 2.0 - x) / 0.1, 0.0, 1.0)
+    np.testing.assert_allclose(found, (raw - raw.mean()) * (3.0 * t**2 - 2.0 * t**3), atol=1e-12)
+    assert (start, stop) == (0.0, 0.0)
+    along: Any = terrain("iso8608").parameters
+    found, start, stop = along.level(site, x, raw[:1])
+    np.testing.assert_allclose(found, raw[:1] - raw[0, 0])
+    assert (start, stop) == (0.0, pytest.approx(raw[0, -1] - raw[0, 0]))
+
+
 def made(name: str, length: float, width: float, amplitude: float = 0.02, **params: Any) -> list[Shape]:
     """Return the solids of a family in a rough part from x = 1 m on."""
     parameters: Family = terrain(name, **params).parameters
