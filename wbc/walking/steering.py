@@ -166,6 +166,8 @@ class PathSteering(Steering):
         turn: Turn of the steps now, rad/s.
         goes: False for a robot that is to stand.
         held: Width of the soles that has held in the last steps, of that from which on steps are slow.
+        follows: True while the steps are footsteps that are given.
+        climbs: True while these are on stairs.
     """
 
     def __init__(
@@ -178,14 +180,14 @@ class PathSteering(Steering):
         extent: Extent | None = None,
     ) -> None:
         """Stand, with settings and constants of the law in SI units, on a ground of an extent, m."""
-        self._sole = scale.sole
+        self._sole, self._plan_time = scale.sole, constants.plan_time
         self._s, self._c, self._dt = settings, in_si(PathConstants(), scale), dt
         self._pace = pace = Pace.of(constants, settings, scale)
         self._path_gain = lag_gain(dt, self._c.path_lag)
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
-        self.held, self.goes = 0.0, True
+        self.held, self.goes, self.follows, self.climbs = 0.0, True, False, False
         self._path: Point | None = None
         self._line: tuple[Point, float] | None = None  # start and direction of the line to a far goal
         self._goal: Place | None = None  # to which that line leads
@@ -209,6 +211,10 @@ class PathSteering(Steering):
     def _slow(self) -> float:
         """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
         s = self._s
+        if self.follows:
+            if self.climbs:
+                return s.slow_time
+            return s.step_time + self.held * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
         brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
         slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.goes else 0.0
         return s.step_time + slow * (s.slow_time - s.step_time)
@@ -216,10 +222,11 @@ class PathSteering(Steering):
     def rest(self, place: Point) -> None:
         """Start again from a stand at a place, m."""
         self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
+        self.follows = False
 
     def along(self, velocity: Point, heading: float) -> None:
         """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
-        self.goes = True
+        self.goes = self.follows = True
         self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
         most = self._s.fastest_turn * self._dt
         self.turn_to(self.heading + min(max(math.remainder(heading - self.heading, math.tau), -most), most))
@@ -266,7 +273,7 @@ class PathSteering(Steering):
 
     def update(self, place: Point, speed: Point) -> StepVelocity:
         """Return the velocity of the next steps, from place (m) and speed (m/s) of the CoM in the world."""
-        s, dt = self._s, self._dt
+        s, dt, self.follows = self._s, self._dt, False
         forward, left, turn = self._wanted(place)
         change = s.acceleration * dt
         x, y = self.velocity

@@ -333,3 +333,50 @@ def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None
                 if made.closes:
                     assert made._beside == (pytest.approx(0.11), made._near(stance, 0.06))
     assert found == {True, False}
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("off", "share"), [(0.0, 0.0), (0.9, 0.0), (1.25, 0.4), (1.5, 1.0 / 1.5), (3.0, 1.0)]
+)
+def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
+    axis: int, sign: float, off: float, share: float
+) -> None:
+    """An offset within the area that counts is left to it; twice as far, all of it is made good by the landing."""
+    made, time = decision(), SETTINGS.step_time
+    made.area.level = 1.0
+    wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, _stance(made, (0.0, 0.0), time))
+    caught = made.area.caught(CONSTANTS.caught)[axis]
+    left = off * (caught[1] if sign > 0.0 else caught[0])
+    end = [wish.places[0] + wish.offsets[0], wish.places[1] + wish.offsets[1]]
+    end[axis] += left
+    remaining = 0.02  # too little to change the time, or the centre of pressure, which is a point
+    shrunk = math.exp(-OMEGA * remaining)
+    stance = _stance(made, (shrunk * end[0], shrunk * end[1]), time - remaining)
+    made._bounds = lambda *_: Bounds(  # type: ignore[method-assign]
+        ((-2.0, -2.0), (2.0, 2.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (remaining, remaining)
+    )
+    made._later = lambda stance, step, *_: step.left  # type: ignore[method-assign]
+    made.decide(stance, wish, 2.0 * time, None, held=True)
+    assert made.missed == pytest.approx(share * abs(left), abs=4.5e-3)
+    made.decide(stance, wish, 2.0 * time, None)
+    assert made.missed == pytest.approx(abs(left), abs=4.5e-3), "steps of a velocity go with the weight"
+
+
+def _stance(made: StepDecision, dcm: tuple[float, float], elapsed: float) -> StepState:
+    time = SETTINGS.step_time
+    orbit = Orbit.of((0.2, 0.0), 1.0, SETTINGS.width, time, time, OMEGA)
+    return StepState(
+        1.0,
+        (1.0, 0.0),
+        POINT,
+        POINT,
+        POINT,
+        Divergent(*dcm, OMEGA),
+        orbit,
+        time,
+        elapsed,
+        (0.2, 0.2, 0.0, 0.0),
+        0.06,
+    )

@@ -338,7 +338,7 @@ def test_a_fast_walk_asks_for_steps_of_the_time_that_its_last_steps_have_taken(s
     gait._enter(GaitPhase.SINGLE, 0.4)
     gait.felt._contact, gait.felt.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
     gait.steering.velocity, gait._pace = (speed * CONSTANTS.quick, 0.0), 0.5
-    gait.decision.decide = lambda stance, wish, *_: asked.append(wish)  # type: ignore[method-assign, assignment]
+    gait.decision.decide = lambda stance, wish, *_, **__: asked.append(wish)  # type: ignore[method-assign, assignment]
     gait._solve(StepVelocity((0.25, 0.05), True, 0.05))
     time, share = gait.steering.step_time, max(speed - 1.0, 0.0)
     assert asked[0].places[0] == pytest.approx(0.2 * (time + share * (0.5 - time)))
@@ -352,7 +352,7 @@ def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None
     gait.felt._contact = POINT
     gait._enter(GaitPhase.SINGLE, 0.4)
     gait.felt._contact, gait.felt.dcm, gait.elapsed = POINT, Divergent(0.0, 0.0, OMEGA), 0.1
-    gait.decision.decide = lambda *arguments: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
+    gait.decision.decide = lambda *arguments, **_: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
     swing = 1 - gait.stance
     landing = Footstep(SIDES[swing], *LEVEL[swing].translation[:2])
     gait.swing = SwingFoot(LEVEL[swing], landing, 0.4, gait._shape)
@@ -385,7 +385,7 @@ def test_steps_are_decided_once_a_period_and_land_harder_on_rough_ground() -> No
             body.run(body.dt)
         gait.ground.uneven, swing = uneven, gait.swing
         decide = gait.decision.decide
-        gait.decision.decide = lambda *a, decide=decide: (times.append(gait._ticks), decide(*a))  # type: ignore[method-assign, assignment, misc]
+        gait.decision.decide = lambda *a, decide=decide, **kw: (times.append(gait._ticks), decide(*a, **kw))  # type: ignore[method-assign, assignment, misc]
         while gait.swing is swing or gait.swing is None:
             gait.ground.uneven = uneven
             body.run(body.dt)

@@ -6,6 +6,7 @@ import dataclasses
 import functools
 import itertools
 import math
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -478,7 +479,7 @@ def test_a_velocity_beyond_the_ground_ends_in_a_stand_on_it(velocity: tuple[floa
 
 @pytest.mark.parametrize("push", [0.0, 0.4])
 def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
-    """The first and the last one go with the weight, which comes from, and rests in, the middle of the feet."""
+    """A landing that is let go is said, with its distance, until the next one that is not."""
     body = PointMass(dataclasses.replace(SCALE, sole=(0.085, 0.05)))
     body.run(0.6)
     left, right = (
@@ -490,16 +491,19 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     body.gait.take(planner)
     body.run(2.0)
     body.speed += [0.0, push]
-    body.run(7.5)
-    assert body.gait.finished and body.gait.steps_done == len(plan)
+    said = set[str]()
+    body.run(7.5, lambda _: said.add(body.gait.reason))
+    assert body.gait.finished and body.gait.steps_done == len(plan) and body.gait.reason == ""
     landed = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.events][1:] + body.ticks[-1:]
     errors = [
         math.dist(tick.frames[SIDES.index(step.side)].translation[:2], step.position[:2])
         for step, tick in zip(plan.steps, landed, strict=True)
     ]
-    assert max(errors[0], errors[-1]) < 0.04
-    assert max(errors[4:-1]) < 2e-3
-    assert max(errors[1:4]) < 2e-3 if push == 0.0 else max(errors[1:4]) > 0.05
+    assert max(errors[0], *errors[4:]) < 4e-3
+    missed = max(errors[1:4])
+    assert (missed < 4e-3 and said == {""}) if push == 0.0 else missed > 0.05
+    spoken = [float(re.findall(r"(\d+) mm beside its footstep", reason)[0]) for reason in said - {""}]
+    assert push == 0.0 or max(spoken) == pytest.approx(1e3 * missed, abs=8.0)
 
 
 def test_a_foot_that_has_been_kicked_away_is_not_stepped_onto() -> None:
@@ -669,3 +673,42 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
         tops.append(float(swing.at(swing.apex_time).placement.translation[2]))
     assert body.gait.swing is swing and swing.landing.x > ridge.at
     assert swing.over == 0.04 and tops[-1] > swing.over + 0.02
+
+
+def test_the_commanded_centre_of_pressure_is_compared_with_the_measured_one_behind_the_same_low_pass() -> (
+    None
+):
+    """A sole that presses where it is told shows no error, however quickly that moves: it would be taken to last."""
+    body, off, moved = PointMass(), [], []
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.05, 0.0))
+
+    def compare(tick: Tick) -> None:
+        gait = body.gait
+        if tick.reference.swing is None or tick.reference.elapsed < 0.05:
+            return
+        told = gait._step_state(gait._steer()).cop_command
+        off.append(math.dist(told[:2], gait.contact[:2]))
+        moved.append(math.dist(gait.decision.cop, gait.decision.lagged))
+
+    body.run(2.5, compare)
+    assert max(moved) > 5e-3 and max(off) < 1.5e-3
+
+
+@pytest.mark.parametrize("first", ["left", "right"])
+def test_the_weight_shifts_to_where_the_first_footstep_begins(first: str) -> None:
+    """ξ rests at (s + b) / E from the foot that will stand: the first step takes the time of the others."""
+    body = PointMass()
+    body.run(0.6)
+    left, right = (
+        Footstep(side, *frame.translation[:2].tolist())
+        for side, frame in zip(SIDES, body.ticks[-1].frames, strict=True)
+    )
+    plan = walk_distance(FootstepPlan(left, right, (), Gait(step_length=0.12)), 0.6, first=first)
+    body.gait.take(PlanSource(plan))
+    lift = next(tick for tick in body.run(2.0) if Event.LIFT_OFF in tick.reference.events)
+    body.run(1.0)
+    step = next(
+        tick for tick in body.ticks if tick.time > lift.time and Event.LIFT_OFF in tick.reference.events
+    )
+    assert step.time - lift.time == pytest.approx(body.gait.steering.step_time, rel=0.06)

@@ -51,6 +51,15 @@ class HeldArea:
         """The greatest `width`, m."""
         return self._trust * self._most[1]
 
+    def caught(self, share: float) -> tuple[Point, Point]:
+        """Return the least and greatest offset of ξ, ahead and aside, that a share of the next sole holds, m.
+
+        On level ground it is expected to be supported as far as the margin, on rough ground as far as it counts there.
+        """
+        trust = share * max(self._trust, self.level)
+        (behind, right), (ahead, left) = self._least, self._most
+        return (trust * behind, trust * ahead), (trust * right, trust * left)
+
     def update(self, tilting: Point, wrench: Vector) -> None:
         """Take in a tick: the rates at which the far and the left end of the sole rise, rad/s, and the wrench on it."""
         c, dt, gain = self._c, self._dt, self._spin_gain

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.base.vectors import Point, Vector, along
 from wbc.ground.height_map import Places
@@ -19,7 +20,7 @@ from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit
-from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
+from wbc.walking.stepping.program import OFFSETS, Bounds, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.swing import RISE
 
@@ -28,6 +29,9 @@ MISSED, LATER = 0.02, 8
 
 KEPT = 0.05
 """Greatest distance by which the foot may miss more at the time that was chosen before, and this time stays, m."""
+
+TOLERANCE = 0.003
+"""Distance by which a landing that is held may move, m."""
 
 HORIZON = 6
 """Number of footsteps that count: E to that power is beyond any error."""
@@ -40,7 +44,7 @@ class StepState(NamedTuple):
         side: 1 if the left foot swings, −1 if the right one does.
         direction: Cosine and sine of the heading.
         pivot: Carrying point of the foot that stands, m.
-        cop_command: Commanded centre of pressure on it, m.
+        cop_command: Commanded centre of pressure on it, with the low-pass of the measured one, m.
         contact: Measured one, low-passed, m.
         dcm: Divergent component of motion about it.
         orbit: Orbit of the steps that are asked for.
@@ -81,7 +85,9 @@ class StepDecision:
         place: Centre of the swing foot when it lands, m.
         end: Time of the step, s.
         cop: Shift of the centre of pressure from the carrying point, along and across the sole, m: that of this tick.
+        lagged: The same with the low-pass of the measured one, which is compared with it, m.
         urgency: Share from 0 to 1 by which the swing foot goes before the trunk.
+        missed: Distance of the landing from the one that was asked for, m.
     """
 
     def __init__(
@@ -96,6 +102,7 @@ class StepDecision:
         self._s, self._c, self._scale, self._ground = settings, constants, scale, ground
         self.area, self._program = HeldArea(scale.sole, constants, dt), StepProgram(scale.height)
         self._most = constants.cop_speed * dt  # change of the centre of pressure in a tick, m
+        self._gain = lag_gain(dt, constants.cop_lag)
         self.place: Point = (0.0, 0.0)
         self.end = settings.step_time
         self.begin()
@@ -103,8 +110,8 @@ class StepDecision:
     def begin(self) -> None:
         """Begin a step, on a foot whose supported area is a point."""
         self.area.forget()
-        self.cop = self._wanted = 0.0, 0.0
-        self.urgency = 0.0
+        self.cop = self.lagged = self._wanted = 0.0, 0.0
+        self.urgency = self.missed = 0.0
         self._decided = False
         self._put_off: float | None = None  # time of a step that legs need longer for, s
         # When and where a foot is put down at once.
@@ -115,9 +122,13 @@ class StepDecision:
     def press(self) -> None:
         """Move the centre of pressure on by a tick."""
         (a, b), (u, v), most = self.cop, self._wanted, self._most
-        self.cop = a + min(max(u - a, -most), most), b + min(max(v - b, -most), most)
+        self.cop = a, b = a + min(max(u - a, -most), most), b + min(max(v - b, -most), most)
+        (p, q), gain = self.lagged, self._gain
+        self.lagged = p + gain * (a - p), q + gain * (b - q)
 
-    def decide(self, stance: StepState, wish: Wish, longest: float, look: float | None) -> None:
+    def decide(
+        self, stance: StepState, wish: Wish, longest: float, look: float | None, *, held: bool = False
+    ) -> None:
         """Decide anew; what was decided stays if the program fails.
 
         Args:
@@ -125,6 +136,7 @@ class StepDecision:
             wish: Steps that are asked for.
             longest: Longest time of the step, s.
             look: Time left in which a landing may be moved on seen ground, s; None for one that stays.
+            held: True for a landing that is a promise: it moves only by what the next sole cannot catch.
         """
         c, omega, elapsed = self._c, stance.dcm.omega, stance.elapsed
         offset = stance.offset(stance.dcm.x, stance.dcm.y)
@@ -137,30 +149,60 @@ class StepDecision:
         bounds = self._bounds(stance, offset[0] - contact[0], offset[1] - contact[1], longest)
         remaining = max(stance.nominal - elapsed, 0.0)
         last = max(self.end - elapsed, 0.0) if self._decided else remaining
-        step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds)
+        held = held and not self.closes
+        solve = self._held if held else self._program.solve
+        step = solve(offset, contact, omega, remaining, last, wish, bounds)
         if step is not None:
             later = self._later(stance, step, offset, contact, wish, bounds, max(longest - elapsed, 0.0))
             if (
                 later > step.left and not self.closes
             ):  # legs need longer for that place, and ξ goes on until then
                 bounds = bounds.after(later)
-                step = self._program.solve(offset, contact, omega, remaining, step.left, wish, bounds) or step
+                step = solve(offset, contact, omega, remaining, step.left, wish, bounds) or step
         if step is None:
             if self._decided:
                 return
             step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), stance.nominal)
         self._decided = True
         near, far = c.urgent
-        off = math.dist(step.place, wish.places[:2])
+        self.missed = off = math.dist(step.place, wish.places[:2])
         self.urgency = min(max((off - near) / (far - near), 0.0), 1.0)
         free = self._centre(stance, step.place)
         chosen = None if look is None else self._choose(stance, free, look)
         if chosen is not None:
             x, y = stance.offset(*chosen)
-            held = (x + c.carrying, y), (x + c.carrying, y)
-            step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds, held) or step
+            there = (x + c.carrying, y), (x + c.carrying, y)
+            step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds, there) or step
         self.end, self._wanted = elapsed + step.left, (step.shift[0], stance.side * step.shift[1])
         self.place = free if chosen is None else self._centre(stance, step.place)
+
+    def _held(
+        self,
+        dcm: Point,
+        contact: Point,
+        omega: float,
+        left: float,
+        last: float,
+        wish: Wish,
+        bounds: Bounds,
+    ) -> Step | None:
+        """Solve with the landing where it is asked for, or moved by the offset of ξ that the next sole cannot catch.
+
+        What an offset is off the plan's grows by E within the next step. The centre of pressure, moved by as much,
+        holds it; beyond the supported area it does not, and to move this landing costs less than to move the next one.
+        """
+        place, program = (wish.places[0], wish.places[1]), self._program
+        box = _box(place, place, bounds)
+        step = program.solve(dcm, contact, omega, left, last, wish, bounds, box)
+        if step is None:
+            return program.solve(dcm, contact, omega, left, last, wish, bounds)
+        off = [float(now) - b for now, b in zip(program.x[OFFSETS], wish.offsets, strict=True)]
+        (least_x, most_x), (least_y, most_y) = self.area.caught(self._c.caught)
+        x, y = _beyond(off[0], least_x, most_x), _beyond(off[1], least_y, most_y)
+        if math.hypot(x, y) < TOLERANCE:
+            return step
+        box = _box((place[0] + x, place[1] + y), place, bounds)
+        return program.solve(dcm, contact, omega, left, last, wish, bounds, box) or step
 
     def _bounds(self, stance: StepState, ahead: float, outwards: float, longest: float) -> Bounds:
         """Return the limits of a step, by the offset of ξ from the contact, m."""
@@ -310,6 +352,22 @@ class StepDecision:
         self._about = free
         self._chosen = None if (chosen.x, chosen.y) == free else (chosen.x, chosen.y)
         return self._chosen
+
+
+def _beyond(off: float, low: float, high: float) -> float:
+    """Return the part of an offset that a landing makes good: none within bounds, all from twice the bounds on, m."""
+    most = high if off > 0.0 else -low
+    return math.copysign(min(max(2.0 * (abs(off) - most), 0.0), abs(off)), off)
+
+
+def _box(place: Point, asked: Sequence[float], bounds: Bounds) -> tuple[Point, Point]:
+    """Return the least and the greatest landing about a place, m, within bounds that contain the one asked for."""
+    least, most = [], []
+    for at, wish, low, high in zip(place, asked, *bounds.places, strict=False):
+        kept = min(max(at, min(low, wish)), max(high, wish))
+        least.append(kept - TOLERANCE)
+        most.append(kept + TOLERANCE)
+    return (least[0], least[1]), (most[0], most[1])
 
 
 def steps_of_velocity(velocity: Point, width: float, stance: StepState) -> Wish:

@@ -47,6 +47,19 @@ LOOKS = 2
 """Number of decisions between two looks at the ground under a landing that moves with each of them."""
 
 
+LET_GO = 0.01
+"""Distance of a landing from its footstep from which on a walk says that it was let go, m."""
+
+SHIFTED = 0.6
+"""Part of the standing box to which the weight shifts ahead before footsteps: ξ must not leave the box on the way."""
+
+SUNK = 0.5
+"""Part of the way down a stair by which the CoM sinks before the foot lands: a leg does not reach deeper."""
+
+STILL = StepVelocity((0.0, 0.0), True)
+"""Steps in place."""
+
+
 class SteppingWalk(GaitMachine):
     """Walk with free steps, which balance the robot: it stands, walks where it is steered, and stands.
 
@@ -125,6 +138,7 @@ class SteppingWalk(GaitMachine):
         self._idle = False  # while the planner asks for a stand
         self._next = 0.0  # time of the next question to a planner in a stand, s
         self._since_stand = 0  # steps
+        self._planned: Orbit | None = None  # offsets of ξ in this step, along footsteps
         self._pace = self.steering.step_time  # mean time of the last steps, s
         self._tilt = (0.0, 0.0)  # pitch and roll of the landing as seen, rad
         self._level = 0.0  # height of the feet that carry, low-passed, m
@@ -190,7 +204,7 @@ class SteppingWalk(GaitMachine):
             self.take(None)
             self.reason = reason
         else:
-            self.footsteps, self._idle = plan.steps, not plan.steps
+            self.footsteps, self._idle, self.steering.climbs = plan.steps, not plan.steps, plan.climbs
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
@@ -241,7 +255,7 @@ class SteppingWalk(GaitMachine):
             if self.footsteps:
                 self.stance = 1 - SIDES.index(self.footsteps[0].side)
             if self.footsteps or self._steers():
-                self._enter(GaitPhase.DOUBLE, self.constants.shift_time + self.constants.rest)
+                self._enter(GaitPhase.DOUBLE, self._shift_time + self.constants.rest)
                 self._from = self.felt.state.com
                 return (Event.STARTED,)
         return self._step_out()
@@ -251,6 +265,12 @@ class SteppingWalk(GaitMachine):
         if self.elapsed < self.duration:
             return self._step_out()
         return self._begin()
+
+    @property
+    def _shift_time(self) -> float:
+        """Time in which the weight shifts over the foot that will stand, s."""
+        c = self.constants
+        return c.shift_to_plans if self.footsteps else c.shift_time
 
     def _steers(self) -> bool:
         """Return True if a velocity or a goal asks a robot that stands for steps; a goal where it stands does not."""
@@ -314,10 +334,20 @@ class SteppingWalk(GaitMachine):
             motion = middle[0], middle[1], 0.0, 0.0, 0.0, 0.0
         else:
             stance, side = feet[self.stance], 1.0 if self.stance == 1 else -1.0
-            inside = side * c.shift * s.width / (1.0 + math.exp(felt.dcm.omega * s.step_time))
             cos, sin = self.steering.direction
-            goal = stance[0] - sin * inside, stance[1] + cos * inside
-            motion = shifted(self._from, goal, self.elapsed, c.shift_time)
+            if self.footsteps:
+                self.steering.follows = True
+                wish = steps_of_plan(self.footsteps, c.carrying, s.width, self._step_state(STILL))
+                grown = math.exp(felt.dcm.omega * self.steering.step_time)
+                ahead, inside = (
+                    (s + b) / grown for s, b in zip(wish.places[:2], wish.offsets[:2], strict=True)
+                )
+                most = SHIFTED * 0.5 * c.standing_box[0]
+                ahead, inside = min(max(ahead, -most - c.carrying), most - c.carrying), side * inside
+            else:
+                ahead, inside = 0.0, side * c.shift * s.width / (1.0 + math.exp(felt.dcm.omega * s.step_time))
+            goal = stance[0] + cos * ahead - sin * inside, stance[1] + sin * ahead + cos * inside
+            motion = shifted(self._from, goal, self.elapsed, self._shift_time)
         return self._references(events, (c.most_force, c.most_force), motion, middle[2])
 
     def leaves(self, state: State, share: float) -> bool:
@@ -348,7 +378,7 @@ class SteppingWalk(GaitMachine):
                 return self._on_both_feet(events)
             self._decide(steps)
         state = self.felt.state
-        self._level += self._level_gain * (state.places[self.stance][2] - self._level)
+        self._level += self._level_gain * (self._support() - self._level)
         most = touch.most_forces(
             self.stance, self.elapsed, met=self.met is not None, stepped=self._since_stand > 0
         )
@@ -356,9 +386,17 @@ class SteppingWalk(GaitMachine):
         zmp = state.on_sole(self.stance, self.constants.carrying + ahead, aside)
         return self._references(events, most, self.course.fall(state, zmp), self._level)
 
+    def _support(self) -> float:
+        """Return the height over which the CoM is to be, m: of a step down it sinks half the way before the landing."""
+        stands = self.felt.state.places[self.stance][2]
+        if not self.footsteps:
+            return stands
+        return stands + SUNK * min(self.ground.height - stands, 0.0)
+
     def _now(self, steps: StepVelocity) -> SwingStep:
         """Return the step of this tick."""
-        haste, patience = self.haste, self.constants.patience
+        c, haste = self.constants, self.haste
+        patience = c.patience_of_plans if self.footsteps else c.patience
         return SwingStep(
             self.stance,
             self.steering.direction,
@@ -399,6 +437,8 @@ class SteppingWalk(GaitMachine):
 
     def _orbit(self, steps: StepVelocity) -> Orbit:
         """Return the orbit of the steps that are asked for."""
+        if self._planned is not None:
+            return self._planned
         time, omega = self.steering.step_time, self.felt.dcm.omega
         return Orbit.of(steps.velocity, self._side, self._width(steps), time, self._pace, omega)
 
@@ -460,6 +500,8 @@ class SteppingWalk(GaitMachine):
     def _touch_share(self) -> float:
         """Share of the time of a step at which the foot meets the expected ground."""
         c = self.constants
+        if self.footsteps:
+            return c.touch_of_plans
         return c.touch + self.haste * (c.late_touch - c.touch)
 
     @property
@@ -479,14 +521,30 @@ class SteppingWalk(GaitMachine):
 
     def _solve(self, steps: StepVelocity) -> None:
         """Decide the step by what stands now."""
-        c, (u, v), footsteps = self.constants, self.decision.cop, self.footsteps
+        c, footsteps, stance = self.constants, self.footsteps, self._step_state(steps)
         self.course.decide()
-        felt = self.felt
-        stance = StepState(
+        stays = self.ground.sight is None or self.swing is None or self._since_stand == 0
+        if footsteps:
+            wish = steps_of_plan(footsteps, c.carrying, self.settings.width, stance)
+            self._planned = Orbit.of_wish(wish.places, wish.offsets)
+            stance = stance._replace(orbit=self._planned)
+            stays = stays or len(footsteps) < 3 or footsteps[0].place == "fixed"
+        else:
+            forward, left = steps.velocity
+            time = self.steering.step_time
+            forward = (forward - steps.made_up) * (1.0 + self.haste * (self._pace / time - 1.0))
+            wish = steps_of_velocity((forward, left), self._width(steps), stance)
+        look = None if stays else self._touch - self.elapsed
+        self.decision.decide(stance, wish, self._longest, look, held=bool(footsteps))
+
+    def _step_state(self, steps: StepVelocity) -> StepState:
+        """Return the state that a step is decided by."""
+        felt, (u, v) = self.felt, self.decision.lagged
+        return StepState(
             self._side,
             self.steering.direction,
             felt.carrying_point(self.stance),
-            felt.state.on_sole(self.stance, c.carrying + u, v),
+            felt.state.on_sole(self.stance, self.constants.carrying + u, v),
             felt.contact,
             felt.dcm,
             self._orbit(steps),
@@ -495,17 +553,6 @@ class SteppingWalk(GaitMachine):
             self._swinging(),
             self._down(),
         )
-        stays = self.ground.sight is None or self.swing is None or self._since_stand == 0
-        if footsteps:
-            wish = steps_of_plan(footsteps, c.carrying, self.settings.width, stance)
-            stays = stays or len(footsteps) < 3 or footsteps[0].place == "fixed"
-        else:
-            forward, left = steps.velocity
-            time = self.steering.step_time
-            forward = (forward - steps.made_up) * (1.0 + self.haste * (self._pace / time - 1.0))
-            wish = steps_of_velocity((forward, left), self._width(steps), stance)
-        look = None if stays else self._touch - self.elapsed
-        self.decision.decide(stance, wish, self._longest, look)
 
     def _swinging(self) -> tuple[float, float, float, float]:
         """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
@@ -550,6 +597,8 @@ class SteppingWalk(GaitMachine):
         self.steering.held += gain * (held - self.steering.held)
         self.stance = 1 - self.stance
         assert self.swing is not None
+        if self.footsteps:
+            self._say_missed(self.decision.missed)
         self.ground.land(state.places[self.stance][2] - self.swing.landing.z, left[2] - right[2])
         self.steps_done += 1
         self._since_stand += 1
@@ -561,16 +610,29 @@ class SteppingWalk(GaitMachine):
             and self.felt.outside(self.dcm, c.stop_box) <= 0.0
         ):
             self._enter(GaitPhase.STANDING, 0.0)
+            self.reason = "" if self.footsteps else self.reason
             self.steering.rest(self._middle())
             return (Event.STOPPED,)
         self._lift()
         return (Event.LIFT_OFF,)
+
+    def _say_missed(self, missed: float) -> None:
+        """Say that a foot has landed so far beside its footstep, m, until one lands on its own again."""
+        self.reason = ""
+        if missed > LET_GO:
+            side = SIDES[self.stance]
+            self.reason = (
+                f"the {side} foot has landed {1e3 * missed:.0f} mm beside its footstep: what the footstep leaves of "
+                "the balance, the next sole could not have caught"
+            )
+            logger.info("%s", self.reason)
 
     def _lift(self) -> None:
         self._enter(GaitPhase.SINGLE, self.steering.step_time)
         self._plan_steps(SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
+        self._planned = None
         self._stood, self._tilt = self.felt.state.places[self.stance][2], (0.0, 0.0)
         self.touch.begin()
 

@@ -23,6 +23,7 @@ IEEE T-RO 38(6), 2022.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from wbc.base.vectors import Point, Vector, add_cross
@@ -124,6 +125,11 @@ class Orbit(NamedTuple):
         paced = math.exp(omega * pace)
         ahead = velocity[0] * pace / (paced - 1.0)
         return Orbit(ahead, still - shift, still + shift, paced * ahead)
+
+    @staticmethod
+    def of_wish(places: Sequence[float], offsets: Sequence[float]) -> Orbit:
+        """Return the offsets of steps that are asked for, ahead and outwards in turn, m."""
+        return Orbit(offsets[0], -offsets[1], -offsets[3], places[0] + offsets[0])
 
 
 def takes_over(there: Point, here: Point, orbit: Orbit, stretch: float, wait: float, patience: float) -> bool:

@@ -84,6 +84,8 @@ class SteppingConstants:
     # take as little time as the torque of the hips lets them.
     brisk: Annotated[float, "hω"] = 0.23
     quick: Annotated[float, "hω"] = 0.21
+    # Time T of a step along footsteps on soles that are supported across their width.
+    plan_time: Annotated[float, "1/ω"] = 2.2
     # Low-pass of the time of a step: noise of ξ would move it by more than 10 ms.
     time_lag: Annotated[float, "1/ω"] = 0.111
     # Greatest time of a step when it begins, over the nominal time.
@@ -128,6 +130,8 @@ class SteppingConstants:
     cop_error: Annotated[float, "h"] = 0.038
     # Part of the half sole that the next foot is expected to hold: stones hold less than all.
     next_area: float = 0.3
+    # Part of the next sole that holds what a landing along footsteps leaves: its area has to grow first.
+    caught: float = 0.7
     # Period of the program.
     period: Annotated[float, "1/ω"] = 0.021
     # Half of the supported width in the last steps from which on steps are slow.
@@ -137,6 +141,8 @@ class SteppingConstants:
     # ---- The foot that has landed takes over.
     # Offset of ξ over that of the orbit up to which the next step is long enough.
     patience: float = 1.5
+    # The same along footsteps: a step that begins early leaves ξ behind its plan and outside of it.
+    patience_of_plans: float = 1.0
     # Time ahead for which waiting is judged, 1/ω.
     wait: float = 0.2
     # Greatest force of a foot that waits: more would move the contact point.
@@ -156,6 +162,8 @@ class SteppingConstants:
     touch: float = 0.88
     # The same in a walk of twice the velocity `quick`, whose long steps need the time.
     late_touch: float = 0.95
+    # The same along footsteps.
+    touch_of_plans: float = 0.92
     # Time at which the sole is level: one that is still tilted rubs at edges.
     level: float = 0.3
     # Greatest acceleration over the ground: a long step takes its time.
@@ -215,6 +223,8 @@ class SteppingConstants:
     again: Annotated[float, "h"] = 0.03
     # ---- Both feet.
     shift_time: Annotated[float, "1/ω"] = 2.83
+    # The same before footsteps, which begin nearer to the foot that stands: ξ must not leave the soles on the way.
+    shift_to_plans: Annotated[float, "1/ω"] = 4.2
     # Place of ξ when the shift ends, in b_y of a step in place: the first step begins late.
     shift: float = 1.3
     shift_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (2.45, 3.2)
