@@ -217,14 +217,12 @@ def test_no_row_is_left_out_that_could_be_active(way: str) -> None:
     )
     limit.bind(robot)
     rows, lower, upper = np.zeros((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
-    pairs, measured, left_out, needed, of_near = len(limit._names), 0, 0, 0, limit._measure
+    pairs, measured, left_out, needed, of_pair = len(limit._names), 0, 0, 0, limit._distance_of
 
-    def counted(asked: Array, *others: object) -> object:
+    def counted(row: int, within: float) -> float:
         nonlocal measured
-        measured += asked.size
-        return of_near(asked, *others)  # type: ignore[arg-type]
-
-    limit._measure = counted  # type: ignore[assignment, method-assign]
+        measured += 1
+        return of_pair(row, within)
 
     def distances() -> Array:
         pin.updateGeometryPlacements(robot.model, robot.data, limit._geometry, limit._geometry_data)
@@ -252,7 +250,9 @@ def test_no_row_is_left_out_that_could_be_active(way: str) -> None:
         if only == 0:
             v += 0.2 * rng.normal(size=robot.nv)
         robot.update(q, v)
+        limit._distance_of = counted  # type: ignore[method-assign, assignment]
         limit.write(dt, rows, lower, upper)
+        limit._distance_of = of_pair  # type: ignore[method-assign]
         ends, here = [], distances()
         assert (limit._separation.distances() <= here + 1e-5).all()
         closing = limit._separation.speeds(limit._twists())

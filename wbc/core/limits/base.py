@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, scalar
 from wbc.base.settings import Count, NonNegative, Positive
 from wbc.core.robot import Reads, Robot
 
@@ -29,6 +29,9 @@ RECOVERY = 2.0
 
 SHARE = 0.9
 """Share of what the joints attain up to which a limit asks for it: all of it would leave one velocity alone."""
+
+
+_ZERO = scalar(0.0)
 
 
 class Limit(ABC):
@@ -91,11 +94,16 @@ class Barrier(Limit):
     time constant² + recovery away from its bound, which is enough from inside. From outside it brings the coordinate
     back. No row demands more than joints attain. Two bounds of one row never cross, because what is room for one is
     lacking for the other.
+
+    Rooms and speeds of all coordinates stand in two rows: those towards the upper bounds, and those towards the lower
+    ones. A subclass with another law overrides `_final_speeds`, `_least_accelerations` and `_allowed_speeds`.
     """
 
     _time: float
     _back: float  # the recovery
     _robot: Robot
+    _others: Array | None = None
+    """Speeds of the coordinates while the robot stands still, shape (dim,); None for none."""
 
     @checked
     def __init__(
@@ -112,6 +120,9 @@ class Barrier(Limit):
     def bind(self, robot: Robot) -> None:
         """Take the robot; who overrides it calls `super().bind(robot)`."""
         self._robot = robot
+        self._room, self._speed, self._bound, self._brake = np.zeros((4, 2, self.dim))
+        self._flat = self._room.reshape(-1)  # the rooms in one row, in which the least is quickly found
+        self._dt = 0.0
 
     @property
     def robot(self) -> Robot:
@@ -131,55 +142,93 @@ class Barrier(Limit):
         """
 
     @abstractmethod
-    def drift(self) -> Array:
-        """Return the accelerations of the coordinates at no generalised acceleration; `measure` was called before."""
+    def drift(self) -> Array | None:
+        """Return the accelerations of the coordinates at no generalised acceleration; `measure` was called before.
+
+        None says that there are none.
+        """
+
+    def _take_period(self, dt: float) -> None:
+        """Take a new period, s, over; arrays without axes take NumPy half the time of numbers."""
+        self._dt, self._per_period, self._per_time = dt, scalar(1.0 / dt), scalar(1.0 / self._time)
+        self._per_way = scalar(1.0 / max(dt, self._time))
+        # At the speed room / time constant a coordinate needs the deceleration room / time constant², and a little more
+        # because a period passes before the bound reacts.
+        self._per_room = scalar(-(1.0 + 2.0 * dt / self._time) / self._time**2)
+        self._recovers = scalar(self._back)
+
+    def _final_speeds(self, room: Array, speed: Array, dt: float) -> Array:
+        """Return the greatest speeds towards the bounds at the end of a period, to overwrite."""
+        return np.multiply(room, self._per_time, out=self._bound)
+
+    def _least_accelerations(self, room: Array) -> Array:
+        """Return the least accelerations towards the bounds, which are negative: no row demands more braking."""
+        least = np.maximum(room, _ZERO, out=self._brake)
+        least *= self._per_room
+        least -= self._recovers
+        return least
+
+    def _allowed_speeds(self, room: Array, dt: float) -> Array:
+        """Return the greatest speeds towards the bounds of inverse kinematics, to overwrite."""
+        return np.multiply(room, self._per_way, out=self._bound)
+
+    def _measure(self, rows: Array, dt: float | None, of_velocity: bool) -> None:
+        """Fill rows and rooms for accelerations or velocities of a period, or for a step, which has none."""
+        self.measure(rows, self._room[1], self._room[0])
+
+    def _speeds(self, rows: Array) -> Array:
+        """Return the speeds of the coordinates, shape (dim,)."""
+        return np.asarray(rows.dot(self._robot.v))
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of the acceleration; see `Limit.write`."""
-        self.measure(rows, lower, upper)
-        speed, drift = rows.dot(self._robot.v), self.drift()
-        if lower[lower.argmin()] < np.inf:
-            np.negative(self._brake(lower, -speed, dt), out=lower)
-            lower -= drift
-        else:
-            lower.fill(-np.inf)
-        if upper[upper.argmin()] < np.inf:
-            upper[:] = self._brake(upper, speed, dt)
-            upper -= drift
-        _cut_off(ATTAINABLE, rows, lower, upper)
-
-    def _brake(self, room: Array, speed: Array, dt: float) -> Array:
-        """Return the greatest accelerations towards a bound at rooms and at speeds towards it."""
-        final = room / self._time
-        final -= speed
-        final /= dt
-        # At the speed room / time constant a coordinate needs the deceleration room / time constant², and a little more
-        # because a period passes before the bound reacts.
-        least = np.maximum(room, 0.0)
-        least *= -(1.0 + 2.0 * dt / self._time) / self._time**2
-        least -= self._back
-        return np.maximum(final, least, out=final)
+        if dt != self._dt:
+            self._take_period(dt)
+        room, speed = self._room, self._speed
+        self._measure(rows, dt, False)
+        speed[0] = self._speeds(rows)
+        np.negative(speed[0], out=speed[1])
+        bound = self._final_speeds(room, speed, dt)
+        bound -= speed
+        bound *= self._per_period
+        np.maximum(bound, self._least_accelerations(room), out=bound)
+        self._fill(ATTAINABLE, bound, self.drift(), rows, lower, upper)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of a step; see `Limit.write_step`."""
-        self.measure(rows, lower, upper)
-        np.negative(lower, out=lower)
+        self._measure(rows, None, False)
+        upper[:] = self._room[0]
+        np.negative(self._room[1], out=lower)
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of the velocity; see `Limit.write_velocity`."""
-        self.write_step(rows, lower, upper)
-        lower /= max(dt, self._time)
-        upper /= max(dt, self._time)
-        _cut_off(BACK, rows, lower, upper)
+        if dt != self._dt:
+            self._take_period(dt)
+        self._measure(rows, dt, True)
+        self._fill(BACK, self._allowed_speeds(self._room, dt), self._others, rows, lower, upper)
 
+    def _fill(
+        self, most: float, bound: Array, others: Array | None, rows: Array, lower: Array, upper: Array
+    ) -> None:
+        """Fill bounds, less what the coordinates do by themselves; no row demands more than `most` of each joint."""
+        upper[:] = bound[0]
+        np.negative(bound[1], out=lower)
+        if others is None:
+            flat = bound.reshape(-1)
+            asked = flat[flat.argmin()] < 0.0
+        else:
+            upper -= others
+            lower -= others
+            asked = demands(lower, upper)
+        if asked:
+            self._settle(most, rows, lower, upper)
 
-def _cut_off(most: float, rows: Array, lower: Array, upper: Array) -> None:
-    """Cut demands off where each coordinate would have to give more than `most`."""
-    if not lower.size or not demands(lower, upper):
-        return
-    attainable = most * np.abs(rows).sum(axis=1)
-    np.minimum(lower, attainable, out=lower)
-    np.maximum(upper, -attainable, out=upper)
+    def _settle(self, most: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Cut demands off where each coordinate would have to give more than `most`."""
+        asked = ((lower > 0.0) | (upper < 0.0)).nonzero()[0]
+        attainable = most * np.abs(rows[asked]).sum(axis=1)
+        lower[asked] = np.minimum(lower[asked], attainable)
+        upper[asked] = np.maximum(upper[asked], -attainable)
 
 
 def demands(lower: Array, upper: Array) -> bool:

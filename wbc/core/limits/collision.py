@@ -12,17 +12,16 @@ from typing import Annotated, Literal
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.limits.base import ATTAINABLE, Limit
+from wbc.core.limits.base import BACK, Barrier, demands
 from wbc.core.limits.facing import CORNERS, Facing
 from wbc.core.limits.heights import Columns
 from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs, urdf_primitives
-from wbc.core.limits.separation import YZX, ZXY, Separation
+from wbc.core.limits.separation import Separation, cross, dots, following
 from wbc.core.limits.shapes import ENDLESS, SHAPES, CollisionHeights, Obstacle, Shape, geometry_of
 from wbc.core.robot import Robot
 
@@ -52,46 +51,12 @@ SUDDEN = 100.0
 """Acceleration up to which a distance may shrink in a tick before its row must be there, m/s²."""
 
 
-Kept = tuple[float, float, float, float, float, float, float, float, float, float, float, float]
-"""Distance of a pair, room, growth, normal, its moment and the nearest point of the first shape."""
+Kept = tuple[float, int, float, float, float, float, float, float, float, float, float, float, float]
+"""Distance of a pair or a corner, pair, room, growth, normal, its moment and the nearest point of the first shape."""
 
 AT_REST = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
-_NO_ROWS = np.zeros(0, dtype=np.intp)
-
-
-def _body(robot: Robot, joint: int) -> Array:
-    """Return origin, angular velocity and acceleration of the body behind a joint, in the world; zeros of the world."""
-    values = np.zeros(12)
-    if joint > 0:
-        model, data, world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
-        values[:3] = data.oMi[joint].translation
-        values[3:6] = pin.getVelocity(model, data, joint, world).angular
-        values[6:] = pin.getClassicalAcceleration(model, data, joint, world).vector
-    return values
-
-
-@dataclass(slots=True)
-class _Near:
-    """Pairs that are near.
-
-    Attributes:
-        rows: Their rows, those of the nearest points of pairs first.
-        pairs: The pair of each row.
-        distances: Their distances, m.
-        room: Distances beyond the margin, m; those of corners beyond the distance of their pair if that is less.
-        growth: Speeds at which the distances grow, m/s.
-        levers: [n, p₁ × n] of the normals n from the first shape to the second one, shape (n, 6).
-        points: Nearest points p₁ of the first shape in the world, shape (n, 3), m.
-    """
-
-    rows: NDArray[np.intp]
-    pairs: NDArray[np.intp]
-    distances: Array
-    room: Array
-    growth: Array
-    levers: Array
-    points: Array
+_NOTHING = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 13))
 
 
 @dataclass(slots=True)
@@ -117,7 +82,7 @@ class _Place:
             geometry.geometryObjects[self.index].placement = self.seen * self.local
 
 
-class CollisionLimit(Limit):
+class CollisionLimit(Barrier):
     """Limit that keeps pairs of links at a distance, and links away from obstacles, which may move.
 
         CollisionLimit("all", shapes=description.collision_hulls(), obstacles=[Obstacle("table", CollisionBox(…))])
@@ -208,10 +173,10 @@ class CollisionLimit(Limit):
                 )
         self._against = None if against is None else list(against)
         self._urdf = urdf
-        self._margin, self._influence, self._recovery = margin, influence, recovery
+        self._margin, self._influence = margin, influence
+        self._time, self._back = time_constant, recovery
         if self._influence <= self._margin:
             raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
-        self._time = time_constant
 
     @checked
     def bind(self, robot: Robot) -> None:
@@ -295,6 +260,7 @@ class CollisionLimit(Limit):
         self._separation = Separation(geometry, self._geometry_data, np.array(corners))
         self._spread = self._separation.spread.tolist()
         self.dim = self._n_pairs + min(CORNERS * sum(corners), MOST_CORNERS)
+        super().bind(robot)
         self._owners = np.arange(self.dim)  # the pair of each row
         self._leaders = _leaders(robot)
         # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
@@ -303,8 +269,14 @@ class CollisionLimit(Limit):
         self._round = np.array([row[2:] for row in self._rows])  # radii of round shapes, m
         self._moves = np.array([carried[row[1]] - carried[row[0]] for row in self._rows])
         self._motions = np.zeros_like(self._moves.T)
-        self._filled = _NO_ROWS  # those that are not zero
-        self._written: Array | None = None  # the array that they are in
+        data = robot.data  # velocities, accelerations and placements of all bodies
+        self._bodies = (
+            following([each.linear for each in data.v], 6),
+            following([each.linear for each in data.a], 6),
+            following([each.rotation for each in data.oMi], 12),
+        )
+        self._near = _NOTHING  # filled rows, their pairs, and what is known of them
+        self._growth = np.zeros(self.dim)  # speeds of the distances, or of what obstacles add to them, m/s
         pin.updateGeometryPlacements(robot.model, robot.data, geometry, self._geometry_data)
         distances = np.array([self._distance_of(row) for row in range(self._n_pairs)])
         self._separation.distances()
@@ -350,81 +322,29 @@ class CollisionLimit(Limit):
             smallest[pair] = min(smallest.get(pair, np.inf), self._distance_of(row))
         return smallest
 
-    def _distance_of(self, row: int) -> float:
-        """Return the distance of a pair of shapes, m; infinite where there is no ground within the influence."""
+    def _distance_of(self, row: int, within: float | None = None) -> float:
+        """Return the distance of a pair of shapes, m; infinite where there is no ground within a distance, m."""
         ground = self._grounds[row]
         if ground is None:
             return float(pin.computeDistance(self._geometry, self._geometry_data, row).min_distance)
-        result = ground.nearest(self._geometry, self._geometry_data, row, self._influence)
+        result = ground.nearest(self._geometry, self._geometry_data, row, within or self._influence)
         return np.inf if result is None else float(result.min_distance)
 
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the rows of pairs and corners; see `Limit.write`."""
-        self._clear(rows, lower, upper)
-        bounds, twists = self._bounds(), self._twists()
-        needed = self._separation.speeds(twists)
-        needed += dt * SUDDEN
-        needed *= self._time
-        needed += self._margin
-        np.minimum(needed, self._influence, out=needed)
-        near = self._measure(
-            (bounds <= needed).nonzero()[0],
-            self._influence,
-            self._influence,
-            self._time * dt * TURNED,
-            twists,
-            dt,
-        )
-        if near is not None:
-            room, moving = near.room, self._jacobians(near)
-            demand = -(room / self._time + near.growth) / dt
-            demand = np.minimum(demand, np.maximum(room, 0.0) / self._time**2 + self._recovery)
-            demand -= self._drift(near)
-            # Where the joints hardly change the distance, no demand is one that they cannot meet.
-            demand = np.minimum(demand, ATTAINABLE * np.abs(moving).sum(axis=1))
-            self._put(rows, lower, near, moving, demand)
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        """Fill rows and rooms of all pairs within the influence; see `Barrier.measure`."""
+        self._measure(rows, None, False)
+        below[:], above[:] = self._room[::-1]
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill how far each pair may approach, or must separate; see `Limit.write_step`."""
-        self._clear(rows, lower, upper)
-        near = self._measure(
-            (self._bounds() <= self._influence).nonzero()[0], self._influence, self._margin + NEAR, np.inf
-        )
-        if near is not None:
-            moving, demand = self._jacobians(near), -near.room
-            self._put(rows, lower, near, moving, np.minimum(demand, np.abs(moving).sum(axis=1)))
-
-    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the smallest rate of each distance; see `Limit.write_velocity`."""
-        self._clear(rows, lower, upper)
-        influence = min(self._influence, self._margin + NEAR)
-        asked = (self._bounds() <= influence).nonzero()[0]
-        near = self._measure(asked, influence, influence, TURNING * dt, self._beside())
-        if near is not None:
-            moving = self._jacobians(near)
-            demand = -near.room / max(self._time, dt) - near.growth
-            self._put(rows, lower, near, moving, np.minimum(demand, np.abs(moving).sum(axis=1)))
+        super().write_step(rows, lower, upper)
+        if demands(lower, upper):
+            self._settle(BACK, rows, lower, upper)
 
     def violation(self, row: int, size: float) -> str:
         """Return by how much the margin of a pair is violated, and which pair it is."""
         one, other = self._names[self._owners[row]]
         return f"{size:.3g} m ('{one}' and '{other}')"
-
-    def _clear(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Empty the rows that are filled, all of them in an array that was not seen before, and the bounds."""
-        lower.fill(-np.inf)
-        upper.fill(np.inf)
-        if rows is not self._written:
-            self._written = rows
-            rows.fill(0.0)
-        elif self._filled.size:
-            rows[self._filled] = 0.0
-        self._filled = _NO_ROWS
-
-    def _put(self, rows: Array, lower: Array, near: _Near, moving: Array, demand: Array) -> None:
-        """Fill the rows of some pairs, and their bounds."""
-        self._filled = near.rows
-        rows[near.rows], lower[near.rows] = moving, demand
 
     def _bounds(self) -> Array:
         """Place all shapes, and return lower bounds on their distances, m; without an end where the ground changes."""
@@ -452,108 +372,120 @@ class CollisionLimit(Limit):
                 twists[:, place.rows] = place.twist()[:, None]
         return twists
 
-    def _jacobians(self, near: _Near) -> Array:
-        """Return the derivatives of the distances of pairs by the configuration, shape (number of pairs, nv).
+    def _speeds(self, rows: Array) -> Array:
+        return self._growth
+
+    def drift(self) -> Array:
+        """Return the accelerations of the distances; see `Barrier.drift`.
+
+        Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
+        """
+        drift, (rows, pairs, values) = np.zeros(self.dim), self._near
+        if rows.size:
+            first, ends = len(rows), self._ends[pairs].T.ravel()  # first bodies, then second ones
+            along = np.concatenate((values[:, 4:7],) * 2)
+            away = np.concatenate((-self._round[pairs, 0], values[:, 0] + self._round[pairs, 1]))
+            velocities, accelerations, places = self._bodies
+            motion = np.concatenate((velocities[ends], accelerations[ends]), axis=1).reshape(-1, 4, 3)
+            motion = motion @ places[ends, :9].reshape(-1, 3, 3)  # along the axes of the world
+            arm = np.concatenate((values[:, 10:],) * 2) + away[:, None] * along - places[ends, 9:]
+            speed, spin = motion[:, 0] + cross(motion[:, 1], arm), motion[:, 1]
+            along = dots(along, motion[:, 2] + cross(motion[:, 3], arm) + cross(spin, speed))
+            drift[rows] = along[first:] - along[:first]
+        return drift
+
+    def _measure(self, rows: Array, dt: float | None, of_velocity: bool) -> None:
+        """Fill the rows of pairs that are near, and of the corners of their faces.
+
+        In a controller those are left out whose bodies move at speeds at which nothing but an acceleration above
+        `SUDDEN` makes them too fast for their distance.
+        """
+        rows.fill(0.0)
+        self._room.fill(np.inf)
+        self._growth.fill(0.0)
+        self._near = _NOTHING
+        bounds, influence, margin = self._bounds(), self._influence, self._margin
+        results, facing = self._geometry_data.distanceResults, self._facing
+        twists: Array | None = None
+        # Time after which a distance counts at its present speed, distance up to which a row does, and distance beyond
+        # the margin that a turn may take from corners in a period, for each metre between them.
+        ahead, free, turning = 0.0, np.inf, np.inf
+        reach = min(influence, margin + NEAR)
+        if dt is None:
+            within, asked = influence, bounds <= influence
+        elif of_velocity:
+            twists, within, asked, turning = self._beside(), reach, bounds <= reach, dt * TURNING
+        else:
+            ahead, free, turning = self._time, margin + self._time * dt * SUDDEN, self._time * dt * TURNED
+            twists, within, reach = self._twists(), influence, influence
+            asked = bounds <= np.minimum(self._time * self._separation.speeds(twists) + free, influence)
+        self._others = None if twists is None else self._growth
+        chosen = asked.nonzero()[0]
+        if not chosen.size:
+            return
+        distances = np.array([self._distance_of(row, within) for row in chosen.tolist()])
+        self._separation.measured(chosen, distances)
+        near, corners = list[Kept](), list[Kept]()
+        moving = itertools.repeat(AT_REST) if twists is None else twists.T[chosen].tolist()
+        for row, distance, (vx, vy, vz, wx, wy, wz) in zip(
+            chosen.tolist(), distances.tolist(), moving, strict=False
+        ):
+            if distance > within:
+                continue
+            found = results[row]
+            normal, point = found.normal, found.getNearestPoint1()
+            (nx, ny, nz), (x, y, z) = normal.tolist(), point.tolist()
+            mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
+            growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
+            room = distance - margin
+            if distance + ahead * growth < free:
+                near.append((distance, row, room, growth, nx, ny, nz, mx, my, mz, x, y, z))
+            if not facing.has_corners[row] or distance < -DEEP:
+                continue
+            turn = self._spread[row] * math.sqrt(wx * wx + wy * wy + wz * wz) if ahead else 0.0
+            late = margin + turning * self._spread[row]
+            # A corner further away is slow for its distance.
+            beyond = min(late + ahead * (turn - growth), reach)
+            if distance < beyond:
+                least = min(room, 0.0)  # what has come too close may not come closer
+                for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(
+                    row, distance, normal, point, beyond, room < TOUCHING
+                ):
+                    growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
+                    if gap + ahead * growth < late:
+                        space = gap - margin - least
+                        corners.append((gap, row, space, growth, nx, ny, nz, mx, my, mz, x, y, z))
+        if len(corners) > self.dim - self._n_pairs:
+            corners = sorted(corners)[: self.dim - self._n_pairs]
+        if near or corners:
+            self._put(rows, np.array(near + corners), len(near))
+            if of_velocity:
+                self._bend(rows)
+
+    def _put(self, rows: Array, values: Array, n_near: int) -> None:
+        """Fill the rows of some pairs and, behind them, of some corners.
 
         With J the Jacobians of the joints at the origin of the world, a pair with the normal n from a point p₁ of the
         first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
         [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
-        moving = near.levers.dot(self._robot.joint_jacobians)
-        moving *= self._moves[near.pairs]
-        return np.asarray(moving if self._leaders is None else moving.dot(self._leaders))
+        pairs = values[:, 1].astype(np.intp)
+        filled = pairs.copy()
+        filled[n_near:] = self._n_pairs + np.arange(len(pairs) - n_near)
+        self._owners[filled], self._near = pairs, (filled, pairs, values)
+        self._room[1, filled], self._growth[filled] = values[:, 2], values[:, 3]
+        moving = values[:, 4:10].dot(self._robot.joint_jacobians)
+        moving *= self._moves[pairs]
+        rows[filled] = moving if self._leaders is None else moving.dot(self._leaders)
 
-    def _drift(self, near: _Near) -> Array:
-        """Return the acceleration of the distances at no acceleration of the joints, m/s².
-
-        Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
-        """
-        normals, (inner, outer) = near.levers[:, :3], self._round[near.pairs].T[..., None]
-        first = near.points - inner * normals
-        second = near.points + (near.distances[:, None] + outer) * normals
-        joints, of_end = np.unique(self._ends[near.pairs].T.ravel(), return_inverse=True)
-        bodies = np.array([_body(self._robot, joint) for joint in joints.tolist()])[of_end]
-        normal, spin = np.concatenate((normals, normals)), bodies[:, 3:6]
-        arm = np.concatenate((first, second)) - bodies[:, :3]
-        lever = arm[:, YZX] * normal[:, ZXY] - arm[:, ZXY] * normal[:, YZX]
-        along = (normal * bodies[:, 6:9]).sum(axis=1) + (lever * bodies[:, 9:]).sum(axis=1)
-        along += (spin * arm).sum(axis=1) * (spin * normal).sum(axis=1)
-        along -= (spin * spin).sum(axis=1) * (normal * arm).sum(axis=1)
-        return np.asarray(along[len(near.rows) :] - along[: len(near.rows)])
-
-    def _measure(
-        self,
-        asked: NDArray[np.intp],
-        within: float,
-        corners: float,
-        turning: float,
-        twists: Array | None = None,
-        dt: float | None = None,
-    ) -> _Near | None:
-        """Measure some pairs; return those that are within a distance, m, if any, and the corners of their faces.
-
-        With a control period dt, s, those are left out whose bodies move with twists at which nothing but an
-        acceleration above `SUDDEN` makes them too fast for their distance.
-
-        Args:
-            asked: The pairs.
-            within: Distance up to which pairs count, m.
-            corners: Distance up to which corners count, m.
-            turning: Distance beyond the margin that a turn may take from corners in a period, for each metre between
-                them.
-            twists: Velocities of the second bodies against the first ones, see `_twists`; None if they are zero.
-            dt: Control period, s; None if the twists are those of obstacles alone.
-        """
-        if not asked.size:
-            return None
-        geometry, data, facing = self._geometry, self._geometry_data, self._facing
-        time, free = (0.0, np.inf) if dt is None else (self._time, self._margin + self._time * dt * SUDDEN)
-        distances, near, kept = list[float](), list[int](), list[Kept]()
-        faces = list[tuple[Kept, int]]()
-        moving = itertools.repeat(AT_REST) if twists is None else twists.T[asked].tolist()
-        for row, (vx, vy, vz, wx, wy, wz) in zip(asked.tolist(), moving, strict=False):
-            ground = self._grounds[row]
-            if ground is None:
-                result = pin.computeDistance(geometry, data, row)
-            elif (result := ground.nearest(geometry, data, row, within)) is None:
-                distances.append(np.inf)
-                continue
-            distance = result.min_distance
-            distances.append(distance)
-            if distance > within:
-                continue
-            normal, point = result.normal, result.getNearestPoint1()
-            (nx, ny, nz), (x, y, z) = normal.tolist(), point.tolist()
-            mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
-            growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-            room = distance - self._margin
-            if distance + time * growth < free:
-                near.append(row)
-                kept.append((distance, room, growth, nx, ny, nz, mx, my, mz, x, y, z))
-            if not facing.has_corners[row] or distance < -DEEP:
-                continue
-            turn = self._spread[row] * math.sqrt(wx * wx + wy * wy + wz * wz) if time else 0.0
-            late = self._margin + turning * self._spread[row]
-            reach = min(late + time * (turn - growth), corners)  # a corner beyond it is slow for its distance
-            if distance < reach:
-                least = min(room, 0.0)  # what has come too close may not come closer
-                for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(
-                    row, distance, normal, point, reach, room < TOUCHING
-                ):
-                    growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-                    if gap + time * growth < late:
-                        room = gap - self._margin - least
-                        faces.append(((gap, room, growth, nx, ny, nz, mx, my, mz, x, y, z), row))
-        self._separation.measured(asked, np.array(distances))
-        if len(faces) > self.dim - self._n_pairs:
-            faces = sorted(faces)[: self.dim - self._n_pairs]
-        if not near and not faces:
-            return None
-        values = np.array(kept + [corner for corner, _ in faces])
-        pairs = np.array(near + [row for _, row in faces])
-        rows = np.concatenate((pairs[: len(near)], self._n_pairs + np.arange(len(faces))))
-        self._owners[rows] = pairs
-        return _Near(rows, pairs, values[:, 0], values[:, 1], values[:, 2], values[:, 3:9], values[:, 9:])
+    def _bend(self, rows: Array) -> None:
+        """Add by how much the curvature of the way takes from distances in a period, at the speed of the last step."""
+        robot, filled = self._robot, self._near[0]
+        growth = rows[filled].dot(robot.v) + self._growth[filled]
+        if (growth < -0.5 * self._room[1, filled] * self._per_time - 1e-3).any():
+            pin.forwardKinematics(robot.model, robot.data, robot.q, robot.v, np.zeros(robot.nv))
+            self._growth += 0.5 * self._dt * np.minimum(self.drift(), 0.0)
+            self._others = self._growth
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', rows={self.dim})"

@@ -137,7 +137,7 @@ class CoMPolygonLimit(Barrier):
             raise InputError(
                 f"limit '{self.name}' is of a robot that stands, '{robot.name}' is bolted to the world"
             )
-        self._robot = robot
+        super().bind(robot)
         gravity = robot.model.gravity.linear
         self._gravity = np.array(gravity[:2])
         time_constant, recovery = self._given_time, self._given_recovery

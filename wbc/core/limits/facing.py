@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import coal
@@ -43,18 +44,46 @@ STANDS = math.sqrt(0.5)
 SAME, MOVED = 1e-6, 1e-4
 """Distance up to which points are one, and from which on a nearest point is another one, m."""
 
+SLID = 1e-2
+"""Share by which the placement of two shapes against each other changes until their corners are looked for again."""
+
+SPARE = 5e-3
+"""Change of the distance up to which corners count until they are looked for again, m."""
+
 Corner = tuple[float, float, float, float, float, float, float, float, float, float]
 """Distance of a corner, normal from the first shape to the second, its moment, and the point of the first shape."""
 
-Face = Callable[[Array, Array, Array, float], Array]
-"""Corners in the world of the face of a shape that looks along a unit vector, of its rotation and its origin.
+_NO_POINTS = np.zeros((0, 3))
 
-Those may be left out that are less far along the unit vector than the last argument, m.
+Face = Callable[[Array, Array, float], Array]
+"""Corners of the face of a shape that looks along a unit vector, of its rotation and the unit vector in its frame.
+
+Those may be left out that are less far along the unit vector than the last argument, m. All are in its frame.
 """
 
 
+@dataclass(slots=True)
+class _Faces:
+    """Corners of two shapes where they face each other, in the frames of the shapes.
+
+    Attributes:
+        place: Placement of the second shape against the first one when they were found.
+        within: Distance up to which they were looked for, m.
+        points, others: Corners of the first shape with the crossings, and those of the second shape, shape (n, 3), m.
+    """
+
+    place: pin.SE3
+    within: float
+    points: Array
+    others: Array
+
+
 class Facing:
-    """Corners of pairs of shapes of a geometry, at the placements in its data."""
+    """Corners of pairs of shapes of a geometry, at the placements in its data.
+
+    Attributes:
+        has_corners: Whether a pair has corners: a ball has none, and its nearest point is all that counts.
+    """
 
     def __init__(
         self, geometry: pin.GeometryModel, data: pin.GeometryData, grounds: Sequence[Columns | None]
@@ -66,21 +95,24 @@ class Facing:
             data: Their placements.
             grounds: Columns that are in the place of the second shape of a pair, for each pair.
         """
-        self._grounds = grounds
+        self._grounds, self._data = grounds, data
         #: Earlier nearest points of both shapes of each pair, in the frames of the shapes.
         self._kept: list[tuple[list[Array], list[Array]]] = [([], []) for _ in grounds]
-        self._shapes = [item.geometry for item in geometry.geometryObjects]
-        self._faces = [_face_of(shape) for shape in self._shapes]
-        self._radii = [float(s.radius) if isinstance(s, coal.Capsule) else 0.0 for s in self._shapes]
-        self._spins = [isinstance(shape, coal.Cylinder) for shape in self._shapes]
+        self._found: list[_Faces | None] = [None for _ in grounds]
+        self._shapes = shapes = [item.geometry for item in geometry.geometryObjects]
+        self._faces = [_face_of(shape) for shape in shapes]
+        self._radii = [float(s.radius) if isinstance(s, coal.Capsule | coal.Sphere) else 0.0 for s in shapes]
+        self._spins = [isinstance(shape, coal.Cylinder) for shape in shapes]
         self._pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
-        self._data = data
-        self._point, self._at = coal.Sphere(0.0), coal.Transform3s()
-        self._request, self._result = coal.DistanceRequest(True, True), coal.DistanceResult()
-        #: Whether a pair has corners: a ball has none, and its nearest point is all that counts.
         self.has_corners = [
-            not any(isinstance(self._shapes[i], coal.Sphere) for i in pair) for pair in self._pairs
+            _have_corners(shapes[i], shapes[k] if ground is None else None)
+            for (i, k), ground in zip(self._pairs, grounds, strict=True)
         ]
+        self._point, self._at = coal.Sphere(0.0), coal.Transform3s()
+        self._ask = [
+            coal.ComputeDistance(self._point, shape) for shape in shapes
+        ]  # which keeps no shape alive
+        self._request, self._result = coal.DistanceRequest(True, True), coal.DistanceResult()
 
     def corners(
         self, pair: int, distance: float, normal: Array, nearest: Array, within: float, touching: bool
@@ -96,37 +128,35 @@ class Facing:
             touching: Whether the pair is so near that earlier nearest points count.
         """
         first, second = self._pairs[pair]
-        places, ground = self._data.oMg, self._grounds[pair]
-        one, other = places[first], places[second]
+        one, other = self._data.oMg[first], self._data.oMg[second]
+        faces, place = self._found[pair], one.actInv(other)
+        if faces is None or abs(within - faces.within) > SPARE or not place.isApprox(faces.place, SLID):
+            faces = self._find(pair, place, distance, normal, nearest, within)
+            self._found[pair] = faces
         # The other shape lies behind the plane through its nearest point: what is far from this plane is far from it.
         height, slack = float(normal.dot(nearest)), within - distance
-        inside = height - self._radii[first] - slack
-        points = self._faces[first](one.rotation, one.translation, normal, inside)
-        if ground is None:
-            outside = height + distance + self._radii[second] + slack
-            others = self._faces[second](other.rotation, other.translation, -normal, -outside)
-            if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
-                crossings = _crossings(points, others, normal)
-                if crossings:
-                    points = np.concatenate((points, crossings))
+        points, others, ground = faces.points.dot(one.rotation.T), faces.others, self._grounds[pair]
+        points += one.translation
+        points = points[points.dot(normal) >= height - self._radii[first] - slack]
+        if ground is not None:
+            gaps, towards = ground.below(points, within + self._radii[first])
+            found = self._corners(
+                points, first, 1.0, zip(gaps.tolist(), towards.tolist(), strict=True), within
+            )
+        else:
+            if len(others):
+                others = others.dot(other.rotation.T)
+                others += other.translation
+                others = others[others.dot(normal) <= height + distance + self._radii[second] + slack]
             if touching:
                 earlier = self._earlier(pair, normal, nearest, distance)
-                if earlier[0]:
-                    points = np.concatenate((points, earlier[0]))
-                if earlier[1]:
-                    others = np.concatenate((others, earlier[1]))
-            found = list[Corner]()
-            near = points[points.dot(normal) >= inside]
-            if len(near):
-                found = self._found(near, first, 1.0, self._nearest(near, second), within)
-            near = others[others.dot(normal) <= outside]
-            if len(near):
-                found += self._found(near, second, -1.0, self._nearest(near, first), within)
-        else:
-            gaps, towards = ground.below(points, within + self._radii[first])
-            found = self._found(points, first, 1.0, zip(gaps.tolist(), towards, strict=True), within)
-        if not found:
-            return found
+                points = np.concatenate((points, earlier[0])) if earlier[0] else points
+                others = np.concatenate((others, earlier[1])) if earlier[1] else others
+            found = []
+            if len(points):
+                found = self._corners(points, first, 1.0, self._nearest(points, second), within)
+            if len(others):
+                found += self._corners(others, second, -1.0, self._nearest(others, first), within)
         x, y, z = nearest.tolist()
         found = [
             corner
@@ -135,6 +165,24 @@ class Facing:
         ]
         found.sort()
         return found[:CORNERS]
+
+    def _find(
+        self, pair: int, place: pin.SE3, distance: float, normal: Array, nearest: Array, within: float
+    ) -> _Faces:
+        """Find the corners of the faces of a pair; the arguments are those of `corners`, and the relative placement."""
+        first, second = self._pairs[pair]
+        one, other = self._data.oMg[first], self._data.oMg[second]
+        along, slack = normal.dot(one.rotation), within - distance + SPARE
+        least = along.dot(one.actInv(nearest)) - self._radii[first] - slack
+        points, others = self._faces[first](one.rotation, along, least), _NO_POINTS
+        if self._grounds[pair] is None:
+            back = -normal.dot(other.rotation)
+            least = back.dot(other.actInv(nearest + distance * normal)) - self._radii[second] - slack
+            others = self._faces[second](other.rotation, back, least)
+            if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
+                crossings = _crossings(points, others.dot(place.rotation.T) + place.translation, along)
+                points = np.concatenate((points, crossings)) if crossings else points
+        return _Faces(place, within, points, others)
 
     def _earlier(
         self, pair: int, normal: Array, nearest: Array, distance: float
@@ -155,34 +203,32 @@ class Facing:
                 del kept[:-KEPT]
         return found
 
-    def _nearest(self, points: Array, target: int) -> Iterator[tuple[float, Array]]:
-        """Yield the distance of each point to a shape, and the normal from the point to the shape."""
-        shape, place, result = self._shapes[target], self._data.oMg[target], self._result
+    def _nearest(self, points: Array, target: int) -> Iterator[tuple[float, list[float]]]:
+        """Yield the distance of each point to a shape, and the unit vector from the point to the shape."""
+        at, request, result, ask = self._at, self._request, self._result, self._ask[target]
+        place = self._data.oMg[target]
         there = coal.Transform3s(place.rotation, place.translation)
         for point in points:
-            self._at.setTranslation(point)
+            at.setTranslation(point)
             result.clear()
-            distance = coal.distance(self._point, self._at, shape, there, self._request, result)
-            yield distance, result.normal
+            yield ask(at, there, request, result), result.normal.tolist()
 
-    def _found(
+    def _corners(
         self,
         points: Array,
         item: int,
         side: float,
-        nearest: Iterable[tuple[float, Array]],
+        nearest: Iterable[tuple[float, list[float]]],
         within: float,
     ) -> list[Corner]:
         """Return the corners among points of one shape, the first one on side 1, within a distance of the other."""
         found, radius, place = list[Corner](), self._radii[item], self._data.oMg[item]
         axis = place.rotation[:, 2].tolist() if self._spins[item] else None
-        for point, (distance, normal) in zip(points, nearest, strict=True):
+        for (x, y, z), (distance, normal) in zip(points.tolist(), nearest, strict=True):
             gap = distance - radius
             if gap > within:
                 continue
-            (x, y, z), (nx, ny, nz) = point.tolist(), normal.tolist()
-            if side < 0.0:
-                nx, ny, nz = -nx, -ny, -nz
+            nx, ny, nz = normal if side > 0.0 else [-each for each in normal]
             mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
             if axis is not None:  # a cylinder that spins about its axis stays where it is
                 (ax, ay, az), (cx, cy, cz) = axis, place.translation.tolist()
@@ -190,66 +236,66 @@ class Facing:
                 spin += az * (mz - cx * ny + cy * nx)
                 mx, my, mz = mx - spin * ax, my - spin * ay, mz - spin * az
             away = radius if side > 0.0 else -radius - gap
-            x, y, z = x + away * nx, y + away * ny, z + away * nz
-            found.append((gap, nx, ny, nz, mx, my, mz, x, y, z))
+            found.append((gap, nx, ny, nz, mx, my, mz, x + away * nx, y + away * ny, z + away * nz))
         return found
+
+
+def _have_corners(one: coal.CollisionGeometry, other: coal.CollisionGeometry | None) -> bool:
+    """Return whether two shapes have corners: of a ball at what has no flat side, the nearest point is all that counts.
+
+    None stands for a ground of columns.
+    """
+    flat = any(isinstance(each, coal.Box | coal.ConvexBase) for each in (one, other))
+    return flat or not any(isinstance(each, coal.Sphere) for each in (one, other))
 
 
 def _face_of(shape: coal.CollisionGeometry) -> Face:
     """Return what finds the corners of the faces of a shape; of one without an end there are none."""
     if isinstance(shape, coal.Capsule):
         ends = float(shape.halfLength) * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-        return lambda rotation, origin, normal, least: origin + ends.dot(rotation.T)
+        return lambda rotation, normal, least: ends
     if isinstance(shape, coal.Cylinder):
         return _of_cylinder(float(shape.radius), float(shape.halfLength))
     if isinstance(shape, coal.Box):
         return _of_box(np.array(shape.halfSide).ravel())
     if isinstance(shape, coal.ConvexBase):
         return _of_hull(np.array(shape.points()))
-    return lambda rotation, origin, normal, least: np.zeros((0, 3))
+    return lambda rotation, normal, least: _NO_POINTS
 
 
 def _of_box(half: Array) -> Face:
     around = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
-    faces = np.zeros((3, 2, 4, 3))  # by axis and side
-    for axis in range(3):
-        for side, sign in enumerate((1.0, -1.0)):
-            faces[axis, side] = np.insert(around, axis, sign, axis=1) * half
 
-    def face(rotation: Array, origin: Array, normal: Array, least: float) -> Array:
-        along = normal.dot(rotation)
-        axis = np.abs(along).argmax()
-        return np.asarray(origin + faces[axis, int(along[axis] < 0.0)].dot(rotation.T))
+    def face(rotation: Array, normal: Array, least: float) -> Array:
+        axis = int(np.abs(normal).argmax())
+        return np.insert(around, axis, math.copysign(1.0, normal[axis]), axis=1) * half
 
     return face
 
 
 def _of_cylinder(radius: float, half: float) -> Face:
-    ends = half * np.array([[-1.0], [1.0]])
-
-    def face(rotation: Array, origin: Array, normal: Array, least: float) -> Array:
-        axis = rotation[:, 2]
-        along = float(axis.dot(normal))
-        if abs(along) < STANDS:
-            aside = normal - along * axis
-            return np.asarray(origin + ends * axis + aside * (radius / math.sqrt(1.0 - along * along)))
+    def face(rotation: Array, normal: Array, least: float) -> Array:
+        x, y, z = normal.tolist()
+        if abs(z) < STANDS:
+            aside = radius / math.hypot(x, y)
+            return np.array([[aside * x, aside * y, -half], [aside * x, aside * y, half]])
         # The points of the rim do not spin with the cylinder.
-        around = _across(axis).dot(AROUND).T
-        return np.asarray(origin + math.copysign(half, along) * axis + radius * around)
+        points = radius * rotation.T.dot(_across(rotation[:, 2]).dot(AROUND)).T
+        points[:, 2] += math.copysign(half, z)
+        return np.asarray(points)
 
     return face
 
 
 def _of_hull(vertices: Array) -> Face:
-    def face(rotation: Array, origin: Array, normal: Array, least: float) -> Array:
-        along = normal.dot(rotation)
-        corners = vertices[vertices.dot(along) >= least - normal.dot(origin)]
+    def face(rotation: Array, normal: Array, least: float) -> Array:
+        corners = vertices[vertices.dot(normal) >= least]
         if len(corners) > 1:
-            tilted = _across(along).dot(CONE)
-            tilted += along[:, None]
+            tilted = _across(normal).dot(CONE)
+            tilted += normal[:, None]
             outermost = corners.dot(tilted).argmax(axis=0).tolist()
             corners = corners[list(dict.fromkeys(outermost))]
-        return np.asarray(origin + corners.dot(rotation.T))
+        return np.asarray(corners)
 
     return face
 

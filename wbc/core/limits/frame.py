@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only
+from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only, scalar
 from wbc.base.settings import Positive
 from wbc.base.vectors import add_cross, turned
 from wbc.core.frames import frame_jacobian
-from wbc.core.limits.base import RECOVERY, Barrier, Limit
+from wbc.core.limits.base import RECOVERY, Barrier
 from wbc.core.robot import Robot
 
 FLAT = 0.1
@@ -26,8 +26,10 @@ _WORLD = pin.LOCAL_WORLD_ALIGNED
 
 _NONE = (0.0, 0.0, 0.0)
 
+_BACK = scalar(-RECOVERY)
 
-class FrameLimit(Limit):
+
+class FrameLimit(Barrier):
     """Base of limits on a frame.
 
     Attributes:
@@ -36,37 +38,29 @@ class FrameLimit(Limit):
 
     reads = "kinematics"
 
-    def __init__(self, frame: str, what: str, dim: int, name: str | None) -> None:
-        """Describe the limit, by default named after frame and `what`."""
-        self.frame, self.name, self.dim = frame, name or f"{frame} {what}", dim
+    def __init__(self, frame: str, what: str, dim: int, name: str | None, time_constant: float = 0.1) -> None:
+        """Describe the limit, by default named after frame and `what`; the time constant is in s."""
+        self.frame = frame
+        super().__init__(name or f"{frame} {what}", dim, time_constant=time_constant)
 
     @checked
     def bind(self, robot: Robot) -> None:
         """Resolve the frame."""
-        self._robot, self._id = robot, robot.frame_id(self.frame)
+        super().bind(robot)
+        self._id = robot.frame_id(self.frame)
         self._placement = robot.data.oMf[self._id]
 
     def _jacobian(self) -> Array:
         """Jacobian of the frame along the world axes, shape (6, nv)."""
         return np.asarray(frame_jacobian(self._robot.model, self._robot.data, self._id, _WORLD))
 
-    def _motion(self) -> tuple[Array, Array]:
-        """Velocity, and acceleration at no generalised acceleration, along the world axes, each of shape (6,)."""
+    def _acceleration(self) -> Array:
+        """Acceleration at no generalised acceleration, along the world axes, shape (6,)."""
         model, data = self._robot.model, self._robot.data
-        velocity = pin.getFrameVelocity(model, data, self._id, _WORLD).vector
-        return velocity, pin.getFrameClassicalAcceleration(model, data, self._id, _WORLD).vector
+        return np.asarray(pin.getFrameClassicalAcceleration(model, data, self._id, _WORLD).vector)
 
 
-class FrameBarrier(FrameLimit, Barrier):
-    """Base of limits that keep coordinates of a frame between bounds."""
-
-    def __init__(self, frame: str, what: str, dim: int, name: str | None, time_constant: float) -> None:
-        """Describe the limit, by default named after frame and `what`; the time constant is in s."""
-        FrameLimit.__init__(self, frame, what, dim, name)
-        Barrier.__init__(self, self.name, dim, time_constant=time_constant)
-
-
-class FramePositionLimit(FrameBarrier):
+class FramePositionLimit(FrameLimit):
     """Limit that keeps the origin of a frame inside bounds along directions of the world: in a box, or behind a plane.
 
     FramePositionLimit("hand", lower=(0.2, -0.5, 0.1))
@@ -157,7 +151,7 @@ class FramePositionLimit(FrameBarrier):
 
     def drift(self) -> Array:
         """Return the accelerations along the directions; see `Barrier.drift`."""
-        return np.asarray(self._axes @ self._motion()[1][:3])
+        return np.asarray(self._axes @ self._acceleration()[:3])
 
 
 class FrameSpeedLimit(FrameLimit):
@@ -183,26 +177,27 @@ class FrameSpeedLimit(FrameLimit):
         super().__init__(frame, "speed", 6, name)
         self.speed = np.repeat([linear, angular], 3)
 
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill a row for each component; see `Limit.write`."""
-        velocity, drift = self._motion()
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        """Fill a row for each component, which has room without end; see `Barrier.measure`."""
         rows[:] = self._jacobian()
-        upper[:] = np.maximum((self.speed - velocity) / dt, -RECOVERY) - drift
-        lower[:] = np.minimum((-self.speed - velocity) / dt, RECOVERY) - drift
+        below[:], above[:] = np.inf, np.inf
 
-    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Leave a step free, since a step has no duration and so no speed; see `Limit.write_step`."""
-        rows[:] = 0.0
-        lower[:], upper[:] = -np.inf, np.inf
+    def drift(self) -> Array:
+        """Return the accelerations of the components; see `Barrier.drift`."""
+        return self._acceleration()
 
-    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill a row for each component; see `Limit.write_velocity`."""
-        rows[:] = self._jacobian()
-        upper[:] = self.speed
-        np.negative(self.speed, out=lower)
+    def _final_speeds(self, room: Array, speed: Array, dt: float) -> Array:
+        self._bound[:] = self.speed
+        return self._bound
+
+    def _least_accelerations(self, room: Array) -> Array:
+        return _BACK
+
+    def _allowed_speeds(self, room: Array, dt: float) -> Array:
+        return self._final_speeds(room, room, dt)
 
 
-class AxisConeLimit(FrameBarrier):
+class AxisConeLimit(FrameLimit):
     """Limit that keeps an axis of a frame inside a cone about a direction of the world, such as the axis of a full cup.
 
     The limit is a·d ≥ cos(angle), with the axis a and the direction d, both of length 1, along the world axes. The rate
@@ -261,8 +256,9 @@ class AxisConeLimit(FrameBarrier):
 
         The second derivative of a·d = cos θ is α·(a × d) + (ω × (ω × a))·d. That of −θ is (that + cos θ θ̇²) / sin θ.
         """
-        (axis, cosine, turn, sine), (velocity, acceleration) = self._now, self._motion()
-        spin = velocity[3:].tolist()
+        (axis, cosine, turn, sine), acceleration = self._now, self._acceleration()
+        model, data = self._robot.model, self._robot.data
+        spin = pin.getFrameVelocity(model, data, self._id, _WORLD).angular.tolist()
         bend = sum(map(operator.mul, add_cross(_NONE, spin, add_cross(_NONE, spin, axis)), self._direction))
         if cosine < 0.0:
             bend = (bend + cosine * sum(map(operator.mul, spin, turn)) ** 2) / sine

@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array, scalar
 from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
-from wbc.core.limits.base import OPTIONS, Limit, for_joints
+from wbc.core.limits.base import OPTIONS, Barrier, for_joints
 from wbc.core.robot import Robot
 
 BRAKING_SHARE = 0.3
@@ -105,7 +105,7 @@ def stopping_velocity(distance: Array, braking: Array, dt: float) -> Array:
     return np.asarray(step * (whole + periods / (whole + 1.0) - 0.5 * whole))
 
 
-class JointLimits(Limit):
+class JointLimits(Barrier):
     """Bounds of the position, velocity and acceleration of every actuated joint, as one interval of its acceleration.
 
     In inverse kinematics they are an interval of its velocity. There the accelerations are bounded, and braking
@@ -165,10 +165,9 @@ class JointLimits(Limit):
     def bind(self, robot: Robot) -> None:
         """Take the limits from the model."""
         self.dim = na = robot.na
+        self._time, self._back = RECOVERY_TIME, 0.0  # which the laws of joints do not need
+        super().bind(robot)
         self._rows: Array | None = None  # that have been filled
-        self._free: NDArray[np.intp] | None = None  # joints without limits
-        if self._joints is not None:
-            self._free = np.setdiff1d(np.arange(na), [robot.joint_index(joint) for joint in self._joints])
         self._most_acceleration = np.full(na, np.inf)
         inertia = np.diag(robot.mass_matrix)[robot.base_dof :]
         # Row 0 is for the upper bounds, which negative torques keep, row 1 for the lower ones.
@@ -190,132 +189,77 @@ class JointLimits(Limit):
         margin = np.minimum(self._margin, 0.5 * (robot.position_upper - robot.position_lower))
         self._lower, self._upper = robot.position_lower + margin, robot.position_upper - margin
         self._fastest = self._ratio * robot.velocity_limit
-        # Row 0 holds the upper bounds, row 1, with changed signs, the lower ones: arrays of one shape take NumPy half
-        # the time.
-        self._twice_velocity, self._back = np.array([self._fastest, self._fastest]), -self._fastest
-        self._greatest = None
-        if np.isfinite(self._most_acceleration).any():
-            self._greatest = np.array([self._most_acceleration, self._most_acceleration])
-        self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
         self._positions, self._velocities = robot.q[robot.nq - na :], robot.v[robot.nv - na :]
         self._names, self._slides = robot.joint_names, robot.slides
-        self._dt = 0.0
-        self._period = 0.0  # of inverse kinematics
-        self._bound, self._reached = np.zeros((2, na)), np.zeros(na)
-        self._stops = None  # greatest acceleration and braking in inverse kinematics, where they are bounded
-        if self._acceleration is not None or self._braking is not None:
-            self._stops = (
-                np.array([self._most_acceleration, self._most_acceleration]),
-                np.array([stop, stop]),
-            )
 
-    def _release(self, lower: Array, upper: Array) -> None:
-        """Take the bounds of joints away that are not limited."""
-        if self._free is not None:
-            lower[self._free], upper[self._free] = -np.inf, np.inf
+        limited = np.ones(na, dtype=bool)
+        if self._joints is not None:
+            limited = np.isin(np.arange(na), [robot.joint_index(joint) for joint in self._joints])
+        kept = limited & self._use_position
+        self._low, self._high = np.where(kept, self._lower, -np.inf), np.where(kept, self._upper, np.inf)
+        self._most = np.tile(np.where(limited & self._use_velocity, self._fastest, np.inf), (2, 1))
+        self._braked = np.where(self._brakes > 0.0, -self._brakes, np.inf)
+        self._greatest = np.tile(np.where(limited, self._most_acceleration, np.inf), (2, 1))
+        self._accelerates = bool(np.isfinite(self._greatest).any())
+        given = self._acceleration is not None or self._braking is not None
+        self._stop = np.tile(stop, (2, 1)) if given else None  # braking of inverse kinematics
 
-    def _place_rows(self, rows: Array) -> None:
-        """Make each row a joint, once."""
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        """Fill rows and rooms, rad (or m); see `Barrier.measure`."""
         if rows is not self._rows:
             self._rows = rows
             rows[:] = 0.0
             rows[:, rows.shape[1] - self.dim :] = np.eye(self.dim)
+        np.subtract(self._positions, self._low, out=below)
+        np.subtract(self._high, self._positions, out=above)
 
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the acceleration interval of every joint, rad/s²; see `Limit.write`."""
-        self._place_rows(rows)
-        if dt != self._dt:
-            self._dt = dt
-            fastest = self._twice_velocity if self._use_velocity else np.inf
-            self._law, self._least = BrakingLaw(self._brakes, dt, fastest), -self._brakes
-            if (self._brakes <= 0.0).any():
-                self._least = np.where(self._brakes > 0.0, self._least, np.inf)
-            self._per_period = scalar(1.0 / dt)
-        rate, distance = self._rate, self._distance
-        rate[0] = self._velocities
-        np.negative(self._velocities, out=rate[1])
+    def drift(self) -> None:
+        """Return nothing: the rows of joints never change."""
+
+    def _speeds(self, rows: Array) -> Array:
+        return self._velocities
+
+    def _take_period(self, dt: float) -> None:
+        super()._take_period(dt)
+        self._law = BrakingLaw(self._brakes, dt, self._most)
+
+    def _final_speeds(self, room: Array, speed: Array, dt: float) -> Array:
+        bound = self._law(room, speed)
+        np.minimum(bound, self._most, out=bound)
+        return np.minimum(bound, speed + dt * self._greatest, out=bound) if self._accelerates else bound
+
+    def _least_accelerations(self, room: Array) -> Array:
+        return self._braked
+
+    def _allowed_speeds(self, room: Array, dt: float) -> Array:
+        """Return velocities that keep the next position, q + v dt, within its bounds."""
+        bound = np.multiply(room, self._per_period, out=self._bound)
+        if self._stop is not None:
+            bound[:] = np.where(
+                room < np.inf, stopping_velocity(np.maximum(room, _ZERO), self._stop, dt), np.inf
+            )
+        if not self._flat[self._flat.argmin()] >= 0.0:
+            back = np.maximum(room / max(dt, RECOVERY_TIME), -self._most)
+            np.copyto(bound, back, where=room < 0.0)
+        np.minimum(bound, self._most, out=bound)
+        if self._stop is not None:
+            speed, change = self._speed, dt * self._greatest
+            speed[0], speed[1] = self._velocities, -self._velocities
+            np.clip(bound, speed - change, speed + change, out=bound)
+        return bound
+
+    def _settle(self, most: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Take the middle of bounds that cross."""
+        crossed = upper < lower
+        lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the distances to the position bounds, rad; see `Limit.write_step`."""
+        super().write_step(rows, lower, upper)
         if self._use_position:
-            np.subtract(self._upper, self._positions, out=distance[0])
-            np.subtract(self._positions, self._lower, out=distance[1])
-            bound = self._law(distance, rate)
-            if self._use_velocity:
-                np.minimum(bound, self._twice_velocity, out=bound)
-        elif self._use_velocity:
-            bound = self._twice_velocity.copy()
-        else:
-            bound = np.full_like(rate, np.inf)
-        bound -= rate
-        bound *= self._per_period
-        if self._greatest is not None:
-            np.minimum(bound, self._greatest, out=bound)
-        np.maximum(bound, self._least, out=bound)
-        upper[:] = bound[0]
-        np.negative(bound[1], out=lower)
-        # Where neither bound is beyond zero they cannot cross.
-        flat = bound.reshape(-1)
-        if not flat[flat.argmin()] >= 0.0:
-            crossed = upper < lower
-            lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
-        self._release(lower, upper)
+            np.clip(upper, -LONGEST_STEP, LONGEST_STEP, out=upper)
+            np.clip(lower, -LONGEST_STEP, LONGEST_STEP, out=lower)
 
     def violation(self, row: int, size: float) -> str:
         """Return by how far a joint is outside its bounds; see `Limit.violation`."""
         return f"{self._names[row]} by {size:.3g} {'m' if self._slides[row] else 'rad'}"
-
-    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the distances to the position bounds, rad; see `Limit.write_step`."""
-        self._place_rows(rows)
-        if not self._use_position:
-            lower[:], upper[:] = -np.inf, np.inf
-            return
-        np.subtract(self._upper, self._positions, out=upper)
-        np.subtract(self._lower, self._positions, out=lower)
-        np.clip(upper, -LONGEST_STEP, LONGEST_STEP, out=upper)
-        np.clip(lower, -LONGEST_STEP, LONGEST_STEP, out=lower)
-        self._release(lower, upper)
-
-    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the velocity interval of every joint, rad/s, that keeps the next position, q + v dt, in its bounds."""
-        if rows is not self._rows:
-            self._place_rows(rows)
-        if dt != self._period:
-            self._period, self._per_dt = dt, scalar(1.0 / dt)
-            self._upper_per_dt, self._lower_per_dt = self._upper / dt, self._lower / dt
-            self._change = scalar(0.0) if self._stops is None else dt * self._stops[0]
-        if self._use_position and self._use_velocity and self._stops is None and self._free is None:
-            np.multiply(self._positions, self._per_dt, out=self._reached)
-            np.subtract(self._upper_per_dt, self._reached, out=upper)
-            np.subtract(self._lower_per_dt, self._reached, out=lower)
-            if upper[upper.argmin()] >= 0.0 >= lower[lower.argmax()]:  # every joint is inside
-                np.minimum(upper, self._fastest, out=upper)
-                np.maximum(lower, self._back, out=lower)
-                return
-        distance, bound = self._distance, self._bound
-        if self._use_position:
-            np.subtract(self._upper, self._positions, out=distance[0])
-            np.subtract(self._positions, self._lower, out=distance[1])
-            np.multiply(distance, self._per_dt, out=bound)
-            if self._stops is not None:
-                bound[:] = stopping_velocity(np.maximum(distance, _ZERO), self._stops[1], dt)
-            flat, left = bound.reshape(-1), distance.reshape(-1)
-            outside = not left[left.argmin()] >= 0.0
-            if outside:
-                beyond = distance < 0.0
-                bound[beyond] = np.maximum(distance / max(dt, RECOVERY_TIME), -self._twice_velocity)[beyond]
-        else:
-            bound.fill(np.inf)
-            flat = bound.reshape(-1)
-        if self._use_velocity:
-            np.minimum(bound, self._twice_velocity, out=bound)
-        if self._stops is not None:
-            rate = self._rate
-            rate[0] = self._velocities
-            np.negative(self._velocities, out=rate[1])
-            np.minimum(bound, rate + self._change, out=bound)
-            np.maximum(bound, rate - self._change, out=bound)
-        upper[:] = bound[0]
-        np.negative(bound[1], out=lower)
-        if not flat[flat.argmin()] >= 0.0:
-            crossed = upper < lower
-            lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
-        self._release(lower, upper)

@@ -10,6 +10,8 @@ Source of the idea: B. Mirtich, "Impulse-based dynamic simulation of rigid body 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -22,6 +24,8 @@ UNBOUNDED = 1e6
 
 SMALLEST = 1e-9
 """Smallest distance of two origins that is divided by, m."""
+
+_CROSS = np.cross(np.eye(3)[:, None], np.eye(3)).reshape(9, 3)
 
 YZX, ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
 """Axes of the factors of a cross product."""
@@ -57,10 +61,13 @@ class Separation:
         n = pairs.shape[1]
         self._turning = cores / np.sqrt(2.0)
         self._least_core, self._both_cores = cores.min(axis=0), np.sqrt(2.0) * cores.sum(axis=0)
-        self.spread = 2.0 * self._least_core
+        sizes = np.array([_core(i.geometry) or float(i.geometry.radius) for i in geometry.geometryObjects])[
+            pairs
+        ]
+        self.spread = 2.0 * sizes.min(axis=0)
         self._least_core = np.where(corners, 3.0, 1.0) * self._least_core
         pivots = pairs[cores.argmin(axis=0), np.arange(n)]
-        self._coordinates = _placements(data)  # a view that follows the placements
+        self._coordinates = following([place.rotation for place in data.oMg], 12).reshape(-1)
         # Places among the coordinates: rotations of both shapes, origins of both, and factors of a cross product.
         turns, origins = (
             (12 * pairs[:, None, :] + np.arange(9)[:, None]),
@@ -133,11 +140,23 @@ def _core(shape: coal.CollisionGeometry) -> float:
     return radius + float(np.linalg.norm(shape.aabb_center)) if radius < UNBOUNDED else UNBOUNDED
 
 
-def _placements(data: pin.GeometryData) -> Array:
-    """Return rotations and origins of all shapes in the world, shape (12 n,): a view that follows their placements."""
-    parts = [part for place in data.oMg for part in (place.rotation, place.translation)]
-    starts = [np.asarray(part).__array_interface__["data"][0] for part in parts]
-    if np.diff(starts).tolist() != [72, 24] * (len(parts) // 2 - 1) + [72]:
-        raise RuntimeError("pinocchio does not keep the placements of shapes one behind the other")
-    first = np.asarray(data.oMg[0].rotation)
-    return np.lib.stride_tricks.as_strided(first, (6 * len(parts),), (8,), writeable=False)
+def cross(a: Array, b: Array) -> Array:
+    """Return the cross products of rows, shape (n, 3)."""
+    return np.asarray((a[:, :, None] * b[:, None]).reshape(-1, 9).dot(_CROSS))
+
+
+def dots(a: Array, b: Array) -> Array:
+    """Return the inner products of rows, shape (n,)."""
+    return np.asarray(np.einsum("ni,ni->n", a, b))
+
+
+def following(parts: Sequence[Array], count: int) -> Array:
+    """Return a view of items of a list of a library that follows their values, shape (number of items, count).
+
+    The parts are the beginnings of the items, which lie one behind the other.
+    """
+    arrays = [np.asarray(part) for part in parts]
+    starts = [array.__array_interface__["data"][0] for array in arrays]
+    if np.diff(starts).tolist() != [8 * count] * (len(arrays) - 1):
+        raise RuntimeError("pinocchio does not keep the items of a list one behind the other")
+    return np.lib.stride_tricks.as_strided(arrays[0], (len(arrays), count), (8 * count, 8), writeable=False)
