@@ -52,6 +52,7 @@ class Walk:
         self.plant = wbc.Plant(wbc.load_robot(robot), control_period=DT, noise="realistic", seed=seed)
         self.robot = self.plant.description.robot()
         self.policy = PolicyControl(self.robot, file, DT, **options)
+        self._lies = 0.6 * float(self.robot.com[2])
 
     def push(self, impulse: float, angle: float) -> None:
         """Push the torso for 0.08 s: impulse in Ns/kg, angle in the world, rad."""
@@ -61,7 +62,7 @@ class Walk:
     @property
     def down(self) -> bool:
         """True if the robot lies."""
-        return bool(self.plant.truth().com[2] < 0.55 * self.robot.com[2] or self.plant.truth().com[2] < 0.35)
+        return bool(self.plant.truth().com[2] < self._lies)
 
 
 def drawn(kind: str, robot: wbc.Robot, random: np.random.Generator) -> np.ndarray:

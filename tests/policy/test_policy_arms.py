@@ -158,7 +158,7 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
     def limits() -> list[Any]:
         return [wbc.CollisionLimit(pairs, shapes=G1.collision_shapes(), recovery=100.0, influence=0.5)]
 
-    plant, policy = filtered(wish, limits())
+    plant, policy = filtered(wish, limits(), reaction=1e6)
     filters, robot = policy._arms, policy.controller.robot
     whole = PolicyArms(wbc.Controller(robot, DT, regularisation=1e-10), ARMS)
     weight = 1.0 / np.square(robot.torque_limit[15:])
@@ -211,6 +211,32 @@ def test_stops_hold_in_a_filter_whatever_a_policy_asks_for() -> None:
         q = np.array(plant.truth().q[7:])
         over = np.maximum(over, np.maximum(robot.position_lower - q, q - robot.position_upper))
     assert over.max() < 2e-3
+
+
+def test_arms_that_a_policy_throws_push_the_base_no_more_than_it_bears() -> None:
+    wish = {f"{side}_shoulder_pitch_joint": -9.0 for side in ("left", "right")}
+
+    def moment(**options: Any) -> float:
+        """Greatest moment about the base that accelerates the arms, Nm."""
+        plant, policy = filtered(wish, **options)
+        filters, robot, most = policy._arms, policy.controller.robot, 0.0
+        nearest, columns = filters._nearest, filters._columns
+
+        def noted(measurement: wbc.Measurement, wished: np.ndarray) -> np.ndarray:
+            nonlocal most
+            made, mass = nearest(measurement, wished), robot.mass_matrix
+            accelerations = np.linalg.solve(mass[np.ix_(columns, columns)], made - wished)
+            accelerations += filters._acceleration[columns]
+            most = max(most, float(np.abs(mass[3:6, columns] @ accelerations).max()))
+            return made
+
+        filters._nearest = noted  # type: ignore[method-assign]
+        while plant.time < 0.1:
+            plant.step(policy.command(plant.measure()))
+        return most
+
+    assert moment(reaction=1000.0) > 15.0
+    assert moment(reaction=8.0) < 8.1
 
 
 @pytest.mark.parametrize("upper", [False, True])

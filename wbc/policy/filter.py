@@ -25,7 +25,7 @@ from scipy.linalg.lapack import dgesv, dposv
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array
-from wbc.base.settings import NonNegative, Ratio
+from wbc.base.settings import NonNegative, Positive, Ratio
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
@@ -38,8 +38,13 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.policy.arms import NoSolutionError, PolicyArms
 
-LIGHT = 0.1
-"""Share of a violation that counts where limits contradict each other, of limits that are not of joints."""
+LIGHT, LEAST = 0.1, 0.01
+"""Shares of a violation that count where limits contradict each other: of limits that are not of joints, in m/s², and
+of the reaction of the arms, in Nm."""
+
+REACTION = 0.6
+"""Default of the greatest reaction of the arms over the mass of the robot, Nm/kg. Walks of a G1 with pushes of 0.7
+Ns/kg have 0.5, arms that are thrown about have 3."""
 
 RELAXED = 1e-2
 """Violation from which on limits count as relaxed, rad/s²."""
@@ -49,6 +54,27 @@ SPARED = 5e-3
 
 REACH, AHEAD = 0.1, 0.05
 """Distance d from a stop of legs and waist at which they are braked, rad, and time t that they look ahead, s."""
+
+
+class ReactionLimit(Limit):
+    """Limit of the moments about the base that are needed to accelerate some joints, Nm: legs and waist bear them."""
+
+    def __init__(self, joints: Sequence[str], most: float) -> None:
+        """Take the names of the joints and the greatest moment about each axis of the base, Nm."""
+        self.name, self.dim, self._joints, self._most = "reaction", 3, tuple(joints), most
+
+    def bind(self, robot: Robot) -> None:
+        """Look up the joints."""
+        self._robot = robot
+        self._columns = np.array([robot.base_dof + robot.joint_index(joint) for joint in self._joints])
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the rows; see `Limit.write`."""
+        rows[:, self._columns] = self._robot.mass_matrix[3:6, self._columns]
+        lower[:], upper[:] = -self._most, self._most
+
+
+SHARES = {JointLimits: 1.0, ReactionLimit: LEAST}
 
 
 class PolicyFilter:
@@ -70,6 +96,7 @@ class PolicyFilter:
         *,
         speed: Ratio = 0.25,
         margin: Annotated[NonNegative, "rad"] = 0.03,
+        reaction: Annotated[Positive, "Nm"] | None = None,
     ) -> None:
         """Choose what is kept.
 
@@ -79,9 +106,11 @@ class PolicyFilter:
                 in time with recovery=100 and influence=0.5.
             speed: Greatest speed of the arms over that of the model. Collision limits do not stop faster arms in time.
             margin: Distance that the arms keep from their stops, rad.
+            reaction: Greatest moment about each axis of the base that may accelerate the arms, Nm; 0.6 for each kg of
+                the robot when None. More than that throws the trunk about, and the policy falls.
         """
         self.arms, self.limits = tuple(names_in("arms of a filter", arms)), tuple(limits)
-        self._speed, self._margin = speed, margin
+        self._speed, self._margin, self._reaction = speed, margin, reaction
 
     def controller(self, robot: Robot, dt: float) -> Controller:
         """Return a new controller that holds the limits of the filter."""
@@ -89,8 +118,13 @@ class PolicyFilter:
 
     def bind(self, controller: Controller) -> FilteredArms:
         """Add the filter to a controller."""
+        most = REACTION * controller.robot.mass if self._reaction is None else self._reaction
         joint_limits = JointLimits(velocity_ratio=self._speed, margin=self._margin, joints=self.arms)
-        return FilteredArms(controller, self.arms, (joint_limits, TorqueLimits(), *self.limits))
+        return FilteredArms(
+            controller,
+            self.arms,
+            (joint_limits, TorqueLimits(), ReactionLimit(self.arms, most), *self.limits),
+        )
 
 
 class FilterController(Controller):
@@ -135,7 +169,7 @@ class FilteredArms(PolicyArms):
         for limit in others:
             rows = slice(stop, stop := stop + limit.dim)
             self._blocks.append((limit, self._rows[rows], self._lower[rows], self._upper[rows]))
-            self._share[rows] = 1.0 if isinstance(limit, JointLimits) else LIGHT
+            self._share[rows] = SHARES.get(type(limit), LIGHT)
 
     def near(self, measurement: Measurement, asked: Array) -> Array:
         """Return the torques of all joints nearest to those of the policy, both of shape (na,), Nm.
