@@ -14,7 +14,7 @@ from wbc.base.errors import InputError
 from wbc.core.drive.gate import CommandGate
 from wbc.core.estimation.observer import Observer, ObserverSettings, _common
 from wbc.core.estimation.plausibility import Plausibility
-from wbc.core.qp.contact import mean_distance, rectangle_wrench_cone
+from wbc.core.friction import mean_distance, rectangle_wrench_cone
 from wbc.core.qp.released import LAG, RESPONSE
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import LARGEST_COMMAND, Command, Measurement
