@@ -138,8 +138,7 @@ class RobotDescription:
             choose("joint", name, names)
         q = self._half_sitting_configuration()
         if self.soles:
-            posture.check_posture(self._model, self._sole_frames, q)
-            posture.check_balance(self._model, self.soles, q)
+            posture.check_standing(self._model, self.soles, q)
         self.robot()  # raises for frames that do not exist
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -95,6 +95,13 @@ class Source(ABC):
         """Return links, inertias and joints alone, which MuJoCo reads without any file."""
 
     @abstractmethod
+    def joints(self) -> dict[str, Element]:
+        """Return the joints that move."""
+
+    @abstractmethod
+    def set_limit(self, joint: Element, what: str, value: Any) -> None:
+        """Write the "position" limits (lower, upper), the "velocity" limit or the "torque" limit of a joint."""
+
     def set_limits(
         self,
         position: Mapping[str, tuple[float, float]] | None = None,
@@ -102,6 +109,22 @@ class Source(ABC):
         torque: Mapping[str, float] | None = None,
     ) -> None:
         """Write limits of joints: position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N."""
+        joints = self.joints()
+        for what, values in (("velocity", velocity), ("torque", torque)):
+            for name, value in (values or {}).items():
+                choose("joint", name, joints)
+                if not 0.0 < value < UNLIMITED:
+                    raise InputError(
+                        f"{what} limit of joint '{name}' must be above zero and below {UNLIMITED:g}, got {value}"
+                    )
+                self.set_limit(joints[name], what, float(value))
+        for name, (lower, upper) in (position or {}).items():
+            choose("joint", name, joints)
+            if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
+                raise InputError(
+                    f"position limits of joint '{name}' must be finite with lower < upper, got {lower}, {upper}"
+                )
+            self.set_limit(joints[name], "position", (float(lower), float(upper)))
 
     @abstractmethod
     def turn_root(self, turn: float) -> str:
@@ -121,30 +144,6 @@ def unlimited(model: pin.Model) -> list[str]:
     """Return the joints of a model that have no torque limit; those that are coupled need none."""
     joints = zip(driven_names(model), driven_joints(model), strict=True)
     return [name for name, joint in joints if model.upperEffortLimit[model.joints[joint].idx_v] == 0.0]
-
-
-def checked_limits(
-    known: Mapping[str, Any],
-    position: Mapping[str, tuple[float, float]] | None,
-    velocity: Mapping[str, float] | None,
-    torque: Mapping[str, float] | None,
-) -> dict[str, dict[str, float]]:
-    """Return joint → new values of lower, upper, velocity and effort, after a check; see `Source.set_limits`."""
-    found: dict[str, dict[str, float]] = {}
-    for what, key, values in (("velocity", "velocity", velocity), ("torque", "effort", torque)):
-        for name, value in (values or {}).items():
-            if not 0.0 < value < UNLIMITED:
-                raise InputError(
-                    f"{what} limit of joint '{name}' must be above zero and below {UNLIMITED:g}, got {value}"
-                )
-            found.setdefault(choose("joint", name, known), {})[key] = float(value)
-    for name, (lower, upper) in (position or {}).items():
-        if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
-            raise InputError(
-                f"position limits of joint '{name}' must be finite with lower < upper, got {lower}, {upper}"
-            )
-        found.setdefault(choose("joint", name, known), {}).update(lower=float(lower), upper=float(upper))
-    return found
 
 
 def coupled(model: pin.Model, couplings: Mapping[str, Coupling], notes: list[str]) -> pin.Model:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,7 +15,7 @@ from wbc.base.numbers import Array
 from wbc.core.robot import Coupling
 from wbc.robots import tidying, urdf
 from wbc.robots.derivation import inertia
-from wbc.robots.source import Element, Geometry, Source, checked_limits
+from wbc.robots.source import Element, Geometry, Source
 from wbc.robots.urdf import ENDLESS, MOVING
 
 Colour = tuple[float, float, float, float]
@@ -73,18 +74,16 @@ class Urdf(Source):
                     found.append(made)
         return found
 
-    def set_limits(
-        self,
-        position: Mapping[str, tuple[float, float]] | None = None,
-        velocity: Mapping[str, float] | None = None,
-        torque: Mapping[str, float] | None = None,
-    ) -> None:
-        """See `Source.set_limits`."""
-        moving = urdf.joints(self.root, MOVING)
-        for name, values in checked_limits(moving, position, velocity, torque).items():
-            if "lower" in values and moving[name].get("type") == "continuous":
-                moving[name].set("type", "revolute")
-            urdf.limit_of(moving[name]).attrib.update({key: repr(value) for key, value in values.items()})
+    def joints(self) -> dict[str, Element]:
+        """See `Source.joints`."""
+        return urdf.joints(self.root, MOVING)
+
+    def set_limit(self, joint: Element, what: str, value: Any) -> None:
+        """See `Source.set_limit`."""
+        if what == "position":
+            urdf.set_range(joint, *value)
+        else:
+            urdf.limit_of(joint).set("effort" if what == "torque" else what, repr(value))
 
     def turn_root(self, turn: float) -> str:
         """See `Source.turn_root`."""

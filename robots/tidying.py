@@ -18,6 +18,8 @@ from wbc.robots.urdf import (
     lock,
     number,
     parent_and_child,
+    range_of,
+    set_range,
     triple,
 )
 
@@ -66,22 +68,7 @@ def tidy(root: Element, fixed: bool = False) -> list[str]:
         notes.append(f"damping and friction that the URDF gives {len(rubbing)} joints are left out")
     for name, joint in joints(root, MOVING).items():
         limit = limit_of(joint)
-        notes += _settle_infinite(name, joint, limit)
-        if joint.get("type") == "continuous":
-            for end in ("lower", "upper"):
-                limit.attrib.pop(end, None)
-        elif limit.get("lower") is None and limit.get("upper") is None:
-            if joint.get("type") == "prismatic":
-                raise ModelError(f"prismatic joint '{name}' has no position limits")
-            limit.set("lower", repr(-TAKEN_RANGE))
-            limit.set("upper", repr(TAKEN_RANGE))
-            notes.append(f"joint '{name}': no position limits given, ±{TAKEN_RANGE:.4f} rad")
-        if joint.get("type") != "continuous" and not number(limit, "lower", name) < number(
-            limit, "upper", name
-        ):
-            raise ModelError(
-                f"joint '{name}' has the empty position range [{limit.get('lower')}, {limit.get('upper')}]"
-            )
+        notes += _settle_range(name, joint)
         if not 0.0 < number(limit, "velocity", name) < UNLIMITED:
             limit.set("velocity", repr(DEFAULT_VELOCITY[str(joint.get("type"))]))
             notes.append(f"joint '{name}': no velocity limit given, {limit.get('velocity')}")
@@ -92,21 +79,33 @@ def tidy(root: Element, fixed: bool = False) -> list[str]:
     return notes
 
 
-def _settle_infinite(name: str, joint: Element, limit: Element) -> list[str]:
-    """Write infinite position limits as both parsers read them: without both a hinge turns without end."""
-    ends = {end: number(limit, end, name) for end in ("lower", "upper")}
-    infinite = [end for end, value in ends.items() if math.isinf(value)]
-    if not infinite or joint.get("type") == "continuous":
+def _settle_range(name: str, joint: Element) -> list[str]:
+    """Write position limits as both parsers read them: without both a hinge turns without end."""
+    limit, kind = limit_of(joint), joint.get("type")
+    if kind == "continuous":
+        for end in ("lower", "upper"):
+            limit.attrib.pop(end, None)
         return []
+    if limit.get("lower") is None and limit.get("upper") is None:
+        if kind == "prismatic":
+            raise ModelError(f"prismatic joint '{name}' has no position limits")
+        set_range(joint, -TAKEN_RANGE, TAKEN_RANGE)
+        return [f"joint '{name}': no position limits given, ±{TAKEN_RANGE:.4f} rad"]
+    low, high = range_of(name, joint)
+    infinite = [end for end, value in (("lower", low), ("upper", high)) if math.isinf(value)]
     given = ", ".join(f"{end}='{limit.get(end)}'" for end in infinite)
-    if joint.get("type") == "prismatic" or not ends["lower"] < ends["upper"]:
+    if infinite and (kind == "prismatic" or not low < high):
+        raise ModelError(f"joint '{name}' of type '{kind}' must have finite position limits, got {given}")
+    if not low < high:
         raise ModelError(
-            f"joint '{name}' of type '{joint.get('type')}' must have finite position limits, got {given}"
+            f"joint '{name}' has the empty position range [{limit.get('lower')}, {limit.get('upper')}]"
         )
     if len(infinite) == 2:
         joint.set("type", "continuous")
-        return [f"joint '{name}': {given}, turns without end"]
-    limit.set(infinite[0], repr(math.copysign(10.0 * ENDLESS, ends[infinite[0]])))
+        return [f"joint '{name}': {given}, turns without end", *_settle_range(name, joint)]
+    if not infinite:
+        return []
+    set_range(joint, max(low, -10.0 * ENDLESS), min(high, 10.0 * ENDLESS))
     return [f"joint '{name}': {given}, no limit on this side"]
 
 
@@ -208,12 +207,9 @@ def _soften(root: Element, name: str, joint: Element) -> list[str]:
                 low = number(params, "min", name) if "min" in ends else -math.inf
                 high = number(params, "max", name) if "max" in ends else math.inf
                 bounds.append(("range of its ros2_control", low, high))
-    notes, limit = [], limit_of(joint)
+    notes = []
     for what, soft_low, soft_high in bounds:
-        endless = joint.get("type") == "continuous"
-        hard = (
-            (-math.inf, math.inf) if endless else (number(limit, "lower", name), number(limit, "upper", name))
-        )
+        hard = range_of(name, joint)
         low, high = max(hard[0], soft_low), min(hard[1], soft_high)
         said = f"joint '{name}': {what}, [{soft_low:g}, {soft_high:g}]"
         if low >= high:
@@ -222,9 +218,7 @@ def _soften(root: Element, name: str, joint: Element) -> list[str]:
             if not (math.isfinite(low) and math.isfinite(high)):
                 notes.append(f"{said}, bound one side of a joint without end alone and are left out")
                 continue
-            joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
-            limit.set("lower", repr(low))
-            limit.set("upper", repr(high))
+            set_range(joint, low, high)
             notes.append(f"{said}, are taken as position limits")
     return notes
 

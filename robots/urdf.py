@@ -192,11 +192,9 @@ def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True)
     for name, value in fixed.items():
         moving = joints(root, MOVING)
         joint = moving[choose("joint", name, moving)]
-        limit, bounds = joint.find("limit"), (-math.inf, math.inf)
-        if bounded and name not in with_them and limit is not None and joint.get("type") != "continuous":
-            lower, upper = (number(limit, key, name) for key in ("lower", "upper"))
-            bounds = (lower, upper) if lower < upper else bounds
-        shift = finite_scalar(f"locked joint '{name}'", value, low=bounds[0], high=bounds[1])
+        low, high = range_of(name, joint) if bounded and name not in with_them else (0.0, 0.0)
+        low, high = (low, high) if low < high else (-math.inf, math.inf)
+        shift = finite_scalar(f"locked joint '{name}'", value, low=low, high=high)
         origin = joint.find("origin")
         if origin is None:
             origin = ElementTree.SubElement(joint, "origin")
@@ -222,6 +220,19 @@ def limit_of(joint: Element) -> Element:
     """Return the <limit> of a joint, a new one where it has none."""
     limit = joint.find("limit")
     return ElementTree.SubElement(joint, "limit") if limit is None else limit
+
+
+def range_of(name: str, joint: Element) -> tuple[float, float]:
+    """Return the position limits of a joint, infinite for one that turns without end."""
+    if joint.get("type") == "continuous":
+        return -math.inf, math.inf
+    return number(limit_of(joint), "lower", name), number(limit_of(joint), "upper", name)
+
+
+def set_range(joint: Element, low: float, high: float) -> None:
+    """Give a joint other position limits."""
+    joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
+    limit_of(joint).attrib.update(lower=repr(low), upper=repr(high))
 
 
 def number(element: Element, attribute: str, joint: str) -> float:

@@ -106,7 +106,7 @@ def complete(
         defaults.check_sides(model, soles)
         _refuse_at_ankle(model, soles, notes)
 
-    joints = defaults.complete_half_sitting(model, soles, options.get("half_sitting") or {}, notes, postures)
+    joints = posture.half_sitting(model, soles, options.get("half_sitting") or {}, notes, postures)
     closures = (*loops, *(options.get("closures") or ()))
     if closures:
         given = options.get("half_sitting") or {}

@@ -26,9 +26,8 @@ import pinocchio as pin
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import non_negative
 from wbc.core.frames import FrameDescription, Sole
-from wbc.core.robot import GRAVITY, driven_names, is_floating, joints_to
+from wbc.core.robot import GRAVITY, is_floating, joints_to
 from wbc.robots import frames
-from wbc.robots.derivation import posture
 from wbc.robots.derivation.soles import UNITS, no_sole, plausible, sole_rectangle
 from wbc.robots.frames import SoleName
 from wbc.robots.source import Geometry
@@ -59,49 +58,6 @@ ASIDE = 0.01
 
 ALIGNED = np.cos(np.radians(1.0))
 """Cosine of the tilt up to which a frame counts as aligned with the base."""
-
-
-def complete_half_sitting(
-    model: pin.Model,
-    soles: Soles,
-    given: Mapping[str, float],
-    notes: list[str],
-    postures: Sequence[tuple[str, Mapping[str, float]]] = (),
-) -> dict[str, float]:
-    """Return the half-sitting position of every joint, rad or m; `given` has those of some joints or none.
-
-    Of the postures of the file the first in which the robot stands is taken; without one the first gives the joints
-    that are not in the legs. `notes` gets a line for each rule that was used.
-    """
-    for name in given:
-        choose("joint", name, driven_names(model))
-    frame_names = tuple(sole.frame for sole in soles)
-    for title, joints in postures if soles else ():
-        taken = {**joints, **given}
-        if posture.stands(model, soles, taken):
-            notes.append(f"half-sitting: keyframe '{title}'")
-            return {str(name): float(taken[name]) for name in driven_names(model)}
-    if postures:
-        title, joints = postures[0]
-        upper_body = posture.upper_body(model, frame_names, joints)
-        if any(upper_body.values()):
-            given = {**upper_body, **given}
-            notes.append(f"half-sitting of {len(upper_body)} joints above the legs: keyframe '{title}'")
-    joints = posture.half_sitting(
-        model, frame_names, given, max((sole.width for sole in soles), default=0.0) + 0.02
-    )
-    names = driven_names(model)
-    legs = [str(model.names[j]) for frame in frame_names for j in joints_to(model, frame)]
-    legs = [name for name in legs if name in names]
-    solved = [f"{name} {round(np.degrees(joints[name]), 2) + 0.0}" for name in legs if name not in given]
-    if solved:
-        notes.append("half-sitting of the legs solved for (deg): " + ", ".join(solved))
-    rest = [name for name in names if name not in given and name not in legs]
-    if rest:
-        notes.append(
-            f"half-sitting of {len(rest)} other joints: zero, or a twentieth of the range inside a limit"
-        )
-    return joints
 
 
 def complete_sole(

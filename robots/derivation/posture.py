@@ -33,6 +33,9 @@ NARROW = 0.2
 SOLVED, AT_LIMIT = 1e-6, 1e-3
 """Greatest error of half-sitting that was solved for, m and rad; distance at which a joint is at its limit, rad."""
 
+NEXT = 0.02
+"""Least distance between the sides of the soles in half-sitting, m."""
+
 SPREAD = math.radians(30.0)
 """Distance of a second start of the search from the first, towards the middle of the joints' ranges, rad."""
 
@@ -44,28 +47,52 @@ FLATNESS = 5e-3
 
 
 def half_sitting(
-    model: pin.Model, soles: tuple[str, ...], given: Mapping[str, float], stance_width: float
+    model: pin.Model,
+    soles: tuple[Sole, ...],
+    given: Mapping[str, float],
+    notes: list[str],
+    postures: Sequence[tuple[str, Mapping[str, float]]] = (),
 ) -> dict[str, float]:
-    """Return the half-sitting position of every joint, in the order of the model.
+    """Return the half-sitting position of every joint, rad or m, in the order of the model.
 
-    `given` has positions, rad or m, of some joints or none. Leg joints that are not given are solved for, their soles
-    at least `stance_width` apart, m; the others are zero, or as near to it as `INSIDE` allows.
+    `given` has those of some joints or none. Of the postures of the file (name, joint → position) the first in which
+    the robot stands is taken; without one the first gives the joints that are not in the legs. Leg joints that are not
+    given are solved for; the others are zero, or as near to it as `INSIDE` allows. `notes` gets a line for each rule
+    that was used.
     """
     names = driven_names(model)
+    for name in given:
+        choose("joint", name, names)
+    for title, joints in postures if soles else ():
+        taken = {**joints, **given}
+        if stands(model, soles, taken):
+            notes.append(f"half-sitting: keyframe '{title}'")
+            return {name: float(taken[name]) for name in names}
+    legs = [joints_to(model, sole.frame) for sole in soles]
+    of_legs = dict.fromkeys(_index(model, joint) for leg in legs for joint in leg)
+    if postures:
+        title, joints = postures[0]
+        inside = _inside(model, np.array([joints[name] for name in names])).tolist()
+        upper_body = {name: inside[i] for i, name in enumerate(names) if i not in of_legs}
+        if any(upper_body.values()):
+            given = {**upper_body, **given}
+            notes.append(f"half-sitting of {len(upper_body)} joints above the legs: keyframe '{title}'")
     lower, upper = _limits(model)
     q = pin.neutral(model)
-    joints = q[-len(names) :]  # a view
-    joints[:] = _inside(model, np.zeros(len(names)))
+    values = q[-len(names) :]  # a view
+    values[:] = _inside(model, np.zeros(len(names)))
     for name, value in given.items():
         i = names.index(name)
-        joints[i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
-    legs = [joints_to(model, frame) for frame in soles]
-    free = [i for leg in legs for i in (_index(model, joint) for joint in leg) if names[i] not in given]
-    if free:
-        joints[:] = _solve(model, soles, legs, q, sorted(set(free)), stance_width)
-    if soles:
-        check_posture(model, soles, q)
-    return dict(zip(names, joints.tolist(), strict=True))
+        values[i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
+    if free := [i for i in of_legs if names[i] not in given]:
+        values[:] = _solve(model, soles, legs, q, sorted(free))
+        solved = [f"{names[i]} {round(math.degrees(values[i]), 2) + 0.0}" for i in free]
+        notes.append("half-sitting of the legs solved for (deg): " + ", ".join(solved))
+    if rest := [name for i, name in enumerate(names) if name not in given and i not in of_legs]:
+        notes.append(
+            f"half-sitting of {len(rest)} other joints: zero, or a twentieth of the range inside a limit"
+        )
+    return dict(zip(names, values.tolist(), strict=True))
 
 
 def _index(model: pin.Model, joint: int) -> int:
@@ -97,29 +124,28 @@ def close(
     names, numbers = driven_names(model), driven_joints(model)
     legs = {joint for frame in soles for joint in joints_to(model, frame)}
     known = [str(frame.name) for frame in model.frames]
+    ends, moving = list[tuple[int, int]](), set[int]()
     for closure in closures:
         if not isinstance(closure, Closure):
             raise InputError(f"closures must be of class Closure, got {shown(closure)}")
         if closure.frame == closure.other:
             raise InputError(f"closure '{closure.name}' ties two frames, got '{closure.frame}' twice")
-    ends = [
-        [model.getFrameId(choose("frame of a closure", end, known)) for end in (closure.frame, closure.other)]
-        for closure in closures
-    ]
-    moving = set[int]()
-    for (one, two), closure in zip(ends, closures, strict=True):
-        if model.frames[one].parentJoint == model.frames[two].parentJoint:
+        one, two = (
+            model.getFrameId(choose("frame of a closure", end, known))
+            for end in (closure.frame, closure.other)
+        )
+        sides = [{*model.supports[model.frames[end].parentJoint]} for end in (one, two)]
+        if sides[0] == sides[1]:
             raise ModelError(
                 f"closure '{closure.name}' ties '{closure.frame}' to '{closure.other}', which are parts of one rigid "
                 "body: no joint moves them against each other; leave it out"
             )
-        moving |= {*model.supports[model.frames[one].parentJoint]} ^ {
-            *model.supports[model.frames[two].parentJoint]
-        }
+        ends.append((one, two))
+        moving |= sides[0] ^ sides[1]
     free = [
         i
-        for i, joint in enumerate(numbers)
-        if joint in moving and joint not in legs and names[i] not in given
+        for i, (joint, name) in enumerate(zip(numbers, names, strict=True))
+        if joint in moving - legs and name not in given
     ]
     lower, upper = _limits(model)
     q, data = pin.neutral(model), model.createData()
@@ -129,26 +155,22 @@ def close(
     def gaps(values: Array) -> Array:
         place[free] = values
         pin.framesForwardKinematics(model, data, q)
-        found = []
-        for (one, two), closure in zip(ends, closures, strict=True):
+        found = np.zeros((len(closures), 2, 3))
+        for gap, (one, two), closure in zip(found, ends, closures, strict=True):
             apart = data.oMf[one].actInv(data.oMf[two])
-            found += [apart.translation, *([pin.log3(apart.rotation)] if closure.rotation else [])]
-        return np.concatenate(found)
+            gap[0], gap[1] = apart.translation, pin.log3(apart.rotation) if closure.rotation else 0.0
+        return found.ravel()
 
     if free:
         start = np.clip(place[free], lower[free] + ROUNDING, upper[free] - ROUNDING)
         bounds = (lower[free], upper[free])
         place[free] = least_squares(gaps, start, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    left = gaps(place[free])
-    at = 0
-    for closure in closures:
-        size = 6 if closure.rotation else 3
-        apart = float(np.linalg.norm(left[at : at + 3])), float(np.linalg.norm(left[at + 3 : at + size]))
-        at += size
-        if max(apart) > CLOSED:
+    sizes = np.linalg.norm(gaps(place[free]).reshape(-1, 2, 3), axis=2)
+    for closure, (apart, turned) in zip(closures, sizes.tolist(), strict=True):
+        if max(apart, turned) > CLOSED:
             raise ModelError(
                 f"the chain of closure '{closure.name}' does not close in half-sitting: '{closure.frame}' and "
-                f"'{closure.other}' stay {1e3 * apart[0]:.1f} mm and {np.degrees(apart[1]):.1f}° apart; correct the "
+                f"'{closure.other}' stay {1e3 * apart:.1f} mm and {math.degrees(turned):.1f}° apart; correct the "
                 "frames or the limits of the joints, or pass half_sitting with joints in which it closes"
             )
     return dict(zip(names, place.tolist(), strict=True))
@@ -164,23 +186,10 @@ def stands(model: pin.Model, soles: tuple[Sole, ...], joints: Mapping[str, float
     frame_names = (soles[0].frame, soles[1].frame)
     q = standing_configuration(model, frame_names, joints)
     try:
-        check_posture(model, frame_names, q)
-        check_balance(model, soles, q)
-        for frame in frame_names:
-            if not BENT[0] <= _bend(model, joints_to(model, frame), model.getFrameId(frame), q) <= BENT[1]:
-                return False
+        check_standing(model, soles, q)
     except InputError:
         return False
-    return True
-
-
-def upper_body(model: pin.Model, soles: tuple[str, ...], joints: Mapping[str, float]) -> dict[str, float]:
-    """Return the positions of the joints that are in no leg, moved inside their limits by `INSIDE` where necessary."""
-    legs = {joint for frame in soles for joint in joints_to(model, frame)}
-    names = driven_names(model)
-    inside = _inside(model, np.array([joints[name] for name in names]))
-    numbers = zip(driven_joints(model), names, inside.tolist(), strict=True)
-    return {name: value for joint, name, value in numbers if joint not in legs}
+    return all(BENT[0] <= _bend(model, frame, q) <= BENT[1] for frame in frame_names)
 
 
 def standing_configuration(model: pin.Model, soles: tuple[str, ...], joints: Mapping[str, float]) -> Array:
@@ -193,37 +202,39 @@ def standing_configuration(model: pin.Model, soles: tuple[str, ...], joints: Map
     q[-len(names) :] = [joints[name] for name in names]
     if not soles:
         return np.asarray(q)
-    left, right, _ = _feet(model, soles, q)
-    q[:2] = -0.5 * (left.translation + right.translation)[:2]
-    q[2] = -min(left.translation[2], right.translation[2])
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    left, right = (data.oMf[model.getFrameId(sole)].translation for sole in soles)
+    q[:2] = -0.5 * (left + right)[:2]
+    q[2] = -min(left[2], right[2])
     return np.asarray(q)
 
 
-def check_posture(model: pin.Model, soles: tuple[str, ...], q: Array) -> None:
-    """Refuse a posture with a sole that is tilted or lies above the other."""
-    left, right, _ = _feet(model, soles, q)
-    for name, placement in zip(soles, (left, right), strict=True):
-        tilt = math.acos(min(1.0, float(placement.rotation[2, 2])))
+def check_standing(model: pin.Model, soles: tuple[Sole, ...], q: Array) -> None:
+    """Refuse a posture in which a sole is tilted or lies above the other, or the robot would tip over at once.
+
+    It tips over with its centre of mass outside the rectangle around both soles.
+    """
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    com = pin.centerOfMass(model, data, q)
+    places = [data.oMf[model.getFrameId(sole.frame)] for sole in soles]
+    for sole, place in zip(soles, places, strict=True):
+        tilt = math.acos(min(1.0, float(place.rotation[2, 2])))
         if tilt > FLATNESS:
             raise InputError(
-                f"half-sitting tilts sole '{name}' by {math.degrees(tilt):.2f}° with an upright base; "
+                f"half-sitting tilts sole '{sole.frame}' by {math.degrees(tilt):.2f}° with an upright base; "
                 f"at most {math.degrees(FLATNESS):.2f}° is allowed"
             )
-    step = abs(float(left.translation[2] - right.translation[2]))
+    step = abs(float(places[0].translation[2] - places[1].translation[2]))
     if step > 1e-3:
         raise InputError(
             f"half-sitting puts one sole {step * 1e3:.1f} mm above the other; at most 1 mm is allowed"
         )
-
-
-def check_balance(model: pin.Model, soles: tuple[Sole, ...], q: Array) -> None:
-    """Refuse a centre of mass that is not above the rectangle around both soles: the robot would tip over at once."""
-    left, right, com = _feet(model, (soles[0].frame, soles[1].frame), q)
     corners = [
-        placement.act(np.array([x * sole.length, y * sole.width, 0.0]))[:2]
-        for sole, placement in zip(soles, (left, right), strict=True)
-        for x in (-0.5, 0.5)
-        for y in (-0.5, 0.5)
+        place.act(np.array([x * sole.length, y * sole.width, 0.0]))[:2]
+        for sole, place in zip(soles, places, strict=True)
+        for x, y in itertools.product((-0.5, 0.5), repeat=2)
     ]
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
     if (com[:2] < low).any() or (com[:2] > high).any():
@@ -247,21 +258,8 @@ def knee_direction(model: pin.Model, sole: str) -> Array:
     return np.asarray(np.cross(foot - places[middle], bent * data.J[3:, knee.idx_v]))
 
 
-def _feet(model: pin.Model, soles: tuple[str, ...], q: Array) -> tuple[pin.SE3, pin.SE3, Array]:
-    """Return the placements of the left and the right sole, and the centre of mass."""
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    left, right = (data.oMf[model.getFrameId(frame)] for frame in soles)
-    return left, right, pin.centerOfMass(model, data, q)
-
-
 def _solve(
-    model: pin.Model,
-    soles: tuple[str, ...],
-    legs: list[list[int]],
-    start: Array,
-    free: list[int],
-    stance_width: float,
+    model: pin.Model, soles: tuple[Sole, ...], legs: list[list[int]], start: Array, free: list[int]
 ) -> Array:
     """Solve for the free joints by least squares; the residual vanishes for legs of six joints.
 
@@ -269,14 +267,15 @@ def _solve(
     under the hips, and as near as they may be, and from other positions of the legs: at zero they may be spread.
     """
     data = model.createData()
-    frames = [model.getFrameId(frame) for frame in soles]
+    frames = [model.getFrameId(sole.frame) for sole in soles]
     lower, upper = _limits(model)
     knees = [_knee(model, data, leg, frame) for leg, frame in zip(legs, frames, strict=True)]
     q = np.array(start)
     pin.framesForwardKinematics(model, data, q)
     apart_at = [data.oMf[frames[0]].translation[1] - data.oMf[frames[1]].translation[1]]
     apart_at.append(data.oMi[legs[0][0]].translation[1] - data.oMi[legs[1][0]].translation[1])
-    widths = [max(stance_width, float(width)) for width in (*apart_at, 0.0)]
+    narrowest = NEXT + max(sole.width for sole in soles)
+    widths = [max(narrowest, float(width)) for width in (*apart_at, 0.0)]
     bent = [(7 + _index(model, joint), sign) for joint, sign in knees]
     for i, sign in bent:
         if i - 7 in free:
@@ -329,14 +328,14 @@ def _solve(
     )
 
 
-def _left(error: Array, soles: tuple[str, ...]) -> str:
+def _left(error: Array, soles: tuple[Sole, ...]) -> str:
     """Return what is wrong with the best posture that a search has found, the largest part first."""
     tilts = [float(np.linalg.norm(error[i : i + 3])) for i in (0, 3)]
     away, apart = float(np.linalg.norm(error[6:8])), float(np.linalg.norm(error[8:11]))
     parts = [
         *(
-            (tilt, f"sole '{name}' is turned by {math.degrees(tilt):.2g}°")
-            for tilt, name in zip(tilts, soles, strict=True)
+            (tilt, f"sole '{sole.frame}' is turned by {math.degrees(tilt):.2g}°")
+            for tilt, sole in zip(tilts, soles, strict=True)
         ),
         (away, f"the centre of mass is {1e3 * away:.2g} mm beside the middle of the soles"),
         (apart, f"the soles are {1e3 * apart:.2g} mm from level and side by side"),
@@ -368,10 +367,10 @@ def _unit_of_ranges(ranges: Array) -> str:
     return ""
 
 
-def _bend(model: pin.Model, leg: list[int], frame: int, q: Array) -> float:
+def _bend(model: pin.Model, sole: str, q: Array) -> float:
     """Return the angle between the lines from hip to knee and from knee to ankle, rad."""
-    data = model.createData()
-    knee, _ = _knee(model, data, leg, frame)
+    data, leg = model.createData(), joints_to(model, sole)
+    knee, _ = _knee(model, data, leg, model.getFrameId(sole))
     pin.forwardKinematics(model, data, q)
     hip = max((joint for joint in leg if joint < knee), default=knee)
     thigh = data.oMi[knee].translation - data.oMi[hip].translation

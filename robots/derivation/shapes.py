@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -23,13 +23,14 @@ from wbc.robots.derivation.soles import mesh_vertices, resolve
 from wbc.robots.source import Geometry
 from wbc.robots.source_of import source_of
 
-T = TypeVar("T")
-
 CORNERS = 150
 """Directions of which the outermost vertices are the corners of a mesh's hull: it is as good as whole, and quick."""
 
 SMALLEST = 0.002
 """Least half size of a shape, m."""
+
+Make = Callable[[Geometry, Path | None], Any]
+"""Function of a shape and the file of its mesh, if it is one that is found, that returns another shape, or None."""
 
 
 class LinkShape(NamedTuple):
@@ -46,57 +47,37 @@ def link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ..
 
     A mesh becomes the least box about its principal axes. What cannot be read is left out.
     """
-    return _link_shapes(text, package_dirs, _meshes(text, package_dirs))
+    return tuple(shape for shapes in _made(text, package_dirs, _simple).values() for shape in shapes)
 
 
-@lru_cache(maxsize=16)
-def _link_shapes(text: str, package_dirs: tuple[str, ...], _: object) -> tuple[LinkShape, ...]:
-    """Return the shapes of all links, anew when a mesh has changed."""
-
-    def made(shape: Geometry) -> LinkShape | None:
-        if shape.kind != "mesh":
-            return LinkShape(shape.link, shape.kind, _sizes(shape.size), shape.place)  # type: ignore[arg-type]
-        path = resolve(shape.file, package_dirs)
-        return None if path is None else _box(shape.link, path, shape.size, shape.place)
-
-    return tuple(shape for _, shapes in touching(text, made) for shape in shapes)
-
-
-def touching(text: str, make: Callable[[Geometry], T | None]) -> list[tuple[str, list[T]]]:
-    """Return link and what is made of its collision shapes, or of its visual shapes where that is nothing."""
-    shapes, found = source_of(text).shapes(), []
-    for link in dict.fromkeys(shape.link for shape in shapes):
-        for role in ("collision", "visual"):
-            made = [make(shape) for shape in shapes if shape.link == link and shape.role == role]
-            if known := [each for each in made if each is not None]:
-                found.append((link, known))
-                break
-    return found
+def hulls(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
+    """Return link → shapes, as `link_shapes` does, where a mesh is its convex hull."""
+    return _made(text, package_dirs, _hull)
 
 
 def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
     """Return link → spheres and capsules: a box is a capsule along its longest side, as thick as the second one."""
     found: dict[str, list[CollisionSphere | CollisionCapsule]] = {}
-    for shape in link_shapes(text, package_dirs):
-        place, size = shape.placement, shape.size
-        if shape.kind == "box":
+    for link, kind, size, place in link_shapes(text, package_dirs):
+        if kind == "box":
             _, radius, half = sorted(size)
-            axis = np.eye(3)[int(np.argmax(size))]
-            half = half - radius
+            axis, half = np.eye(3)[int(np.argmax(size))], half - radius
         else:
             radius, half, axis = size[0], size[-1] if len(size) > 1 else 0.0, np.array([0.0, 0.0, 1.0])
         if half < SMALLEST:
             made: CollisionSphere | CollisionCapsule = CollisionSphere(radius, place.translation)
         else:
             made = CollisionCapsule(radius, place.act(-half * axis), place.act(half * axis))
-        found.setdefault(shape.link, []).append(made)
+        found.setdefault(link, []).append(made)
     return found
 
 
-def hulls(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
-    """Return link → shapes, as `link_shapes` does, where a mesh is its convex hull."""
-    found = _hulls(text, package_dirs, _meshes(text, package_dirs))
-    return {link: list(shapes) for link, shapes in found.items()}
+def _made(text: str, package_dirs: tuple[str, ...], make: Make) -> dict[str, list[Any]]:
+    """Return link → what is made of its collision shapes, or of its visual shapes where that is nothing."""
+    files = {name: resolve(name, package_dirs) for name in _mesh_names(text)}
+    states = {name: (path, path.stat()) for name, path in files.items() if path is not None}
+    stamps = tuple((name, path, state.st_mtime_ns, state.st_size) for name, (path, state) in states.items())
+    return {link: list(shapes) for link, shapes in _of_files(text, make, stamps).items()}
 
 
 @lru_cache(maxsize=16)
@@ -104,39 +85,52 @@ def _mesh_names(text: str) -> tuple[str, ...]:
     return tuple({shape.file for shape in source_of(text).shapes() if shape.kind == "mesh"})
 
 
-def _meshes(text: str, package_dirs: tuple[str, ...]) -> tuple[tuple[Path, int, int], ...]:
-    """Return path, time of the last change and size of the meshes of a robot."""
-    paths = [path for name in _mesh_names(text) if (path := resolve(name, package_dirs)) is not None]
-    return tuple((path, state.st_mtime_ns, state.st_size) for path in paths for state in [path.stat()])
+@lru_cache(maxsize=16)
+def _of_files(text: str, make: Make, stamps: tuple[tuple[str, Path, int, int], ...]) -> dict[str, list[Any]]:
+    """Return what is made of the shapes of each link, anew when a mesh has changed."""
+    found: dict[str, dict[str, list[Any]]] = {}
+    files = {name: path for name, path, *_ in stamps}
+    for shape in source_of(text).shapes():
+        if (made := make(shape, files.get(shape.file))) is not None:
+            found.setdefault(shape.link, {}).setdefault(shape.role, []).append(made)
+    return {link: roles.get("collision") or roles["visual"] for link, roles in found.items()}
 
 
-@lru_cache(maxsize=4)
-def _hulls(text: str, package_dirs: tuple[str, ...], _: object) -> dict[str, list[Shape]]:
-    """Return the hulls of all links, anew when a mesh has changed."""
-    return dict(touching(text, lambda shape: _hull(shape, package_dirs)))
+def _simple(shape: Geometry, path: Path | None) -> LinkShape | None:
+    if shape.kind != "mesh":
+        return LinkShape(shape.link, shape.kind, _sizes(shape.size), shape.place)  # type: ignore[arg-type]
+    vertices = None if path is None else mesh_vertices(path)
+    if vertices is None or not len(vertices):
+        return None
+    points = vertices * shape.size
+    centre = points.mean(axis=0)
+    axes = np.linalg.svd(points - centre, full_matrices=False)[2].T
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    local = (points - centre) @ axes
+    low, high = local.min(axis=0), local.max(axis=0)
+    middle = pin.SE3(axes, centre + axes @ (0.5 * (low + high)))
+    return LinkShape(shape.link, "box", _sizes(0.5 * (high - low)), shape.place * middle)
 
 
-def _hull(found: Geometry, package_dirs: tuple[str, ...]) -> Shape | None:
-    place = found.place
-    if found.kind == "mesh":
-        path = resolve(found.file, package_dirs)
+def _hull(shape: Geometry, path: Path | None) -> Shape | None:
+    place = shape.place
+    if shape.kind == "mesh":
         vertices = None if path is None else mesh_vertices(path)
         if vertices is None or len(vertices) < 4:
             return None
-        points = vertices * found.size
+        points = vertices * shape.size
         points = points[np.unique(np.argmax(points @ _directions().T, axis=0))]
         if np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-4) < 3:  # a flat one
             return None
         return CollisionHull(points @ place.rotation.T + place.translation)
-    size = _sizes(found.size)
-    if found.kind == "box":
-        return CollisionBox(
-            (2.0 * size[0], 2.0 * size[1], 2.0 * size[2]), place.translation, pin.log3(place.rotation)
-        )
-    if found.kind == "sphere":
+    size = _sizes(shape.size)
+    if shape.kind == "box":
+        x, y, z = (2.0 * half for half in size)
+        return CollisionBox((x, y, z), place.translation, pin.log3(place.rotation))
+    if shape.kind == "sphere":
         return CollisionSphere(size[0], place.translation)
     end = np.array([0.0, 0.0, size[1]])
-    kind = CollisionCapsule if found.kind == "capsule" else CollisionCylinder
+    kind = CollisionCapsule if shape.kind == "capsule" else CollisionCylinder
     return kind(size[0], place.act(-end), place.act(end))
 
 
@@ -147,21 +141,6 @@ def _directions() -> Array:
     height, turn = 1.0 - 2.0 * place / CORNERS, np.pi * (1.0 + np.sqrt(5.0)) * place
     wide = np.sqrt(1.0 - height**2)
     return np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1)
-
-
-def _box(link: str, path: Path, scale: Array, place: pin.SE3) -> LinkShape | None:
-    vertices = mesh_vertices(path)
-    if vertices is None or not len(vertices):
-        return None
-    points = vertices * scale
-    centre = points.mean(axis=0)
-    axes = np.linalg.svd(points - centre, full_matrices=False)[2].T
-    if np.linalg.det(axes) < 0.0:
-        axes[:, 2] *= -1.0
-    local = (points - centre) @ axes
-    low, high = local.min(axis=0), local.max(axis=0)
-    middle = pin.SE3(axes, centre + axes @ (0.5 * (low + high)))
-    return LinkShape(link, "box", _sizes(0.5 * (high - low)), place * middle)
 
 
 def _sizes(values: Array) -> tuple[float, ...]:

@@ -66,9 +66,8 @@ def sole_rectangle(
         clouds = []
         for shape in (each for each in shapes if each.role == role):
             if model.frames[link := links[shape.link]].parentJoint in below:
-                placement = here.actInv(data.oMf[link])
-                cloud = _points(shape, package_dirs, placement, up_axis, scale)
-                clouds += [] if cloud is None else [_move(placement, cloud)]
+                cloud = _cloud(shape, package_dirs, here.actInv(data.oMf[link]), up_axis, scale)
+                clouds += [] if cloud is None else [cloud]
         if not clouds:
             continue
         points = np.concatenate(clouds)
@@ -103,34 +102,41 @@ def no_sole(length: float, width: float) -> str:
     return said
 
 
-def _points(
-    found: Geometry,
-    package_dirs: tuple[str, ...],
-    placement: pin.SE3,
-    up_axis: bool,
-    scale: float,
-) -> Array | None:
-    """Return points of a shape of scaled size, in the link frame, that include all extreme ones near the ground."""
-    size, down = found.size, (placement * found.place).rotation[2]
-    if found.kind == "box":
-        points = size * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    elif found.kind == "sphere":
-        points = -size[0] * down[None, :]
-    elif found.kind == "capsule":
-        points = np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]) - size[0] * down
-    elif found.kind == "cylinder":
+def points_of(kind: str, size: Array, up: Array) -> Array | None:
+    """Return points of a shape in its own axes, shape (n, 3), m, with those on which it stands; None for another kind.
+
+    Args:
+        kind: "box", "sphere", "cylinder", "capsule" or "ellipsoid".
+        size: Half sizes; radius; radius and half length, m.
+        up: Direction away from the ground in the axes of the shape, of unit length.
+    """
+    if kind == "box":
+        return np.asarray(size * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T)
+    if kind == "sphere":
+        return np.asarray(-size[0] * up[None, :])
+    if kind == "capsule":
+        return np.asarray(np.outer([-size[1], size[1]], [0.0, 0.0, 1.0]) - size[0] * up)
+    if kind == "ellipsoid":
+        return np.array([-(size**2) * up / np.linalg.norm(size * up)])
+    if kind == "cylinder":
         angle = np.linspace(0.0, math.tau, 32, endpoint=False)
         rim = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle), np.full(32, size[1])], axis=1)
-        points = np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
-    else:
-        path = resolve(found.file, package_dirs)
-        vertices = None if path is None else mesh_vertices(path)
-        if path is None or vertices is None:
-            return None
-        if up_axis and path.suffix.lower() == ".dae" and b"<up_axis>Y_UP" in path.read_bytes():
-            vertices = vertices @ Y_UP.T
-        points = vertices * size
-    return _move(found.place, scale * points)
+        return np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
+    return None
+
+
+def _cloud(
+    shape: Geometry, package_dirs: tuple[str, ...], here: pin.SE3, up_axis: bool, scale: float
+) -> Array | None:
+    """Return points of a shape of scaled size, with those on which it stands; `here` is the place of its link."""
+    place = here * shape.place
+    points = points_of(shape.kind, shape.size, place.rotation[2])
+    if shape.kind == "mesh" and (path := resolve(shape.file, package_dirs)) is not None:
+        points = mesh_vertices(path)
+        if points is not None and up_axis and path.suffix.lower() == ".dae":
+            points = points @ Y_UP.T if b"<up_axis>Y_UP" in path.read_bytes() else points
+        points = None if points is None else points * shape.size
+    return None if points is None else np.asarray(scale * points @ place.rotation.T + place.translation)
 
 
 def mesh_vertices(path: Path) -> Array | None:
@@ -243,7 +249,3 @@ def mesh_folders(
             "shape of them; package_dirs are the folders of packages"
         )
     return tuple(folders), notes
-
-
-def _move(placement: pin.SE3, points: Array) -> Array:
-    return np.asarray(points @ placement.rotation.T + placement.translation)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import mujoco
@@ -13,7 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 from wbc.base.errors import ModelError, unknown_name
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.frames import Sole
-from wbc.robots.derivation.soles import SLICE, no_sole, plausible
+from wbc.robots.derivation.soles import SLICE, no_sole, plausible, points_of
 from wbc.robots.frames import SoleName, frame_at
 from wbc.robots.readers.tree_mjcf import Tree
 
@@ -240,7 +239,7 @@ def _sole(
 
 
 def _kinds(model: mujoco.MjModel, geoms: list[int]) -> str:
-    names = [mujoco.mjtGeom(int(model.geom_type[g])).name.removeprefix("mjGEOM_").lower() for g in geoms]
+    names = [_kind(model, geom) for geom in geoms]
     counts = {name: names.count(name) for name in dict.fromkeys(names)}
     plural = {"box": "boxes", "mesh": "meshes"}
     return " and ".join(
@@ -289,27 +288,16 @@ def _flat_side(points: Array, up: Array) -> Array | None:
 
 def _points(model: mujoco.MjModel, data: mujoco.MjData, geom: int, up: Array) -> Array:
     """Return points of a geom in the world that include those on which it stands, shape (n, 3), m."""
-    kinds = mujoco.mjtGeom
-    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
-    place, rotation = np.array(data.geom_xpos[geom]), data.geom_xmat[geom].reshape(3, 3)
-    if kind == kinds.mjGEOM_BOX:
-        local = size * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
-    elif kind == kinds.mjGEOM_SPHERE:
-        return np.array([place - size[0] * up])
-    elif kind == kinds.mjGEOM_CAPSULE:
-        ends = place + np.outer([-size[1], size[1]], rotation[:, 2])
-        return np.asarray(ends - size[0] * up)
-    elif kind == kinds.mjGEOM_CYLINDER:
-        angle = np.linspace(0.0, math.tau, 32, endpoint=False)
-        rim = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle), np.full(32, size[1])], axis=1)
-        local = np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
-    elif kind == kinds.mjGEOM_ELLIPSOID:
-        down = rotation.T @ -up
-        return np.array([place + rotation @ (size**2 * down / np.linalg.norm(size * down))])
-    elif kind == kinds.mjGEOM_MESH:
+    kind, rotation = int(model.geom_type[geom]), data.geom_xmat[geom].reshape(3, 3)
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         local = np.array(model.mesh_vert[start : start + count], dtype=np.float64)
     else:
-        return np.zeros((0, 3))
-    return np.asarray(place + local @ rotation.T)
+        found = points_of(_kind(model, geom), np.array(model.geom_size[geom]), rotation.T @ up)
+        local = np.zeros((0, 3)) if found is None else found
+    return np.asarray(data.geom_xpos[geom] + local @ rotation.T)
+
+
+def _kind(model: mujoco.MjModel, geom: int) -> str:
+    return str(mujoco.mjtGeom(int(model.geom_type[geom])).name).removeprefix("mjGEOM_").lower()

@@ -7,7 +7,7 @@ MuJoCo's `qpos`. Velocity limits, which MJCF has not, are the first of the user'
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from typing import Any
 from xml.etree import ElementTree
 
@@ -18,7 +18,7 @@ import pinocchio as pin
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.core.robot import Coupling
-from wbc.robots.source import Element, Geometry, Source, checked_limits
+from wbc.robots.source import Element, Geometry, Source
 
 WORLD_LINK = "world_link"
 """Root link of a robot that is bolted to the world."""
@@ -49,7 +49,7 @@ class Mjcf(Source):
 
     def couplings(self) -> dict[str, Coupling]:
         """See `Source.couplings`."""
-        refs = {name: float(joint.get("ref", "0")) for name, joint in self._joints().items()}
+        refs = {name: float(joint.get("ref", "0")) for name, joint in self.joints().items()}
         found = {}
         for tie in self.root.findall("equality/joint"):
             follower, leader = str(tie.get("joint1")), str(tie.get("joint2"))
@@ -84,21 +84,15 @@ class Mjcf(Source):
                 found.append(Geometry(link, role, kind, size, place, file, colour))
         return found
 
-    def set_limits(
-        self,
-        position: Mapping[str, tuple[float, float]] | None = None,
-        velocity: Mapping[str, float] | None = None,
-        torque: Mapping[str, float] | None = None,
-    ) -> None:
-        """See `Source.set_limits`."""
-        joints = self._joints()
-        for name, values in checked_limits(joints, position, velocity, torque).items():
-            if "lower" in values:
-                joints[name].set("range", text((values["lower"], values["upper"])))
-            if "velocity" in values:
-                joints[name].set("user", text((values["velocity"],)))
-            if "effort" in values:
-                joints[name].set("actuatorfrcrange", text((-values["effort"], values["effort"])))
+    def joints(self) -> dict[str, Element]:
+        """See `Source.joints`."""
+        return {str(joint.get("name")): joint for joint in self.root.findall("worldbody//joint")}
+
+    def set_limit(self, joint: Element, what: str, value: Any) -> None:
+        """See `Source.set_limit`."""
+        keys = {"position": ("range", value), "velocity": ("user", (value,))}
+        key, values = keys.get(what) or ("actuatorfrcrange", (-value, value))
+        joint.set(key, text(values))
 
     def turn_root(self, turn: float) -> str:
         """See `Source.turn_root`."""
@@ -110,15 +104,11 @@ class Mjcf(Source):
             old.remove(joint)
         world.remove(old)
         new.append(old)
-        turned = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, -turn)) * _quaternion(old)
-        old.set("quat", text(turned.coeffs()[[3, 0, 1, 2]]))
+        old.set("quat", text((math.cos(0.5 * turn), 0.0, 0.0, -math.sin(0.5 * turn))))  # it had none
         return str(new.get("name"))
 
     def _bodies(self) -> dict[str, Element]:
         return {str(body.get("name")): body for body in self.root.iter("body")}
-
-    def _joints(self) -> dict[str, Element]:
-        return {str(joint.get("name")): joint for joint in self.root.findall("worldbody//joint")}
 
 
 def pinocchio_model(compiled: mujoco.MjModel, fixed: bool) -> pin.Model:
@@ -131,9 +121,7 @@ def pinocchio_model(compiled: mujoco.MjModel, fixed: bool) -> pin.Model:
     while free in names:
         free += "_"
     frame = {0: model.addBodyFrame(WORLD_LINK, 0, pin.SE3.Identity(), 0) if fixed else 0}  # of each body
-    at = {
-        0: (0, pin.SE3.Identity())
-    }  # joint that moves each body, and the place of the body in the joint's frame
+    at = {0: (0, pin.SE3.Identity())}  # joint that moves each body, and where the body is in its frame
     for body in range(1, compiled.nbody):
         above = int(compiled.body_parentid[body])
         parent, place = at[above]
@@ -190,11 +178,7 @@ def placement_of(position: Array, quaternion: Array) -> pin.SE3:
 
 def motion(kind: int, axis: Array, by: float) -> pin.SE3:
     """Return the motion of a hinge or a slide about its axis, of unit length, by an angle (rad) or a way (m)."""
-    return (
-        along(np.asarray(axis) * by)
-        if kind == SLIDE
-        else pin.SE3(pin.exp3(np.asarray(axis) * by), np.zeros(3))
-    )
+    return along(by * axis) if kind == SLIDE else pin.SE3(pin.exp3(by * axis), np.zeros(3))
 
 
 def along(vector: Array) -> pin.SE3:
@@ -209,8 +193,3 @@ def text(values: Any) -> str:
 
 def _numbers(words: str) -> Array:
     return np.array([float(word) for word in words.split()])
-
-
-def _quaternion(body: Element) -> pin.Quaternion:
-    w, x, y, z = _numbers(str(body.get("quat"))).tolist()
-    return pin.Quaternion(w, x, y, z)

@@ -67,6 +67,54 @@ def test_what_the_file_says_is_kept() -> None:
     assert any("ball" in line for line in description.derived)
 
 
+def test_joints_have_the_order_of_the_file_and_sites_are_frames() -> None:
+    description = plain()
+    model = mujoco.MjModel.from_xml_string(biped())
+    names = [model.joint(i).name for i in range(model.njnt)]
+    assert list(description.joint_names) == [name for name in names if name in description.joint_names]
+    robot, data = description.robot(), mujoco.MjData(model)
+    data.joint("floating").qpos = [*robot.q[:3], 1.0, 0.0, 0.0, 0.0]
+    for name, value in description.half_sitting.items():
+        data.joint(name).qpos = value
+    mujoco.mj_kinematics(model, data)
+    for site in ("imu_here", "left_load_cell"):
+        place = robot.placement(site)
+        np.testing.assert_allclose(place.translation, data.site(site).xpos, atol=1e-9)
+        np.testing.assert_allclose(place.rotation.ravel(), data.site(site).xmat, atol=1e-9)
+
+
+def test_an_mjcf_is_a_urdf_for_other_engines() -> None:
+    """The same dynamics and the same places of links and sites; joints of one link get a link each."""
+    own, again = (
+        plain().robot(),
+        RobotDescription.from_urdf(plain().urdf, armature=dict(plain().armature)).robot(),
+    )
+    rng = np.random.default_rng(4)
+    values, speeds = ({name: rng.uniform(-0.3, 0.3) for name in own.joint_names} for _ in range(2))
+    for robot in (own, again):
+        q, v = np.array(robot.half_sitting), np.zeros(robot.nv)
+        q[:3] = 0.0
+        q[7:], v[6:] = ([each[name] for name in robot.joint_names] for each in (values, speeds))
+        robot.update(q, v)
+    order = [own.joint_index(name) for name in again.joint_names]
+    damping = own.damping * own.v[6:]
+    np.testing.assert_allclose(again.bias[6:], (own.bias[6:] - damping)[order], atol=1e-6)
+    for frame in ("imu_here", "left_foot", "left_shin"):
+        assert again.placement(frame).isApprox(own.placement(frame), 1e-9)
+
+
+def test_armature_that_a_default_class_gives_the_free_joint_is_named_and_left_out_on_both_sides() -> None:
+    """No rotor turns a floating base: neither in the controller's model nor in the plant's."""
+    xml = biped().replace('<freejoint name="floating"/>', '<joint name="floating" type="free"/>')
+    assert mujoco.MjModel.from_xml_string(xml).dof_armature[:12].any(), (
+        "a joint takes it, a freejoint does not"
+    )
+    description = RobotDescription.from_mjcf(xml)
+    assert any("'floating'" in line and "armature of 0.02" in line for line in description.doubts())
+    np.testing.assert_array_equal(description.robot().mass_matrix, plain().robot().mass_matrix)
+    np.testing.assert_array_equal(Plant(description).model.dof_armature[:6], 0.0)
+
+
 FEET = {
     "capsules": CAPSULES,
     "box": '<geom class="foot" type="box" size="0.105 0.05 0.02" pos="0.035 0 -0.05"/>',
