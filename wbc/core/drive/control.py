@@ -285,7 +285,8 @@ class DriveControl:
             if (released := self.controller.released) is not self._forgiven:
                 self._forgiven = released
                 self.plausibility.forgive(None if released is None else released.mask)
-            self.measurement = plausible = self._estimate(measurement, self._begin())
+            soles = self._begin()
+            self.measurement = plausible = self._estimate(measurement, soles)
             estimate, robot = observer.robot, self.controller.robot
             if self._follows_estimate and estimate is not robot:
                 robot.update(estimate.q, estimate.v)
