@@ -18,7 +18,7 @@ Source: T. Sugihara, "Solvability-unconcerned inverse kinematics by the Levenber
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,9 +26,9 @@ import numpy as np
 from wbc.base.numbers import Array
 from wbc.core.kinematics.solution import holding
 from wbc.core.limits.base import Limit
-from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.kinds import SelectionTask
+from wbc.core.qp.motion import Block
 from wbc.core.qp.store import RowStore, consecutive, rows_in
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
@@ -72,7 +72,6 @@ class VelocityAssembly(RowStore):
         """Allocate the problem and place these items, which are bound to the robot."""
         super().__init__(robot, levels, contacts, limits, 1)
         self._regularisation, self._per_error = regularisation, damping
-        self._tasks = [task for level in levels for task in level]
         p, n = self.problem, self.targets.size
         self._gain, self._cost = np.zeros(n), np.zeros(n)  # rate that acts, 1/s; weighted errors
         self.lower: list[Level] = []
@@ -83,7 +82,7 @@ class VelocityAssembly(RowStore):
         self._soft = slice(p.n_eq, p.target.size)  # rows whose errors damp
         self._soft_error, self._soft_cost = self._error[self._soft], self._cost[self._soft]
         # Tasks on a velocity: momenta with Jacobian, target and error, selections with columns and targets.
-        on_velocity = [block for block in self._blocks if block.item.of_velocity]
+        on_velocity = [block for block in self._tasks if block.item.of_velocity]
         self._momenta = [
             (block.jacobian, self.targets[block.place], block.error)
             for block in on_velocity
@@ -170,30 +169,23 @@ class VelocityAssembly(RowStore):
         """Return the velocity per error, 1/s, shape (dim,)."""
         return self._gain[self.places[task.name]]
 
-    def pull(self, task: Task) -> tuple[float, float]:
-        """Return the length of the gradient of the cost of a task, and its share of the greatest for such an error."""
-        rows = self.places[task.name]
-        weighted = self._rows.weight[rows] * self._error[rows]
-        if isinstance(task, SelectionTask):
+    @property
+    def present(self) -> list[Block]:
+        """Rows of all tasks, and of the contacts that hold their frames."""
+        return [*self._tasks, *(block for block in self._contacts if block.engaged)]
+
+    def pull(self, block: Block) -> tuple[float, float]:
+        """Return the length of the gradient of the cost of some rows, and its share of the greatest for such an error.
+
+        A contact counts as if each of its rows had a weight of one.
+        """
+        task = isinstance(block.item, Task)
+        weighted = block.error * self._rows.weight[block.place] if task else block.error
+        if isinstance(block.item, SelectionTask):
             return float(np.linalg.norm(weighted)), 1.0
-        (jacobian,) = (block.jacobian for block in self._blocks if block.item is task)
-        return _pull(jacobian, weighted)
-
-    def contact_errors(self) -> Mapping[str, tuple[float, float]]:
-        """Return the distance (m) and the angle (rad) of each contact that is active from its place."""
-        found = dict[str, tuple[float, float]]()
-        for block, _ in self._holds:
-            if block.engaged:
-                contact, error = block.item, block.error
-                sizes = float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
-                found[contact.name] = contact.gap() if isinstance(contact, LoopClosure) else sizes
-        return found
-
-    def contact_pulls(self) -> Mapping[str, tuple[float, float]]:
-        """Return what `pull` returns, of each contact that is active."""
-        return {
-            block.item.name: _pull(block.jacobian, block.error) for block, _ in self._holds if block.engaged
-        }
+        most = float(np.linalg.norm(block.jacobian, 2) * np.linalg.norm(weighted))
+        pull = float(np.linalg.norm(block.jacobian.T.dot(weighted)))
+        return pull, pull / most if most > 0.0 else 0.0
 
     def violated(self, tolerance: float) -> dict[str, str]:
         """Return the limits whose rows are violated by more than a tolerance → by how much."""
@@ -204,10 +196,3 @@ class VelocityAssembly(RowStore):
                 row = int(beyond.argmax())
                 found[limit.name] = limit.violation(row, float(beyond[row]))
         return found
-
-
-def _pull(jacobian: Array, weighted: Array) -> tuple[float, float]:
-    """Return the length of a gradient, and its share of the greatest for such an error."""
-    most = float(np.linalg.norm(jacobian, 2) * np.linalg.norm(weighted))
-    pull = float(np.linalg.norm(jacobian.T.dot(weighted)))
-    return pull, pull / most if most > 0.0 else 0.0

@@ -19,6 +19,7 @@ import pinocchio as pin
 from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.solution import ReachResult
+from wbc.core.qp.contact import Contact
 from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.solving.solver import Status
 from wbc.core.qp.task import Task
@@ -136,17 +137,12 @@ class Search:
     def _missed(self) -> dict[str, str]:
         """Return what is beyond the tolerance → by how much, at the rows that are written."""
         missed = {}
-        for task in self.tasks:
-            if _counts(task):
-                parts = zip(task._parts(), task._sizes(task.error), strict=True)
+        for block in self.assembly.present:
+            if _counts(block.item):
+                parts = zip(block.item._parts(), block.item._sizes(block.error), strict=True)
                 far = [f"{size:.3g} {unit}" for (unit, _), size in parts if not size <= self.tolerance]
                 if far:
-                    missed[task.name] = ", ".join(far)
-        for name, sizes in self.assembly.contact_errors().items():
-            both = zip(sizes, ("m", "rad"), strict=True)
-            far = [f"{size:.3g} {unit}" for size, unit in both if not size <= self.tolerance]
-            if far:
-                missed[f"contact {name}"] = ", ".join(far)
+                    missed[_label(block.item)] = ", ".join(far)
         return missed | self.assembly.violated(self.tolerance)
 
     def _pulling(self, missed: Mapping[str, str]) -> tuple[str, ...]:
@@ -154,8 +150,7 @@ class Search:
 
         Where nothing else pulls, those that are missed pull against each other.
         """
-        pulls = {task.name: self.assembly.pull(task) for task in self.tasks}
-        pulls |= {f"contact {name}": pull for name, pull in self.assembly.contact_pulls().items()}
+        pulls = {_label(block.item): self.assembly.pull(block) for block in self.assembly.present}
         against = tuple(name for name in missed if name in pulls and pulls[name][1] > PULLS)
         if not against:
             return ()
@@ -164,6 +159,13 @@ class Search:
         return others or (against if len(against) > 1 else ())
 
 
-def _counts(task: Task) -> bool:
-    """Return true for a task whose target is to be reached: not for postures, which only choose."""
-    return task.hard or (not isinstance(task, SelectionTask) and not task.idle)
+def _counts(item: Task | Contact) -> bool:
+    """Return true for rows whose target is to be reached: not for postures, which only choose."""
+    if isinstance(item, Contact):
+        return True
+    return item.hard or (not isinstance(item, SelectionTask) and not item.idle)
+
+
+def _label(item: Task | Contact) -> str:
+    """Return the name of a task, or that of a contact as one."""
+    return f"contact {item.name}" if isinstance(item, Contact) else item.name

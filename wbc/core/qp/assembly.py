@@ -94,7 +94,7 @@ class Assembly(RowStore):
         self._contact_base_t, self._contact_joint_t = p.equality[held, :base].T, p.equality[held, base:nv].T
         self._yielding = [
             (block.jacobian, self._forces[block.item.name].columns)
-            for block, _ in self._holds
+            for block in self._contacts
             if block.item._yields
         ]
         self._torque_lower, self._torque_upper = p.lower[self._torques], p.upper[self._torques]
@@ -166,7 +166,7 @@ class Assembly(RowStore):
         """
         if self._robot.mass != self._mass_carried:  # greatest forces may be multiples of the weight
             self._mass_carried = self._robot.mass
-            for block, _ in self._holds:
+            for block in self._contacts:
                 block.revision = -1
         self._fill()
         self._write_dynamics(outside)
@@ -174,7 +174,7 @@ class Assembly(RowStore):
         self._write_diagonal(self._regularisation)
         self._write_limits(dt, torques, released)
 
-    def _take_contact(self, block: Block, rows: slice | None, engaged: bool) -> None:
+    def _take_contact(self, block: Block, engaged: bool) -> None:
         """Take motion and forces of a contact over; see `RowStore`."""
         contact, force = block.item, self._forces[block.item.name]
         if engaged != block.engaged:
@@ -182,7 +182,7 @@ class Assembly(RowStore):
             # A contact that is off has zero force: its cone rows are moved off their bounds, where they would all be
             # active at once.
             force.cone_upper[:] = 0.0 if engaged else 1.0
-        super()._take_contact(block, rows, engaged)
+        super()._take_contact(block, engaged)
         self.problem.loaded[contact.name][...] = contact.active
         force.cone[:], force.weight[:] = contact.cone, contact.wrench_weight
         force.lower[:], force.upper[:] = contact.force_ranges() if engaged else (-1.0, 1.0)

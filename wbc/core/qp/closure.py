@@ -6,7 +6,7 @@ A robot's model is a tree; a chain that closes is opened at one joint, and the c
 
 from __future__ import annotations
 
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -165,6 +165,13 @@ class LoopClosure(Contact):
         return float(np.linalg.norm(apart.translation)), float(
             np.linalg.norm(pin.log3(apart.rotation)) if self.rotation else 0.0
         )
+
+    def _parts(self) -> list[tuple[str, Any]]:
+        return [("m", ...), ("rad", ...)]
+
+    def _sizes(self, rows: Array) -> list[float]:
+        """Distance and angle of the two frames now, whatever the rows are."""
+        return list(self.gap())
 
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill the motion rows; see `Motion.measure`.

@@ -114,6 +114,15 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         """
         self._robot = robot
 
+    def _parts(self) -> list[tuple[str, Any]]:
+        """Unit and rows of each part of the error that is one vector."""
+        parts = [("m", slice(0, 3)), ("rad", slice(3, self.dim))]
+        return parts[: 1 if self.dim <= 3 else 2]
+
+    def _sizes(self, rows: Array) -> list[float]:
+        """Length of each part of some rows."""
+        return [float(np.linalg.norm(rows[part])) for _, part in self._parts()]
+
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows from the present state of the robot: by `measure` and `drift`, unless a class overrides it.
 
@@ -210,10 +219,11 @@ class Block:
         trims: True if the rows are to be trimmed.
         revision: Revision of the item whose numbers have been taken.
         engaged: True while a contact holds its frame; None before the first tick.
+        reserved: Equalities of a contact: its motion, or, where that is a cost, its force while it is off.
     """
 
     __slots__ = (
-        "_rows", "engaged", "error", "evaluate", "full", "item", "jacobian", "place", "revision", "trims",
+        "_rows", "engaged", "error", "evaluate", "full", "item", "jacobian", "place", "reserved", "revision", "trims",
     )  # fmt: skip
 
     def __init__(
@@ -223,6 +233,7 @@ class Block:
         self.item, self.place, self.jacobian, self.error = item, place, jacobian, error
         self.revision = -1
         self.engaged: bool | None = None
+        self.reserved: slice | None = None
         self._rows: tuple[Array, ...] = (jacobian, error, drift)
         self.full: tuple[Array, ...] = self._rows
         choice: Choice | None = item._choice

@@ -109,8 +109,8 @@ class RowStore:
         p.soft_weight = rows.weight[n_eq - self._start : qp.stop - self._start]
 
         self.places: dict[str, slice] = {}
-        self._holds: list[tuple[Block, slice | None]] = []  # contacts, with their equalities
-        self._blocks: list[Block] = []  # tasks on a motion
+        self._contacts: list[Block] = []
+        self._tasks: list[Block] = []  # those on a motion
         self._on_variables: list[Block] = []
         self._changed = True  # numbers that do not change in every tick
         equality, soft_at = self._place_contacts(contacts, self._start, n_eq)
@@ -159,9 +159,9 @@ class RowStore:
                 at = rows.stop
             motion = slice(soft_at, soft_at + contact.dim) if yields or rows is None else rows
             soft_at = motion.stop if yields else soft_at
-            self._holds.append(
-                (self._block(contact, motion, self.problem.rows[motion, : self._robot.nv]), rows)
-            )
+            block = self._block(contact, motion, self.problem.rows[motion, : self._robot.nv])
+            block.reserved = rows
+            self._contacts.append(block)
         return at, soft_at
 
     def _place_tasks(self, tasks: Sequence[Task], at: int, matrix: Array | None, first: int = 0) -> None:
@@ -177,7 +177,7 @@ class RowStore:
             else:
                 if matrix is not None:
                     own[:, :nv] = task._unfilled()
-                self._blocks.append(self._block(task, rows, own[:, :nv]))
+                self._tasks.append(self._block(task, rows, own[:, :nv]))
             if task.hard:
                 p.hard_tasks[rows] = True
                 p.equality_groups[f"hard task '{task.name}'"] = rows
@@ -206,16 +206,16 @@ class RowStore:
     def _fill(self) -> None:
         """Fill Jacobians, errors and drifts at the present state, and take numbers over that have changed."""
         numbers = self._numbers
-        for block, rows in self._holds:
+        for block in self._contacts:
             contact = block.item
             engaged = contact.engaged
             if engaged != block.engaged or contact.revision != block.revision:
-                self._take_contact(block, rows, engaged)
+                self._take_contact(block, engaged)
             if engaged:
                 block.evaluate(*block.full)
                 if contact._fed:
                     numbers[:2, block.place] = contact._rows.values[:2]
-        for block in self._blocks:
+        for block in self._tasks:
             task = block.item
             if task.revision != block.revision:
                 self._take(block)
@@ -234,17 +234,16 @@ class RowStore:
         block.take()
         self._numbers[:, block.place], self._changed = block.item._rows.values, True
 
-    def _take_contact(self, block: Block, rows: slice | None, engaged: bool) -> None:
-        """Take the numbers of a contact over, or empty the rows of one that is off; `rows` are its equalities."""
+    def _take_contact(self, block: Block, engaged: bool) -> None:
+        """Take the numbers of a contact over, or empty the rows of one that is off."""
         contact = block.item
         if engaged != block.engaged:
             block.engaged = engaged
             if not engaged:
                 block.clear()
-            if rows is not None:
-                yields = contact._yields
-                empty = engaged and yields if self._order == 2 else not engaged
-                self.problem.set_empty(rows, np.full(contact.dim, empty))
+            if block.reserved is not None:
+                empty = engaged and contact._yields if self._order == 2 else not engaged
+                self.problem.set_empty(block.reserved, np.full(contact.dim, empty))
         self._take(block)
         if not engaged:
             self._numbers[:, block.place] = NONE
@@ -265,7 +264,7 @@ class RowStore:
         if not largest(beyond) > 0.0:
             return error
         error = error.copy()
-        for block in self._blocks:
+        for block in self._tasks:
             if largest(beyond[block.place]) > 0.0:
                 block.item.saturate(error[block.place])
         return error
@@ -311,7 +310,7 @@ class RowStore:
         groups = {name: finite[rows] for name, rows in p.equality_groups.items()}
         groups |= {name: finite[p.target.size :][rows] for name, rows in p.inequality_groups.items()}
         found = {name: float("nan") for name, inside in groups.items() if not inside.all()}
-        for block in (*self._blocks, *self._on_variables):
+        for block in (*self._tasks, *self._on_variables):
             task = block.item
             target = self.targets[self.places[task.name]]
             if not (np.isfinite(target).all() and np.isfinite(block.jacobian).all()):

@@ -197,7 +197,7 @@ class Task(Motion):
             bound[part] = ERROR_BOUNDS.get(unit, np.inf)
         return bound
 
-    def _parts(self) -> list[tuple[str, slice]]:
+    def _parts(self) -> list[tuple[str, Any]]:
         """Unit and rows of each part of the error that is one vector."""
         units, linear = self.unit.split("|"), self._choice.n_linear
         if linear is None:
@@ -295,10 +295,6 @@ class Task(Motion):
         must not move, "the reach of the robot" for a target that no joint brings nearer. Slow, not for the tick.
         """
         return () if self.owner is None else self.owner.held_back().get(self.name, ())
-
-    def _sizes(self, rows: Array) -> list[float]:
-        """Length of each part of some rows."""
-        return [float(np.linalg.norm(rows[part])) for _, part in self._parts()]
 
     # ---- target -------------------------------------------------------------------------------------------------
 
