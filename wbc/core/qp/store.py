@@ -15,7 +15,7 @@ numbers and no sizes, so nothing is allocated between changes of the layout.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal
 
 import numpy as np
@@ -36,9 +36,12 @@ from wbc.core.robot import Robot
 NOTHING = np.zeros((0, 0))
 """Stand-in for what a task does not fill: the Jacobian of a selection, the drift of a task on variables."""
 
+SELECTION = 2
+"""Place of tasks on single coordinates among the kinds of tasks."""
 
-def rows_in(items: Iterable[Motion]) -> int:
-    """Return the number of rows of some tasks or contacts."""
+
+def rows_in(items: Iterable[Motion | Limit]) -> int:
+    """Return the number of rows of some tasks, contacts or limits."""
     return sum(item.dim for item in items)
 
 
@@ -49,7 +52,14 @@ def consecutive(*counts: int) -> tuple[slice, ...]:
 
 def _kind(task: Task) -> int:
     """Order of tasks among rows: on a motion, on variables of the QP, on single coordinates."""
-    return 2 if isinstance(task, SelectionTask) else int(isinstance(task, VariableTask))
+    return SELECTION if isinstance(task, SelectionTask) else int(isinstance(task, VariableTask))
+
+
+def _cone_names(contact: Contact) -> list[str]:
+    """Return the names of the inequalities of a contact's force."""
+    what = "normal force" if len(contact.ranged) == 1 else "wrench"
+    cone = [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
+    return cone + [f"{what} of {contact.name}"] * len(contact.ranged)
 
 
 class RowStore:
@@ -72,119 +82,119 @@ class RowStore:
     ) -> None:
         """Allocate the QP and place these items, which are bound to the robot; the first level is that of the QP."""
         self._robot, self._order = robot, order
-        nv, first, lower = robot.nv, levels[0], [task for level in levels[1:] for task in level]
-        hard = sorted((task for task in first if task.hard), key=_kind)
-        soft = sorted((task for task in first if not task.hard), key=_kind)
-        selections = [task for task in soft if isinstance(task, SelectionTask)]
-        soft = soft[: len(soft) - len(selections)]
+        dynamics = order == 2
+        hard = sorted((task for task in levels[0] if task.hard), key=_kind)
+        soft = sorted((task for task in levels[0] if not task.hard and _kind(task) < SELECTION), key=_kind)
+        lower = [task for level in levels[1:] for task in level]
+        selections = [task for task in levels[0] if not task.hard and isinstance(task, SelectionTask)]
+        reserved = [contact for contact in contacts if dynamics or not contact._yields]  # equalities
         yielding = [contact for contact in contacts if contact._yields]
-        forces = contacts if order == 2 else ()
-        reserved = contacts if order == 2 else [each for each in contacts if each not in yielding]
-        limits = [limit for limit in limits if not isinstance(limit, TorqueLimits)]
+        forces = contacts if dynamics else ()
         single = [limit for limit in limits if isinstance(limit, JointLimits)]
-        many = [limit for limit in limits if limit not in single]
+        many = [limit for limit in limits if not isinstance(limit, (JointLimits, TorqueLimits))]
 
-        n_torques = robot.na if order == 2 else 0
-        self._start = robot.base_dof + robot.passive.size if order == 2 else 0  # the first row that is stored
+        nv, n_torques = robot.nv, robot.na if dynamics else 0
+        self._start = robot.base_dof + robot.passive.size if dynamics else 0  # the first row that is stored
+        n_eq = self._start + rows_in(reserved) + rows_in(hard)
         n_cones = sum(each.cone.shape[0] + len(each.ranged) for each in forces)
         self._torques, self._joints, self._cones, self._others = consecutive(
-            n_torques, sum(limit.dim for limit in single), n_cones, sum(limit.dim for limit in many)
+            n_torques, rows_in(single), n_cones, rows_in(many)
         )
-        n_eq = self._start + rows_in(reserved) + rows_in(hard)
-        n_soft = rows_in(yielding) + rows_in(soft)
-        self.problem = p = Problem(nv, n_torques, nv + rows_in(forces), n_eq, n_soft, self._others.stop)
-        p.n_physics = self._start
-
         self._of_qp, self._of_lower, self._of_selections = qp, beside, selected = consecutive(
-            n_eq + n_soft, rows_in(lower), rows_in(selections)
+            n_eq + rows_in(yielding) + rows_in(soft), rows_in(lower), rows_in(selections)
         )
+        self.problem = p = Problem(
+            nv, n_torques, nv + rows_in(forces), n_eq, qp.stop - n_eq, self._others.stop
+        )
+        p.n_physics = self._start
         self.targets = np.zeros(selected.stop)
         p.target, self._selected_target = self.targets[qp], self.targets[selected]
         self._lower_matrix = np.zeros((rows_in(lower), nv))
         n = selected.stop - self._start
         self._numbers = np.repeat(NONE, n, axis=1)
-        self._rows = rows = Rows(self._numbers)
-        self._error, self._drift = np.zeros(n), np.zeros(n)
-        self._scratch, self._per_bound = np.zeros(n), np.zeros(n)
-        p.soft_weight = rows.weight[n_eq - self._start : qp.stop - self._start]
+        self._rows = Rows(self._numbers)
+        of_rows: Array = np.zeros((4, n))
+        self._error, self._drift, self._scratch, self._per_bound = of_rows
+        p.soft_weight = self._rows.weight[n_eq - self._start : qp.stop - self._start]
 
         self.places: dict[str, slice] = {}
         self._contacts: list[Block] = []
         self._tasks: list[Block] = []  # those on a motion
         self._on_variables: list[Block] = []
         self._changed = True  # numbers that do not change in every tick
-        equality, soft_at = self._place_contacts(contacts, self._start, n_eq)
-        self._place_tasks(hard, equality, p.rows)
-        self._place_tasks(soft, soft_at, p.rows)
-        self._place_tasks(lower, beside.start, self._lower_matrix, beside.start)
-        self._place_tasks(selections, selected.start, None)
+        items = (*reserved, *hard, *yielding, *soft, *lower, *selections)
+        _, *places = consecutive(self._start, *(item.dim for item in items))
+        following = iter(places)
+        equalities = {contact.name: next(following) for contact in reserved}
+        for task in hard:
+            self._place_task(task, next(following), p.rows)
+        for contact in contacts:
+            self._place_contact(contact, equalities.get(contact.name), following)
+        for task in soft:
+            self._place_task(task, next(following), p.rows)
+        for task in lower:
+            self._place_task(task, next(following), self._lower_matrix, beside.start)
+        for task in selections:
+            self._place_task(task, next(following), None)
+        self._place_selections(selections)
 
-        coordinates = np.arange(nv)
-        self._columns: NDArray[np.intp] = np.concatenate(
-            [coordinates[:0], *(coordinates[task.columns] for task in selections)]
-        )
-        # A single selection of consecutive coordinates, such as a posture, is the usual case.
-        alone = len(selections) == 1 and isinstance(selections[0].columns, slice)
-        self._alone = p.linear[:nv][selections[0].columns] if alone else None
-        self._selected_weight = rows.weight[selected.start - self._start :]
-        self._selected_cost: Array = np.zeros(nv)  # sum of their weights at each coordinate
-        self._diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
-        names = [f"torque of {joint}" for joint in robot.joint_names][:n_torques]
-        if n_torques:
+        if dynamics:
             p.inequality_groups["torque limits"] = self._torques
         self._limits: list[tuple[Limit, Array, Array, Array]] = []
-        names += self._place_limits(single, self._joints.start)
-        for contact in forces:
-            names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
-            what = "normal force" if len(contact.ranged) == 1 else "wrench"
-            names += [f"{what} of {contact.name}"] * len(contact.ranged)
-        self.names = (*names, *self._place_limits(many, self._others.start))
+        torques = [f"torque of {joint}" for joint in robot.joint_names][:n_torques]
+        joints = self._place_limits(single, self._joints.start)
+        cones = [name for contact in forces for name in _cone_names(contact)]
+        self.names = (*torques, *joints, *cones, *self._place_limits(many, self._others.start))
         bounds = (p.lower[self._joints], p.upper[self._joints]) if single else None
-        self._demands = bool(many)
         demanding = p.inequality[self._others, :nv], p.lower[self._others], p.upper[self._others]
-        self._attainable = Attainable(*demanding, bounds, ATTAINABLE if order == 2 else BACK)
+        self._attainable = Attainable(*demanding, bounds, ATTAINABLE if dynamics else BACK)
+        self._demands = bool(many)
         p.yielding[self._others], p.yielding[self._joints] = 1, 2
 
     # ---- layout -------------------------------------------------------------------------------------------------
 
-    def _place_contacts(self, contacts: Sequence[Contact], at: int, soft_at: int) -> tuple[int, int]:
-        """Place contacts from an equality and a soft row on; return the next ones."""
-        for contact in contacts:
-            yields, rows = contact._yields, None
-            if self._order == 2 or not yields:
-                rows = slice(at, at + contact.dim)
-                self.problem.equality_groups[
-                    f"{'force' if yields else 'motion'} of contact '{contact.name}'"
-                ] = rows
-                at = rows.stop
-            motion = slice(soft_at, soft_at + contact.dim) if yields or rows is None else rows
-            soft_at = motion.stop if yields else soft_at
-            block = self._block(contact, motion, self.problem.rows[motion, : self._robot.nv])
-            block.reserved = rows
-            self._contacts.append(block)
-        return at, soft_at
+    def _place_contact(self, contact: Contact, reserved: slice | None, following: Iterator[slice]) -> None:
+        """Place a contact in its equalities, or in the following soft rows where it may yield."""
+        rows = next(following) if contact._yields or reserved is None else reserved
+        block = self._block(contact, rows, self.problem.rows[rows, : self._robot.nv])
+        block.reserved = reserved
+        self._contacts.append(block)
+        if reserved is not None:
+            what = "force" if contact._yields else "motion"
+            self.problem.equality_groups[f"{what} of contact '{contact.name}'"] = reserved
 
-    def _place_tasks(self, tasks: Sequence[Task], at: int, matrix: Array | None, first: int = 0) -> None:
-        """Place tasks from a row on, in a matrix whose first row is `first`, or on the diagonal."""
+    def _place_task(self, task: Task, rows: slice, matrix: Array | None, first: int = 0) -> None:
+        """Place a task in a matrix whose first row is `first`, or on the diagonal."""
         p, nv = self.problem, self._robot.nv
-        for task in tasks:
-            rows = self.places[task.name] = slice(at, at + task.dim)
-            own = NOTHING if matrix is None else matrix[rows.start - first : rows.stop - first]
-            at = rows.stop
-            if isinstance(task, VariableTask):
-                inside = slice(rows.start - self._start, rows.stop - self._start)
-                self._on_variables.append(Block(task, inside, own, self.targets[rows], NOTHING))
-            else:
-                if matrix is not None:
-                    own[:, :nv] = task._unfilled()
-                self._tasks.append(self._block(task, rows, own[:, :nv]))
-            if task.hard:
-                p.hard_tasks[rows] = True
-                p.equality_groups[f"hard task '{task.name}'"] = rows
+        self.places[task.name] = rows
+        own = NOTHING if matrix is None else matrix[rows.start - first : rows.stop - first]
+        if isinstance(task, VariableTask):
+            inside = slice(rows.start - self._start, rows.stop - self._start)
+            self._on_variables.append(Block(task, inside, own, self.targets[rows], NOTHING))
+        else:
+            if matrix is not None:
+                own[:, :nv] = task._unfilled()
+            self._tasks.append(self._block(task, rows, own[:, :nv]))
+        if task.hard:
+            p.hard_tasks[rows] = True
+            p.equality_groups[f"hard task '{task.name}'"] = rows
 
     def _block(self, item: Task | Contact, rows: slice, jacobian: Array) -> Block:
         inside = slice(rows.start - self._start, rows.stop - self._start)
         return Block(item, inside, jacobian, self._error[inside], self._drift[inside], self._order)
+
+    def _place_selections(self, tasks: Sequence[SelectionTask]) -> None:
+        """Find the coordinates of soft selections, and the places of their costs."""
+        p, coordinates = self.problem, np.arange(self._robot.nv)
+        self._columns: NDArray[np.intp] = np.concatenate(
+            [coordinates[:0], *(coordinates[task.columns] for task in tasks)]
+        )
+        self._diagonal, self._linear = p.diagonal[: coordinates.size], p.linear[: coordinates.size]
+        self._selected_weight = self._rows.weight[self._error.size - self._columns.size :]
+        self._selected_cost: Array = np.zeros(coordinates.size)  # sum of their weights at each coordinate
+        # A single selection of consecutive coordinates, such as a posture, is the usual case.
+        alone = len(tasks) == 1 and isinstance(tasks[0].columns, slice)
+        self._alone = self._linear[tasks[0].columns] if alone else None
 
     def _place_limits(self, limits: Sequence[Limit], at: int) -> list[str]:
         """Place limits from an inequality on; return the names of their rows."""
@@ -192,12 +202,10 @@ class RowStore:
         for limit in limits:
             rows = p.inequality_groups[limit.name] = slice(at, at + limit.dim)
             self._limits.append((limit, p.inequality[rows, :nv], p.lower[rows], p.upper[rows]))
-            of_joints = isinstance(limit, JointLimits)
-            names += (
-                [f"limits of {joint}" for joint in self._robot.joint_names]
-                if of_joints
-                else [limit.name] * limit.dim
-            )
+            if isinstance(limit, JointLimits):
+                names += [f"limits of {joint}" for joint in self._robot.joint_names]
+            else:
+                names += [limit.name] * limit.dim
             at = rows.stop
         return names
 
