@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, check_parts
+from wbc.base.errors import InputError, check_parts, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
@@ -106,6 +106,8 @@ class RobotServer:
         now = time.monotonic()
         try:
             if command is not None:
+                if not isinstance(command, Command):
+                    raise InputError(f"a robot takes a Command, got {shown(command)}")
                 command.check(self.loop.robot.joint_names)
         except InputError as error:
             logger.warning("%s: the joints are damped", error)
