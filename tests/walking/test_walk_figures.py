@@ -24,11 +24,13 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.body import lowest_com
+from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.lipm.schedule import HeightProfile, ZmpTarget, schedule
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs
 from wbc.walking.plans.reach import Leg, vertical_joint
+from wbc.walking.source import StandSource
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
 from wbc.walking.swing import FootMotion
@@ -191,6 +193,71 @@ def test_the_zmp_of_a_foot_is_ahead_and_inwards_in_its_heading(yaw: float) -> No
         point = target.under(Footstep(side, 1.0, -2.0, 0.0, yaw))
         expected = (1.0 + 0.02 * c - left * s, -2.0 + 0.02 * s + left * c)
         assert (point.real, point.imag) == pytest.approx(expected)
+
+
+# ---- phases ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_touch_down_is_early_in_time_or_late_by_its_bounds() -> None:
+    for late, event in (
+        (-0.031, Event.EARLY_TOUCH_DOWN),
+        (-0.029, Event.TOUCH_DOWN),
+        (0.0, Event.TOUCH_DOWN),
+        (0.049, Event.TOUCH_DOWN),
+        (0.051, Event.LATE_TOUCH_DOWN),
+    ):
+        assert touch_down(late, 0.03, 0.05) is event
+
+
+def test_the_progress_of_a_source_is_that_of_its_last_reference() -> None:
+    robot = load_robot("hrp4_class").robot()
+    source = StandSource(robot)
+    none = source.progress(None)
+    assert none == (GaitPhase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
+    assert none.swing_side is None and none.landing is None
+    rest = source.update(None)  # type: ignore[arg-type]
+    landing = Footstep("right", 0.3, -0.1)
+    for contact, swing, side in (
+        ((True, False), 1, "right"),
+        ((False, True), 0, "left"),
+        ((True, True), None, None),
+    ):
+        reference = rest._replace(
+            contact=contact, phase=GaitPhase.SINGLE, step=4, landing=landing, elapsed=0.2, duration=0.7
+        )
+        progress = source.progress(reference)
+        assert progress.swing == swing and progress.swing_side == side
+        assert progress.stance == (0 if swing is None else 1 - swing)
+        assert (progress.steps_done, progress.elapsed, progress.duration, progress.cycle) == (
+            4,
+            0.2,
+            0.7,
+            0.7,
+        )
+        assert progress.upcoming == (landing,) and progress.landing is (None if swing is None else landing)
+    assert source.progress(rest).cycle == 1.0 and source.progress(rest).upcoming == ()
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_a_stand_has_its_com_over_the_ground_between_its_soles(yaw: float) -> None:
+    robot = load_robot("hrp4_class").robot()
+    q = np.array(robot.half_sitting)
+    q[:3] += (1.0, 2.0, 0.4)
+    q[3:7] = 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+    robot.update(q, np.zeros(robot.nv))
+    source = StandSource(robot)
+    reference = source.update(None)  # type: ignore[arg-type]
+    np.testing.assert_allclose(reference.pendulum.com, robot.com)
+    ground = 0.5 * sum(robot.placement(sole.frame).translation[2] for sole in robot.soles)
+    np.testing.assert_allclose(reference.pendulum.zmp, [*robot.com[:2], ground])
+    height = float(robot.com[2]) - ground
+    assert reference.pendulum.omega == pytest.approx(math.sqrt(GRAVITY / height))
+    assert reference.heading == pytest.approx(yaw)
+    for motion, sole in zip(reference.feet, robot.soles, strict=True):
+        np.testing.assert_allclose(motion.placement.homogeneous, robot.placement(sole.frame).homogeneous)
+        assert not motion.velocity.any()
+    source.com[:] += 0.01
+    np.testing.assert_allclose(source.pendulum().com, robot.com + 0.01)
 
 
 # ---- arms -----------------------------------------------------------------------------------------------------------
