@@ -202,9 +202,10 @@ def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
         )
     for key in list(scene.keys):
         scene.delete(key)
+    seen = isinstance(source, Scene) and source.seen
     for geom in scene.geoms:
-        if geom.group == TERRAIN_GROUP:  # which range sensors see
-            geom.group = 0
+        if seen or geom.group == TERRAIN_GROUP:  # which cameras and range sensors see
+            geom.group = TERRAIN_GROUP if seen else 0
     return scene
 
 

@@ -3,7 +3,7 @@
     >>> make_scene("wall", distance=0.6).distance
     0.6
 
-A new scene goes into `things`.
+A new scene goes into `things`, or into `loose` where a robot walks on it.
 """
 
-from wbc.sim.scenes import things  # noqa: F401 - registers the scenes
+from wbc.sim.scenes import loose, things  # noqa: F401 - registers the scenes

@@ -56,9 +56,14 @@ class Scene(ABC):
     """Base of scenes: furniture around the robot, with parameters.
 
     The robot stands at the origin and looks along x. The ground is at z = 0.
+
+    Attributes:
+        name: Name of the kind.
+        seen: True for a scene to walk on, which cameras and range sensors see as ground.
     """
 
     name: ClassVar[str] = ""
+    seen: ClassVar[bool] = False
 
     friction: NonNegative = param(0.7, "Coulomb coefficient of its surface")
 

@@ -1,0 +1,104 @@
+"""Scenes to walk on that move: stones at rest, kicked and seen; plates that tilt by their springs."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+import wbc
+from wbc.base.errors import InputError
+from wbc.core.robot import GRAVITY
+from wbc.sim import make_scene
+from wbc.sim.scenes.loose import DENSITY, LooseStones
+from wbc.sim.terrain.render import TERRAIN_GROUP
+
+
+def alone(scene: LooseStones) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Stones on a floor, without a robot, at the plant's step."""
+    spec = scene.spec()
+    floor = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0, 0, 1], "friction": [0.7, 0.005, 1e-4]}
+    spec.worldbody.add_geom(**floor)
+    spec.option.timestep, spec.option.gravity = 0.001, [0.0, 0.0, -GRAVITY]
+    spec.option.integrator, spec.option.cone = (
+        mujoco.mjtIntegrator.mjINT_DISCRETE,
+        mujoco.mjtCone.mjCONE_ELLIPTIC,
+    )
+    spec.option.impratio = 10.0
+    model = spec.compile()
+    return model, mujoco.MjData(model)
+
+
+def test_stones_stay_where_they_lie_and_weigh_what_stones_weigh() -> None:
+    model, data = alone(LooseStones(seed=3))
+    start = data.qpos.copy()
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qpos - start).max() < 1e-4
+    volumes = 8.0 * model.geom_size[1:].prod(axis=1)  # the first geom is the floor
+    np.testing.assert_allclose(model.body_mass[1:], DENSITY * volumes)
+
+
+def test_a_kicked_stone_slides_by_its_energy_over_its_friction() -> None:
+    """The way is v²/(2 μ g), whatever the stone weighs."""
+    model, data = alone(LooseStones(seed=3, count=1, height=0.02))
+    speed, start = 0.8, data.qpos[:3].copy()
+    data.qvel[0] = speed
+    for _ in range(600):
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qvel).max() < 1e-3
+    way = float(np.linalg.norm(data.qpos[:2] - start[:2]))
+    assert way == pytest.approx(speed**2 / (2.0 * 0.7 * GRAVITY), rel=0.06)
+
+
+def test_stones_of_a_seed_are_the_same_and_none_lies_in_another() -> None:
+    one, same, other = (LooseStones(seed=seed).spec().compile() for seed in (5, 5, 6))
+    np.testing.assert_array_equal(one.body_pos, same.body_pos)
+    assert not np.allclose(one.body_pos, other.body_pos)
+    places, sizes = one.body_pos[1:, :2], np.linalg.norm(one.geom_size[:, :2], axis=1)
+    apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.diag(np.full(len(places), np.inf))
+    assert (apart >= sizes[:, None] + sizes).all()
+
+
+def test_more_stones_than_have_room_are_refused_with_the_number_that_has() -> None:
+    with pytest.raises(InputError, match="count 200") as refused:
+        LooseStones(count=200, length=0.5, width=0.5).spec()
+    fitting = int(str(refused.value).rpartition(" did;")[0].rpartition(": ")[2])
+    LooseStones(count=fitting, length=0.5, width=0.5).spec()
+
+
+def test_a_plate_tilts_by_moment_over_stiffness() -> None:
+    scene = make_scene("tilting_plates", count=2, stiffness=200.0)
+    model = scene.spec().compile()
+    data = mujoco.MjData(model)
+    model.opt.gravity[:] = 0.0
+    data.qfrc_applied[0] = 20.0
+    for _ in range(3000):
+        mujoco.mj_step(model, data)
+    assert data.qpos == pytest.approx([0.1, 0.0], abs=1e-4)
+
+
+def test_sensors_see_what_the_robot_walks_on_and_no_furniture() -> None:
+    for name, seen in (("loose_stones", True), ("tilting_plates", True), ("table", False)):
+        plant = wbc.Plant("g1", scene=make_scene(name), visuals=False)
+        things = [b for b in range(plant.model.nbody) if plant.model.body(b).name.startswith("scene")]
+        groups = {
+            int(plant.model.geom_group[g]) for g in np.flatnonzero(np.isin(plant.model.geom_bodyid, things))
+        }
+        assert things and groups == ({TERRAIN_GROUP} if seen else {0})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["loose_stones", "tilting_plates"])
+def test_a_robot_walks_over_what_moves(name: str) -> None:
+    spec = wbc.sim.WalkSpec(
+        robot="g1",
+        foot="flat",
+        scene=name,
+        mode="torque",
+        seed=4,
+        noise="realistic",
+        plan=wbc.sim.WalkPlan(distance=1.5),
+    )
+    result = wbc.walk(spec)
+    assert result.outcome == "completed", result
