@@ -13,6 +13,7 @@ from wbc.core.drive.control import DriveControl
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.policy.control import PolicyControl
+from wbc.policy.guard import PolicyGuard
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
@@ -76,7 +77,7 @@ class _Moment(NamedTuple):
 class WalkMeter(TrialHook):
     """The figures of one walk."""
 
-    def __init__(self, plant: Simulation, walking: WalkingControl | PolicyControl) -> None:
+    def __init__(self, plant: Simulation, walking: WalkingControl | PolicyControl | PolicyGuard) -> None:
         """Begin without any tick; of a policy, which has no references, torques and work alone are measured."""
         self._plant, self._walking = plant, walking
         self._zmp: list[float] = []
@@ -100,7 +101,7 @@ class WalkMeter(TrialHook):
 
     def tick(self, tick: TrialTick) -> None:
         """Record a tick, before the plant moves on."""
-        if isinstance(self._walking, PolicyControl):
+        if isinstance(self._walking, (PolicyControl, PolicyGuard)):
             return
         reference, output = self._walking.reference, self._walking.output
         if reference is None or reference is self._reference:

@@ -13,6 +13,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Angle, Count, Number, settings
 from wbc.policy.control import PolicyControl
+from wbc.policy.guard import PolicyGuard
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.trial import Trial, TrialHook
@@ -225,7 +226,7 @@ class Drive(TrialHook):
     """Commanded velocities of a walk, row by row."""
 
     def __init__(
-        self, rows: Sequence[Sequence[float]] | None, walking: WalkingControl | PolicyControl
+        self, rows: Sequence[Sequence[float]] | None, walking: WalkingControl | PolicyControl | PolicyGuard
     ) -> None:
         """Begin with the first row of `WalkPlan.drive`; None for a walk along a plan."""
         self._pending, self._walking = list(rows or ()), walking

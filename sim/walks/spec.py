@@ -37,7 +37,7 @@ from wbc.sim.walks.settings import (
     without_law,
 )
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
-from wbc.sim.walks.trained import check_trained, driven
+from wbc.sim.walks.trained import check_trained, driven, sees
 from wbc.sim.walks.trained import stamped as stamped_policy
 from wbc.walking.plans.gait import Gait
 
@@ -100,6 +100,7 @@ class WalkSpec(TrialSpec):
         pushes: Pushes during the walk.
         trained: ONNX file of a trained policy that walks in torque control in place of the library's steps, such as
             walk.onnx; its description is in its metadata, or in walk.toml beside it.
+        guarded: Put a guard beside the trained policy: the library's steps take over where it fails.
     """
 
     kind: ClassVar[str] = "walk"
@@ -123,6 +124,7 @@ class WalkSpec(TrialSpec):
     start: Annotated[tuple[Number, Number, Angle], "m, m, rad"] = (0.0, 0.0, 0.0)
     pushes: tuple[WalkPush, ...] = ()
     trained: str | None = None
+    guarded: bool = False
 
     def __post_init__(self) -> None:
         def store(name: str, value: Any) -> None:
@@ -132,6 +134,8 @@ class WalkSpec(TrialSpec):
         load(self.robot).needs_feet("a walk")
         if self.trained is not None:
             store("trained", self._check_trained(stamped_policy(self.trained)))
+        elif self.guarded:
+            raise InputError("a guard is for a trained policy: give trained, too")
         super().__post_init__()
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
             raise InputError(
@@ -171,7 +175,8 @@ class WalkSpec(TrialSpec):
         driven(self.plan)
         for field_, is_, rule in (
             ("mode", self.mode not in (None, "torque"), "torque: its gains and targets are its own"),
-            ("eyes", self.eyes != "none", "none: it does not see the ground"),
+            ("eyes", self.eyes != "none" and not sees(name), "none: it does not see the ground"),
+            ("eyes", self.eyes == "none" and sees(name), "depth or toes: it sees the ground"),
             ("gait", bool(self.gait.given), "left out: its gait is its own"),
         ):
             if is_:

@@ -15,8 +15,10 @@ from wbc.base.errors import InputError
 from wbc.base.files import decoding
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
+from wbc.ground import KnownGround
 from wbc.policy.control import PolicyControl, joint_columns
 from wbc.policy.description import PolicyDescription
+from wbc.policy.guard import PolicyGuard
 from wbc.sim.walks.plans import STEP_TIME, WalkPlan
 
 SPEED, START = 0.3, 1.0
@@ -91,6 +93,15 @@ def turned(orders: Sequence[Sequence[float]]) -> float:
     return sum(row[3] * (after[0] - row[0]) for row, after in pairwise(orders))
 
 
-def trained_control(name: str, robot: Robot, observer: Observer, period: float) -> PolicyControl:
-    """Return the control of a robot that stands, by a policy of a spec."""
-    return PolicyControl(robot, file_of(name), period, description=described(name), observer=observer)
+def sees(name: str) -> bool:
+    """Return True for a policy that sees the ground."""
+    return any(term.name == "height_scan" for term in described(name).observation)
+
+
+def trained_control(
+    name: str, robot: Robot, observer: Observer, period: float, ground: KnownGround | None, guarded: bool
+) -> PolicyControl | PolicyGuard:
+    """Return the control of a robot that stands, by a policy of a spec, or the guard of such a control."""
+    about = described(name)
+    control = PolicyControl(robot, file_of(name), period, description=about, observer=observer, ground=ground)
+    return PolicyGuard(control) if guarded else control

@@ -21,6 +21,7 @@ from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.ground import KnownGround
 from wbc.policy.control import PolicyControl
+from wbc.policy.guard import PolicyGuard
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.simulation import Simulation
@@ -150,7 +151,7 @@ class WalkTrial(Trial):
 
     @property
     def walker(self) -> WalkingControl:
-        """The controller; of a trained policy, its `PolicyControl`."""
+        """The controller; of a trained policy, its `PolicyControl` or `PolicyGuard`."""
         return cast(WalkingControl, self.control)
 
     @property
@@ -200,7 +201,11 @@ class WalkTrial(Trial):
             **figures,
             stiffness=None if self.sole_meter is None else tuple(self.sole_meter.steps()),
             failures=self.drives.failures,
-            notes=(*self._prepared.notes, *(self._pushes.not_begun if outcome == "completed" else ())),
+            notes=(
+                *self._prepared.notes,
+                *self._relieved(),
+                *(self._pushes.not_begun if outcome == "completed" else ()),
+            ),
             clock=WallClock(
                 wall_s=time.perf_counter() - self._begin,
                 real_time_factor=self.real_time_factor,
@@ -209,6 +214,11 @@ class WalkTrial(Trial):
                 decision_us=None if self.sole_meter is None else self.sole_meter.decision_us(),
             ),
         )
+
+    def _relieved(self) -> list[str]:
+        """Return why a guard has relieved its policy, if it has."""
+        reason = self.control.relieved if isinstance(self.control, PolicyGuard) else ""
+        return [f"the policy was relieved: {reason}"] if reason else []
 
     def _heading(self) -> float:
         """Return the true heading of the pelvis, rad."""
@@ -246,7 +256,7 @@ def _ground(plant: Simulation) -> float:
 
 def _walking(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, scheduler: StiffnessScheduler | None
-) -> WalkingControl | PolicyControl:
+) -> WalkingControl | PolicyControl | PolicyGuard:
     """Return the controller of a robot that stands at the start."""
     settings = prepared.settings
     # Planned steps need no more of the estimate than where its parts are and how they move.
@@ -255,8 +265,9 @@ def _walking(
     )
     observer.reset(prepared.configuration)
     robot.update(prepared.configuration, np.zeros(robot.nv))
+    ground = None if spec.eyes == "none" else KnownGround(robot, settings.ground)
     if spec.trained is not None:
-        return trained_control(spec.trained, robot, observer, spec.period)
+        return trained_control(spec.trained, robot, observer, spec.period, ground, spec.guarded)
     return WalkingControl(
         robot,
         prepared.plan,
@@ -265,7 +276,7 @@ def _walking(
         observer=observer,
         stiffness=scheduler,
         extent=spec.extent,
-        ground=None if spec.eyes == "none" else KnownGround(robot, settings.ground),
+        ground=ground,
     )
 
 

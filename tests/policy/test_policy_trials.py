@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from made_policies import DT, G1, REST, Known, described, write_standing
+from made_policies import (
+    DT,
+    G1,
+    REST,
+    Known,
+    described,
+    standing_metadata,
+    write_network,
+    write_standing,
+)
 
 import wbc
 from wbc.app import Log, Recorder
 from wbc.app.view.controls import LiveControls
 from wbc.base.errors import InputError, WbcError
-from wbc.policy import FootContacts, PolicyControl, Term
+from wbc.policy import FootContacts, PolicyControl, PolicyGuard, Term
 from wbc.sim import WalkSpec
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.trial import WalkTrial
@@ -43,6 +53,39 @@ def test_a_policy_walks_in_trials_logs_and_environments(standing: Path, tmp_path
     log, knee = Log.open(tmp_path / "log.arrow"), "left_knee_joint"
     held = G1.robot().half_sitting[7 + G1.joint_names.index(knee)]
     np.testing.assert_allclose(log[f"joint/position_reference/{knee}"], held, atol=1e-6)
+
+
+def test_a_guard_takes_over_in_trials_logs_and_pages(tmp_path: Path) -> None:
+    """A policy that asks for all torques once it is to walk is relieved: the robot stands, and then the library walks."""
+    n = len(G1.joint_names)
+    weights = np.zeros((n, 3))
+    weights[:, 0] = 1e3 * np.where(np.arange(n) % 2, 1.0, -1.0)  # of the velocity ahead
+    meta = standing_metadata() | {"observation_names": "velocity_commands"}
+    file = write_network(tmp_path / "mad.onnx", weights, meta)
+    spec = WalkSpec(
+        robot="g1",
+        trained=str(file),
+        guarded=True,
+        noise="none",
+        plan=WalkPlan(drive=((0.3, 0.2, 0.0, 0.0), (1.0, 0.2, 0.0, 0.1), (3.0, 0.0, 0.0, 0.0))),
+    )
+    assert WalkSpec.from_json(spec.to_json()) == spec
+    with Recorder(tmp_path / "log.arrow") as recorder:
+        result = WalkTrial(spec).run([recorder])
+    assert result.outcome == "completed" and result.steps_done >= 2 and result.distance > 0.2
+    assert any("relieved" in note for note in result.notes)
+    log = Log.open(tmp_path / "log.arrow")
+    assert log.time[-1] == pytest.approx(result.seconds, abs=2 * DT)
+    assert WalkTrial(dataclasses.replace(spec, guarded=False)).run().outcome == "fell"
+    with pytest.raises(InputError, match="trained"):
+        WalkSpec(robot="g1", guarded=True)
+    plant = wbc.Plant(G1, control_period=DT)
+    guard = PolicyGuard(PolicyControl(G1.robot(), file, DT))
+    controls = LiveControls(plant, guard)
+    controls.apply({"do": "drive", "forward": 0.2, "left": 0.0, "turn": 0.1})
+    assert guard.policy.velocity == guard.velocity == (0.2, 0.0, 0.1)
+    controls.apply({"do": "stop"})
+    assert guard.velocity is None
 
 
 def test_a_page_steers_and_pushes_a_policy(standing: Path) -> None:

@@ -116,18 +116,21 @@ ARMS = tuple(G1.joint_names[15:])
 REST = {name: float(q) for name, q in zip(G1.joint_names, G1.robot().half_sitting[7:], strict=True)}
 
 
-def write_standing(file: Path) -> Path:
-    """Write a policy whose joints stay in half-sitting, by the servos of the robot."""
+def standing_metadata() -> dict[str, str]:
+    """Return the metadata of a policy whose zero action is half-sitting, on the servos of the robot."""
     robot = G1.robot()
-    n = len(G1.joint_names)
-    meta = {
+    return {
         "joint_names": json.dumps(list(G1.joint_names)),
         "joint_stiffness": json.dumps(robot.servos.kp.tolist()),
         "joint_damping": json.dumps(robot.servos.kd.tolist()),
         "default_joint_pos": json.dumps(robot.half_sitting[7:].tolist()),
         "observation_names": "projected_gravity",
     }
-    return write_network(file, np.zeros((n, 3)), meta)
+
+
+def write_standing(file: Path) -> Path:
+    """Write a policy whose joints stay in half-sitting, by the servos of the robot."""
+    return write_network(file, np.zeros((len(G1.joint_names), 3)), standing_metadata())
 
 
 def resting(**values: Any) -> PolicyDescription:

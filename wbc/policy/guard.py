@@ -15,9 +15,11 @@ from wbc.core.drive.control import DriveControl, State
 from wbc.core.estimation.falls import FallReason
 from wbc.core.qp.controller import Controller
 from wbc.core.signals import Command, Measurement
+from wbc.ground import PointCloud
+from wbc.ground.cloud import ElevationMap
 from wbc.policy.control import PolicyControl
 from wbc.walking.control import WalkingControl
-from wbc.walking.plans.sources import Velocity
+from wbc.walking.plans.sources import Velocity, VelocityLimits
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress
 
@@ -135,6 +137,11 @@ class PolicyGuard:
         self.walking.begin(state, contacts.air, contacts.landed)
 
     @property
+    def _now(self) -> PolicyControl | WalkingControl:
+        """The one who controls the robot now."""
+        return self.walking if self.relieved else self.policy
+
+    @property
     def control(self) -> DriveControl:
         """Drives of the one who controls the robot now."""
         return self.walking.control if self.relieved else self.policy
@@ -147,16 +154,50 @@ class PolicyGuard:
     @property
     def velocity(self) -> Velocity | None:
         """Velocity that is asked for of the one who controls the robot now; see `WalkingControl.velocity`."""
-        return (self.walking if self.relieved else self.policy).velocity
+        return self._now.velocity
 
     @velocity.setter
     def velocity(self, value: Sequence[float] | None) -> None:
-        (self.walking if self.relieved else self.policy).velocity = value
+        self._now.velocity = value
+
+    @property
+    def velocity_limits(self) -> VelocityLimits:
+        """Largest velocities of the one who controls the robot now."""
+        return self._now.velocity_limits
+
+    def stop(self) -> None:
+        """Come to a stand."""
+        self._now.stop()
+
+    def see(self, seen: PointCloud | ElevationMap) -> None:
+        """Take a cloud of points or a map of the ground, for policy and walk."""
+        self.policy.see(seen)
+        self.walking.see(seen)
+
+    @property
+    def steered(self) -> bool:
+        """True: neither of them has a plan."""
+        return True
+
+    @property
+    def stopped(self) -> bool:
+        """True while drives are stopped, or the walk is."""
+        return self._now.stopped
+
+    @property
+    def done(self) -> bool:
+        """True once the robot stands, and nothing else is asked of it."""
+        return self._now.done
 
     @property
     def progress(self) -> Progress:
         """Phase of the feet and number of steps, of the one who controls the robot now."""
-        return (self.walking if self.relieved else self.policy).progress
+        return self._now.progress
+
+    @property
+    def steps_done(self) -> int:
+        """Number of steps of the policy and of the walk."""
+        return self.policy.steps_done + (self.walking.steps_done if self.relieved else 0)
 
     @property
     def fallen(self) -> FallReason | None:

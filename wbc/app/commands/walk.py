@@ -51,7 +51,7 @@ DRIVE_TIME = 3600.0
 OPTIONS = Fields(
     WalkSpec,
     "robot eyes foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
-    "amplitude param=terrain_params scene trained seed noise distance=plan.distance velocity=plan.velocity "
+    "amplitude param=terrain_params scene trained guarded seed noise distance=plan.distance velocity=plan.velocity "
     "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes loop",
     defaults=WALK_PRESETS[USUAL],
     help={

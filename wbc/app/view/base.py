@@ -24,6 +24,7 @@ from wbc.base.settings import NonNegative, Positive
 from wbc.core.drive.control import DriveControl
 from wbc.core.qp.controller import Controller
 from wbc.policy.control import PolicyControl
+from wbc.policy.guard import PolicyGuard
 from wbc.robots import RobotDescription
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.tasks.behaviours import Program
@@ -123,13 +124,15 @@ class View(ABC):
         self, source: MujocoRobot | RobotDescription, control: Any, program: Program | None
     ) -> None:
         control = program.control if control is None and program is not None else control
-        if control is not None and not isinstance(control, (Controller, DriveControl, WalkingControl)):
+        if control is not None and not isinstance(
+            control, (Controller, DriveControl, WalkingControl, PolicyGuard)
+        ):
             raise InputError(f"a view shows a walk, a control or a Controller, got {control!r}")
         self._program, self._ending = program, ""
         self._control = control.control if isinstance(control, WalkingControl) else control
         self._controller = control if isinstance(control, Controller | None) else control.controller
         self.walking = control if isinstance(control, WalkingControl) else None
-        self.steered = control if isinstance(control, (WalkingControl, PolicyControl)) else None
+        self.steered = control if isinstance(control, (WalkingControl, PolicyControl, PolicyGuard)) else None
         self.stage: SimulatedStage | DescribedStage
         if isinstance(source, RobotDescription) and self.walking is None:
             self.stage = DescribedStage(source)

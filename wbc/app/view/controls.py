@@ -36,6 +36,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
     from wbc.policy.control import PolicyControl
+    from wbc.policy.guard import PolicyGuard
     from wbc.sim.plant.mujoco_robot import MujocoRobot
     from wbc.sim.simulation.simulation import Simulation
     from wbc.walking.control import WalkingControl
@@ -94,7 +95,7 @@ class LiveControls:
     def __init__(
         self,
         plant: MujocoRobot | Simulation | None,
-        walking: WalkingControl | PolicyControl | None,
+        walking: WalkingControl | PolicyControl | PolicyGuard | None,
         controller: Controller | None = None,
         *,
         repeat: Iterable[dict[str, Any]] = (),
