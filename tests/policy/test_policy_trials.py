@@ -56,7 +56,7 @@ def test_a_policy_walks_in_trials_logs_and_environments(standing: Path, tmp_path
 
 
 def test_a_guard_takes_over_in_trials_logs_and_pages(tmp_path: Path) -> None:
-    """A policy that asks for all torques once it is to walk is relieved: the robot stands, and then the library walks."""
+    """A policy that asks for all torques once it is to walk is relieved: the robot stands, then the library walks."""
     n = len(G1.joint_names)
     weights = np.zeros((n, 3))
     weights[:, 0] = 1e3 * np.where(np.arange(n) % 2, 1.0, -1.0)  # of the velocity ahead
