@@ -61,7 +61,7 @@ class LooseStones(Scene):
                 quat=[math.cos(0.5 * turn), 0.0, 0.0, math.sin(0.5 * turn)],
             )
             body.add_freejoint()
-            self.solid(body, "box", half, mass=DENSITY * 8.0 * float(half.prod()), colour=STONE)
+            self.solid(body, "box", half.tolist(), mass=DENSITY * 8.0 * float(half.prod()), colour=STONE)
 
 
 @scene_kind("tilting_plates")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
@@ -10,11 +12,16 @@ import wbc
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.sim import make_scene
-from wbc.sim.scenes.loose import DENSITY, LooseStones
+from wbc.sim.scenes.base import Scene
+from wbc.sim.scenes.loose import DENSITY
 from wbc.sim.terrain.render import TERRAIN_GROUP
 
 
-def alone(scene: LooseStones) -> tuple[mujoco.MjModel, mujoco.MjData]:
+def stones(**values: Any) -> Scene:
+    return make_scene("loose_stones", **values)
+
+
+def alone(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Stones on a floor, without a robot, at the plant's step."""
     spec = scene.spec()
     floor = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0, 0, 1], "friction": [0.7, 0.005, 1e-4]}
@@ -30,7 +37,7 @@ def alone(scene: LooseStones) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def test_stones_stay_where_they_lie_and_weigh_what_stones_weigh() -> None:
-    model, data = alone(LooseStones(seed=3))
+    model, data = alone(stones(seed=3))
     start = data.qpos.copy()
     for _ in range(500):
         mujoco.mj_step(model, data)
@@ -41,7 +48,7 @@ def test_stones_stay_where_they_lie_and_weigh_what_stones_weigh() -> None:
 
 def test_a_kicked_stone_slides_by_its_energy_over_its_friction() -> None:
     """The way is v²/(2 μ g), whatever the stone weighs."""
-    model, data = alone(LooseStones(seed=3, count=1, height=0.02))
+    model, data = alone(stones(seed=3, count=1, height=0.02))
     speed, start = 0.8, data.qpos[:3].copy()
     data.qvel[0] = speed
     for _ in range(600):
@@ -52,7 +59,7 @@ def test_a_kicked_stone_slides_by_its_energy_over_its_friction() -> None:
 
 
 def test_stones_of_a_seed_are_the_same_and_none_lies_in_another() -> None:
-    one, same, other = (LooseStones(seed=seed).spec().compile() for seed in (5, 5, 6))
+    one, same, other = (stones(seed=seed).spec().compile() for seed in (5, 5, 6))
     np.testing.assert_array_equal(one.body_pos, same.body_pos)
     assert not np.allclose(one.body_pos, other.body_pos)
     places, sizes = one.body_pos[1:, :2], np.linalg.norm(one.geom_size[:, :2], axis=1)
@@ -62,9 +69,9 @@ def test_stones_of_a_seed_are_the_same_and_none_lies_in_another() -> None:
 
 def test_more_stones_than_have_room_are_refused_with_the_number_that_has() -> None:
     with pytest.raises(InputError, match="count 200") as refused:
-        LooseStones(count=200, length=0.5, width=0.5).spec()
+        stones(count=200, length=0.5, width=0.5).spec()
     fitting = int(str(refused.value).rpartition(" did;")[0].rpartition(": ")[2])
-    LooseStones(count=fitting, length=0.5, width=0.5).spec()
+    stones(count=fitting, length=0.5, width=0.5).spec()
 
 
 def test_a_plate_tilts_by_moment_over_stiffness() -> None:
