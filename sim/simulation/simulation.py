@@ -22,7 +22,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
 from wbc.sim.simulation.delay import DelayLine
-from wbc.sim.simulation.machine import Machine, SoleIndex, steps_per_tick, whole_steps
+from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
 from wbc.sim.simulation.pushes import Pushes
 from wbc.sim.simulation.sensors import NOISE_PRESETS, SensorChain, SensorNoise, Signals
 
@@ -92,16 +92,17 @@ class Simulation(ABC):
     steps: int = fixed(ANOTHER)
     seed: int = result("_seed", "give another seed to its `reset`")
 
+    @checked
     def __init__(
         self,
         description: RobotDescription,
         robot: Robot,
         signals: Signals,
         *,
-        control_period: float,
-        timestep: float,
+        control_period: Step,
+        timestep: Step,
         noise: str | SensorNoise,
-        seed: int,
+        seed: Seed,
         machine: Machine,
     ) -> None:
         """Connect sensors, delays and pushes; `signals` are the true signals of all sensors."""
@@ -157,6 +158,7 @@ class Simulation(ABC):
         """Torques of the drives in the last physics step, shape (na,), Nm."""
 
     @abstractmethod
+    @checked
     def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
         """Return the true centre, shape (3,), m, and the rotation, shape (3, 3), of a sole, 0 left, 1 right."""
 
