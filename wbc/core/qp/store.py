@@ -113,8 +113,8 @@ class RowStore:
         n = selected.stop - self._start
         self._numbers = np.repeat(NONE, n, axis=1)
         self._rows = Rows(self._numbers)
-        of_rows: Array = np.zeros((4, n))
-        self._error, self._drift, self._scratch, self._per_bound = of_rows
+        self._error, self._drift = np.zeros(n), np.zeros(n)
+        self._scratch, self._per_bound = np.zeros(n), np.zeros(n)
         p.soft_weight = self._rows.weight[n_eq - self._start : qp.stop - self._start]
 
         self.places: dict[str, slice] = {}
