@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -22,6 +24,7 @@ from task_factory import (
 import wbc
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
+from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.base import Limit
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
@@ -553,3 +556,95 @@ def test_a_gaze_follows_a_frame_that_moves() -> None:
     np.testing.assert_array_equal(gaze.target, robot.placement("right_hand").translation)
     with pytest.raises(UnknownNameError, match="did you mean 'left_hand'"):
         controller.add(LookAtTask(robot.torso_frame, "left_hant", name="other"))
+
+
+class Measured(Task):
+    """A position whose rows come from `measure` and `drift`; the drift is counted."""
+
+    def __init__(self, frame: str) -> None:
+        super().__init__("measured", ("x", "y", "z"), stiffness=30.0, axes=("x", "z"))
+        self.twin, self.asked = PositionTask(frame), 0
+
+    def bind(self, robot: Robot) -> None:
+        super().bind(robot)
+        self.twin.bind(robot)
+
+    def measure(self, jacobian: Array, error: Array) -> None:
+        self.twin.measure(jacobian, error)
+
+    def drift(self) -> Array:
+        self.asked += 1
+        return self.twin.drift()
+
+
+def test_a_task_gives_its_rows_in_one_piece_or_in_two_and_its_drift_where_there_are_accelerations() -> None:
+    robot = make_robot("hrp4_class")
+    controller, hand = Controller(robot, 0.002), left_hand(robot)
+    task, whole = controller.add(Measured(hand), PositionTask(hand, axes=("x", "z")))
+    controller.update(*near_half_sitting(robot, np.random.default_rng(0)))
+    for mine, rows in zip(task.evaluated(), whole.evaluated(), strict=True):
+        np.testing.assert_array_equal(mine, rows)
+    ik = InverseKinematics(make_robot("hrp4_class"), 0.01)
+    task = ik.add(Measured(hand))
+    task.asked = 0
+    ik.solve()
+    assert task.asked == 0
+
+
+def test_coordinates_that_are_spared_go_on_as_expected_beside_joints_that_are_left_out() -> None:
+    robot, rng = make_robot("hrp4_class"), np.random.default_rng(0)
+    allowed = ["base", *arm(robot)]
+    every, some = PositionTask(left_hand(robot)), PositionTask(left_hand(robot), joints=allowed, name="some")
+    controller = Controller(robot, 0.002)
+    controller.add(every, some)
+    controller.update(*near_half_sitting(robot, rng, 0.1, 0.5))
+    spared, expected = np.array([0, 6 + robot.joint_index(arm(robot)[1])]), np.array([2.0, -3.0])
+    some.spared = spared
+    assert not some.spared_acceleration.any()
+    some.spared_acceleration = expected
+    jacobian, error, drift = every.evaluated()
+    used = [i for i in range(6) if i not in spared]
+    used += [
+        6 + robot.joint_index(joint) for joint in arm(robot) if 6 + robot.joint_index(joint) not in spared
+    ]
+    others = np.setdiff1d(np.arange(robot.nv), used)
+    kept, same, known = some.evaluated()
+    np.testing.assert_array_equal(kept[:, used], jacobian[:, used])
+    assert not kept[:, others].any() and (same == error).all()
+    goes_on = jacobian[:, spared] @ expected + some.damping * (jacobian[:, others] @ robot.v[others])
+    np.testing.assert_allclose(known, drift + goes_on, atol=1e-12)
+    with pytest.raises(InputError, match="posture"):
+        controller.add(PostureTask()).spared = spared
+
+
+def test_a_task_keeps_its_numbers_in_every_solver_and_a_copy_has_its_own() -> None:
+    robot = make_robot("hrp4_class")
+    task = PositionTask(left_hand(robot), weight=(1.0, 2.0, 3.0), damping=7.0, rate=3.0, error_bound=0.02)
+    task.scale, task.feedforward_velocity = 0.5, (0.1, 0.2, 0.3)
+    copied = copy.deepcopy(task)
+    copied.weight, copied.scale = 5.0, 2.0
+
+    def numbers(each: Task) -> list[float]:
+        names = ("weight", "scale", "stiffness", "damping", "rate", "error_bound", "feedforward_velocity")
+        return np.concatenate([getattr(each, name) for name in names]).tolist()
+
+    before = numbers(task)
+    assert before[:6] == [1.0, 2.0, 3.0, 0.5, 0.5, 0.5] and numbers(copied)[:6] == [5.0] * 3 + [2.0] * 3
+    controller, ik = Controller(robot, 0.002), InverseKinematics(robot, 0.01)
+    references = []
+    for solver in (controller, ik, controller):
+        solver.add(task)
+        task.target = task.target + [0.01, 0.0, 0.0]
+        solver.solve()
+        assert numbers(task) == before and task.error[0] == pytest.approx(0.01, abs=1e-9)
+        references.append(solver._assembly.targets[solver._assembly.places[task.name]].copy())
+        solver.remove(task)
+        task.target = task.target - [0.01, 0.0, 0.0]
+        assert numbers(task) == before and not task.error.any()
+    np.testing.assert_array_equal(references[0], references[2])
+    controller.add(copied)
+    controller.solve()
+    rows, n_eq = controller._assembly.places[copied.name], controller.problem.n_eq
+    assert controller.problem.soft_weight[rows.start - n_eq : rows.stop - n_eq] == pytest.approx(10.0)
+    assert references[1] == pytest.approx([0.03 + 0.1, 0.2, 0.3])  # rate · error + velocity
+    assert references[0] == pytest.approx([30.0 * 0.01 + 7.0 * 0.1, 7.0 * 0.2, 7.0 * 0.3])

@@ -21,11 +21,13 @@ from wbc.tasks import (
     CoMTask,
     ImpedanceTask,
     JointTorqueTask,
+    LowAccelerationTask,
     OrientationTask,
     PoseTask,
     PositionTask,
     PostureTask,
     RelativeFrameTask,
+    WrenchTask,
 )
 
 SKEWED = pin.SE3(np.eye(3), np.zeros(3))
@@ -60,6 +62,8 @@ UNKNOWN: dict[str, Callable[[], Task]] = {
     "left_nee of a target": lambda: PostureTask({"left_nee": 0.1}),
     "wieght": lambda: CoMTask(wieght=1.0),  # type: ignore[call-arg]
     "rol": lambda: PoseTask("left_hand", axes=("rol",)),
+    "joints of rows on single joints": lambda: LowAccelerationTask(joints=["base"]),
+    "joints of a wrench": lambda: WrenchTask("left_foot", joints=["base"]),  # type: ignore[call-arg]
 }
 
 
