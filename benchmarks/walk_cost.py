@@ -16,7 +16,7 @@ import mujoco
 from walk_profile import profile_walk
 
 from wbc.base.settings import Count, Positive, Seed, settings, to_json
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 

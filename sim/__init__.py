@@ -30,7 +30,7 @@ from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loops import register_loop, trial_loop
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.trial import Trial, TrialHook
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 

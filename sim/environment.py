@@ -29,7 +29,7 @@ from wbc.robots import RobotDescription
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import TrialHook
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.plans.footsteps import heading

@@ -18,7 +18,7 @@ from wbc.sim.plant.fitting import with_feet
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
-from wbc.sim.walks.plans import TooFastError, WalkPlan, check_velocity
+from wbc.sim.walks.plan import TooFastError, WalkPlan, check_velocity
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading

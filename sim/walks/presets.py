@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from wbc.base.registry import Registry
-from wbc.sim.walks.plans import KINDS
+from wbc.sim.walks.plan import KINDS
 
 FAST_LANDING = {"apex": 0.5, "landing_height": 0.0, "landing_speed": 0.05}
 """Swing of mc_rtc: the highest point in the middle, no slow part before the landing."""

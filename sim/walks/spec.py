@@ -26,7 +26,7 @@ from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import CONTROL_PERIOD, TrialSpec
-from wbc.sim.walks.plans import WalkPlan, fitted
+from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import (
     Eyes,

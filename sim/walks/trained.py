@@ -19,7 +19,7 @@ from wbc.ground import KnownGround
 from wbc.policy.control import PolicyControl, joint_columns
 from wbc.policy.description import PolicyDescription
 from wbc.policy.guard import PolicyGuard
-from wbc.sim.walks.plans import STEP_TIME, WalkPlan
+from wbc.sim.walks.plan import STEP_TIME, WalkPlan
 
 SPEED, START = 0.3, 1.0
 """Velocity of a walk over a distance, m/s, and the time of the stand before a walk, s."""

@@ -32,7 +32,7 @@ from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.arrival import Arrival, middle
 from wbc.sim.walks.meter import WalkMeter
-from wbc.sim.walks.plans import Drive, WalkPlan
+from wbc.sim.walks.plan import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
 from wbc.sim.walks.presets import over, plan_over
 from wbc.sim.walks.result import WalkResult, WallClock, identity, objective

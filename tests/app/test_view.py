@@ -53,7 +53,7 @@ from wbc.sim.balance.tracking import TrackSpec, TrackTrial
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.trial import Trial
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.plans.gait import Gait

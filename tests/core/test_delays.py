@@ -79,7 +79,7 @@ def test_wrenches_are_estimated_where_there_are_no_sensors(mode: str) -> None:
 def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> None:
     """In 98 of 100 ticks each foot's contact is the true one, with fewer than four changes a step."""
     from wbc.sim.trial.trial import TrialHook  # noqa: PLC0415 - the simulator is needed here alone
-    from wbc.sim.walks.plans import WalkPlan  # noqa: PLC0415
+    from wbc.sim.walks.plan import WalkPlan  # noqa: PLC0415
     from wbc.sim.walks.trial import WalkTrial  # noqa: PLC0415
 
     class Contacts(TrialHook):

@@ -26,7 +26,7 @@ from wbc.app.view.controls import LiveControls
 from wbc.base.errors import InputError, WbcError
 from wbc.policy import FootContacts, PolicyControl, PolicyGuard, Term
 from wbc.sim import WalkSpec
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.contact import GaitPhase
 

@@ -39,7 +39,7 @@ from wbc.sim.studies.push_limit import WalkPushLimitSpec, _searched, largest_rec
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.trial import Trial
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.result import WallClock
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial

@@ -29,7 +29,7 @@ from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import study_frame, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 
 

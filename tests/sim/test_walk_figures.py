@@ -24,7 +24,7 @@ from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
 from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
-from wbc.sim.walks.plans import BESIDE, WalkPlan, check_drive, check_velocity, fitted, stair_of
+from wbc.sim.walks.plan import BESIDE, WalkPlan, check_drive, check_velocity, fitted, stair_of
 from wbc.sim.walks.prepare import moved
 from wbc.sim.walks.presets import plan_over
 from wbc.sim.walks.result import Spread, objective

@@ -15,7 +15,7 @@ from wbc.sim.simulation.machine import Machine
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.settings import without_law
 from wbc.sim.walks.spec import SEED_LIMIT, TOE_GAIT, WalkSpec
 from wbc.sim.walks.stiffness_policy import make_policy

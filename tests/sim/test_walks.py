@@ -22,7 +22,7 @@ from wbc.sim.simulation.machine import Machine
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import StageError, TrialHook, TrialTick
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec

@@ -12,7 +12,7 @@ import pytest
 
 from wbc.base.errors import InputError
 from wbc.sim.terrain.spec import terrain
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk

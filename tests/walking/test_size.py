@@ -13,7 +13,7 @@ import pytest
 
 from wbc.core.robot import FULL_HEIGHT, Robot
 from wbc.robots import RobotDescription, load
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan

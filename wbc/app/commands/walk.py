@@ -29,7 +29,7 @@ from wbc.base.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loops import PLANT
 from wbc.sim.trial.trial import TrialHook
-from wbc.sim.walks.plans import TooFastError
+from wbc.sim.walks.plan import TooFastError
 from wbc.sim.walks.presets import USUAL, WALK_PRESETS, over
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
