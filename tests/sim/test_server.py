@@ -132,3 +132,23 @@ def test_a_robot_without_commands_is_damped_and_sinks(loop: MujocoLoop) -> None:
         with pytest.raises(InputError):
             RobotServer(loop, Wire(), watchdog=watchdog)
     RobotServer(loop, Wire(), watchdog=0.0051)
+
+
+def test_a_robot_is_held_until_it_hears_its_first_command_and_says_how_long_it_has_heard_none(
+    loop: MujocoLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now, wire = [100.0], Wire()
+    monkeypatch.setattr(module, "time", types.SimpleNamespace(monotonic=lambda: now[0], sleep=None))
+    server = RobotServer(loop, wire, watchdog=0.012)
+    assert (server.damped, server.late) == (False, 0)
+    for wire.damped in (False, True):  # a rack does not let go, and does not damp
+        server.step()
+        assert server.silent == math.inf and not server.damped
+    wire.damped, wire.command = False, COMMAND
+    server.step()
+    assert server.silent == 0.0
+    for passed in (0.006, 5.0):
+        wire.command, now[0] = None, now[0] + passed
+        server.step()
+    assert server.silent == pytest.approx(5.006) and server.damped
+    assert [m.time for m in wire.sent] == pytest.approx([0.005 * i for i in range(1, 6)])
