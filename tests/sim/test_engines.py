@@ -366,6 +366,78 @@ def test_an_engine_may_have_the_quaternion_of_its_base_with_either_sign() -> Non
         Other("hrp4_class")
 
 
+def test_an_engine_is_told_from_a_tenth_of_a_millimetre_on_and_diverges_at_ten_thousand() -> None:
+    """Places in m and rad and speeds in m/s and rad/s alike; up to a millimetre above the ground the robot stands."""
+
+    class Off(InAir):
+        joint, speed = 0.0, 0.0
+
+        def place(self, q: np.ndarray) -> None:
+            q, v = q.copy(), np.zeros(self.robot.nv)
+            q[9] += self.joint
+            v[4] = -self.speed
+            self._state = q, v
+
+    for off in (9e-5, 1.1e-4, -1.1e-4):
+        for name in ("joint", "speed"):
+            setattr(Off, name, off)
+            if abs(off) < 1e-4:
+                Off("hrp4_class")
+                continue
+            with pytest.raises(InputError) as raised:
+                Off("hrp4_class")
+            at = InAir("hrp4_class").truth().q
+            joint = f"{InAir('hrp4_class').robot.joint_names[2]} is {at[9] + off:.6g} instead of {at[9]:.6g}"
+            speed = f"the largest velocity is {abs(off):.3g};"
+            assert (joint if name == "joint" else speed) in str(raised.value)
+            setattr(Off, name, 0.0)
+    loop = InAir("hrp4_class", control_period=0.001)
+    for speed, diverged in ((9.9e3, False), (1.01e4, True), (-1.01e4, True)):
+        loop.reset()
+        q, v = loop.state()
+        loop.advance = lambda torque, pushes, v=v, q=q, to=speed: setattr(  # type: ignore[method-assign, misc]
+            loop, "_state", (q, np.where(np.arange(len(v)) == 2, to, 0.0))
+        )
+        loop.step(limp(loop))
+        assert (loop.diverged is not None) == diverged
+        if diverged:
+            assert loop.diverged == "simulation diverged in the period after 0.0000 s"
+    loop = InAir("hrp4_class")
+    low = loop.truth().q
+    for height, stands in ((9e-4, True), (1.1e-3, False)):
+        q = low.copy()
+        q[2] += height
+        loop.reset(q)
+        assert bool(loop.measure().wrenches.any()) == stands
+
+
+def test_a_push_of_another_engine_acts_at_the_centre_of_mass_of_its_link_or_where_it_is_told() -> None:
+    """Momentum and angular momentum about the centre of mass of all: F t, and (p − c) × F t, gravity aside."""
+    for point in (None, [0.1, -0.2, 0.3]):
+        loop = InAir("hrp4_class", timestep=0.001, control_period=0.002)
+        robot, data = loop.robot, loop.robot.model.createData()
+        force, start = np.array([30.0, -20.0, 10.0]), loop.truth().q
+        loop.push("torso", force, 1.0, point)
+        loop.step(limp(loop))
+        q, v = loop.state()
+        momentum = pin.computeCentroidalMomentum(robot.model, data, q, v)
+        gravity = np.array([0.0, 0.0, -robot.mass * GRAVITY])
+        assert momentum.linear == pytest.approx(0.002 * (force + gravity), rel=1e-3)
+        pin.framesForwardKinematics(robot.model, data, start)
+        frame = robot.frame_id(robot.torso_frame)
+        link = data.oMf[frame]
+        lever = robot.model.inertias[robot.model.frames[frame].parentJoint].lever
+        place = (
+            data.oMi[robot.model.frames[frame].parentJoint].act(lever)
+            if point is None
+            else link.act(np.array(point))
+        )
+        about = np.cross(place - pin.centerOfMass(robot.model, data, start), 0.002 * force)
+        assert momentum.angular == pytest.approx(about, rel=1e-3, abs=1e-5)
+        assert loop.base_pose == tuple(q[:7].tolist())
+        assert np.array_equal(loop.joint_position, q[7:]) and np.array_equal(loop.joint_velocity, v[6:])
+
+
 def test_a_registered_loop_is_found_by_its_name() -> None:
     register_loop("in the air", InAir)
     try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -13,11 +14,12 @@ from wbc.base.errors import InputError
 from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
-from wbc.robots import load
+from wbc.robots import RobotDescription, load
 from wbc.sim import DepthCamera, DepthView, Plant, WalkPlan, WalkSpec, make_terrain
 from wbc.sim.plant.eyes import ToeSensors
 from wbc.sim.plant.eyes.depth import visible_model
 from wbc.sim.plant.link_geoms import SHAPE_GROUP
+from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.trial import WalkTrial
 
@@ -215,6 +217,34 @@ def test_a_camera_looks_at_any_model_with_a_robot_in_it() -> None:
     assert ahead.sum() > 300
     near = plant.terrain.height(points[ahead, 0, None] + [-1e-3, 0.0, 1e-3], points[ahead, 1, None])
     assert (points[ahead, 2] < near.max(axis=1) + 1e-3).all()
+
+
+def test_a_camera_sees_things_before_and_after_the_robot_in_a_model() -> None:
+    """Boxes of 0.1 and 0.2 m on the floor, of which one is the first body of all."""
+    xml = (Path(__file__).parents[2] / "examples" / "biped.xml").read_text(encoding="utf-8")
+    box = '<body name="{0}" pos="1 {1} {2}"><geom type="box" size="0.3 0.2 {2}"/></body>'
+    first, last = box.format("first", 0.3, 0.05), box.format("last", -0.3, 0.1)
+    floor = '<geom type="plane" size="0 0 1"/>'
+    whole = xml.replace("<worldbody>", "<worldbody>" + first, 1)
+    head, _, tail = whole.rpartition("</worldbody>")
+    spec = mujoco.MjSpec.from_string(f"{head}{last}{floor}</worldbody>{tail}")
+    model = spec.compile()
+    assert model.body("first").id == 1
+    description = RobotDescription.from_mjcf(xml)
+    robot, data = description.robot(), mujoco.MjData(model)
+    places = RobotPlaces(model, robot)
+    places.set_configuration(robot.half_sitting, data.qpos)
+    mujoco.mj_forward(model, data)
+    view = DepthView(replace(EXACT, at=(0.2, 0.0, 0.3), turn=(0.0, 0.8, 0.0)), robot, places, data)
+    (cloud,) = view.clouds(0.0)
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    place = robot.placement(cloud.frame)
+    points = cloud.points @ place.rotation.T + place.translation
+    for y, height in ((0.3, 0.1), (-0.3, 0.2)):
+        on = (abs(points[:, 0] - 1.0) < 0.28) & (abs(points[:, 1] - y) < 0.18)
+        assert on.sum() > 20 and points[on, 2] == pytest.approx(height, abs=1e-6)
+    beside = (points[:, 0] < 0.69) & (points[:, 0] > 0.4)
+    assert beside.sum() > 20 and points[beside, 2] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["hrp4_class", pytest.param("g1", marks=pytest.mark.slow)])
