@@ -12,11 +12,15 @@ import pinocchio as pin
 import pytest
 from at_rest import at_rest
 
+from wbc.base.errors import MeasurementError
 from wbc.core.estimation.consistency import ConsistencyMonitor, time_ratio
 from wbc.core.estimation.feet import FootComparison
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
+from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility
+from wbc.core.estimation.turning import TurnComparison
 from wbc.core.robot import GRAVITY
+from wbc.core.signals import SIGNALS
 from wbc.robots import load
 
 ROBOT, DT = load("hrp4_class").robot(), 0.005
@@ -203,6 +207,73 @@ def test_a_foot_that_moves_as_the_accelerometer_does_not_show_cannot_carry_the_r
     assert not compared(less, swings(2.0), gravity=2.0, ticks=80)[0].swapped, "it does not carry alone"
 
 
+# ---- the gyroscope --------------------------------------------------------------------------------------------------
+
+TURN_DT, HEIGHT = 1e-3, 0.7
+
+
+def turning(
+    legs: Any, carries: float = 0.6, ticks: int = 200, shown: Any = None
+) -> tuple[TurnComparison, int | None]:
+    """Comparison of a foot that has stood for 0.1 s and seems to turn about y by 0.2 rad/s from then on.
+
+    `legs` is the velocity of the IMU by the leg along x at a time from then on, m/s, and `shown` the acceleration that
+    the accelerometer shows, m/s². Returned is the first tick in which the gyroscope is found wrong as well.
+    """
+    comparison, first = TurnComparison(TURN_DT, HEIGHT, 2), None
+    up = (0.0, 0.0, GRAVITY)
+    for _ in range(100):
+        comparison.compare([STILL] * 2, [STILL] * 2, (carries, 1.0 - carries), up)
+    for tick in range(1, ticks + 1):
+        time = tick * TURN_DT
+        feet, rate = [(-legs(time), 0.0, 0.0), STILL], [(0.0, 0.2, 0.0), STILL]
+        force = up if shown is None else (shown(time), 0.0, GRAVITY)
+        comparison.compare(feet, rate, (carries, 1.0 - carries), force)
+        if comparison.wrong and first is None:
+            first = tick
+    return comparison, first
+
+
+def false_velocity(time: float) -> float:
+    """Velocity that a leg shows of a gyroscope wrong by ω: h ω − g ∫ θ dt, with θ = ω T (1 − e^{−t/T})."""
+    memory = 0.3
+    tilt = 0.2 * memory * (time - memory * (1.0 - math.exp(-time / memory)))
+    return HEIGHT * 0.2 - GRAVITY * tilt
+
+
+def test_a_wrong_gyroscope_turns_gravity_and_moves_the_imu_over_the_foot() -> None:
+    """Both are forgotten with T = 0.3 s: h ω e^{−t/T} − g ω T (T (1 − e^{−t/T}) − t e^{−t/T})."""
+    memory = 0.3
+    for ticks in (20, 60, 200):
+        comparison, _ = turning(lambda _: 0.0, ticks=ticks)
+        foot, time = comparison._feet[0], ticks * TURN_DT
+        gone = math.exp(-time / memory)
+        assert foot.tilt == pytest.approx(0.2 * memory * (1.0 - gone), rel=0.02)
+        drop = GRAVITY * 0.2 * memory * (memory * (1.0 - gone) - time * gone)
+        assert foot.expected == pytest.approx(HEIGHT * 0.2 * gone - drop, abs=2e-3)
+        assert foot.moved == 0j
+
+
+def test_a_turn_that_the_accelerometer_does_not_show_is_one_of_a_wrong_gyroscope_after_a_while() -> None:
+    """From 0.03 m/s and 0.05 rad/s on after a low-pass of 0.03 s, for 0.06 s, on a foot that carries four tenths."""
+    _, first = turning(false_velocity)
+    assert first is not None
+    begun = max(-0.03 * math.log(1.0 - 0.05 / 0.2), -0.03 * math.log(1.0 - 0.03 / (HEIGHT * 0.2)))
+    assert first * TURN_DT == pytest.approx(begun + 0.06, abs=0.006)
+    assert turning(false_velocity, carries=0.41)[1] is not None
+    assert (
+        turning(false_velocity, carries=0.39)[1] is None or turning(false_velocity, carries=0.39)[1] == first
+    )
+    assert turning(lambda _: 0.0)[1] is None, "the foot turns, and the leg shows nothing of it"
+    assert turning(lambda time: 0.4 * false_velocity(time))[1] is not None, "0.6 of it lack"
+    assert turning(lambda time: 0.3 * false_velocity(time))[1] is None, "0.7 of it lack"
+    assert turning(lambda time: 1.6 * false_velocity(time))[1] is not None
+    assert turning(lambda time: 1.9 * false_velocity(time), ticks=110)[1] is None
+    pushed = 2.0  # m/s² that leg and accelerometer both show
+    same = turning(lambda time: false_velocity(time) + pushed * time, shown=lambda _: pushed)[1]
+    assert same == first, "a push moves legs and IMU alike"
+
+
 # ---- the inertial estimate ------------------------------------------------------------------------------------------
 
 SETTINGS = InertialSettings(
@@ -306,3 +377,20 @@ def test_a_stand_tells_the_bias_about_the_vertical_as_the_mean_over_its_time() -
     inertial._bias_at_rest[:] = 1.0
     inertial.rest()
     np.testing.assert_array_equal(inertial._bias_at_rest, 1.0)
+
+
+@pytest.mark.parametrize("signal", SIGNALS)
+def test_an_observer_refuses_signals_of_another_shape_and_numbers_that_are_none(signal: str) -> None:
+    observer, rest = Observer(ROBOT), at_rest(ROBOT, 1.0)
+    observer.update(rest)
+    good = getattr(rest, signal)
+    wrong = good.copy()
+    wrong.flat[0] = np.nan
+    for value in (wrong, np.concatenate((good, good)), good[:-1]):
+        with pytest.raises(MeasurementError, match=f"{signal} must be finite, of shape"):
+            observer.update(replace(rest, time=1.1, **{signal: value}))
+    observer.update(replace(rest, time=1.1))
+    for time in (1.0999, math.nan, math.inf):
+        with pytest.raises(MeasurementError, match="must be finite and rise"):
+            observer.update(replace(rest, time=time))
+    observer.update(replace(rest, time=1.1))
