@@ -41,6 +41,13 @@ def _seed_of(seed: int, index: int) -> int:
     return seed if index == 0 else int(drawn[0])
 
 
+class _RobotAmongOthers(MujocoLoop):
+    """One of several robots: while it is made the others are not at their places, which the plant looks at itself."""
+
+    def _note_contacts(self, when: str) -> None:
+        del when
+
+
 class SharedPlant:
     """Plant with several robots on one ground.
 
@@ -122,7 +129,7 @@ class SharedPlant:
         self.data = mujoco.MjData(self.model)
         self.control_period = float(control_period)
         self.loops = {
-            name: MujocoLoop(
+            name: _RobotAmongOthers(
                 description,
                 self.model,
                 control_period=control_period,

@@ -44,8 +44,8 @@ DERIVED = {
 
 
 @settings
-class Surroundings:
-    """Settings of what surrounds the controller of a simulated walk.
+class WalkTrialSettings(WalkingControlSettings):
+    """Settings of a simulated walk: those of the controller, and those of what surrounds it.
 
     Attributes:
         observer: Settings of the base estimator.
@@ -66,11 +66,6 @@ class Surroundings:
     toes: ToeSensors = field(default_factory=ToeSensors)
     ground: GroundSettings = field(default_factory=GroundSettings)
     falls: FallSettings = field(default_factory=FallSettings)
-
-
-@settings
-class WalkTrialSettings(Surroundings, WalkingControlSettings):
-    """Settings of a simulated walk: those of the controller, and those of what surrounds it."""
 
     @staticmethod
     def preset(name: str) -> WalkTrialSettings:

@@ -8,6 +8,7 @@ import pytest
 from properties import by_default
 
 import wbc
+from wbc.base.errors import InputError
 from wbc.sim import MujocoLoop, Plant, SharedPlant
 from wbc.sim.plant.link_geoms import SHAPE_GROUP
 
@@ -117,3 +118,10 @@ def test_a_loop_that_begins_inside_the_ground_says_so(caplog: pytest.LogCaptureF
     assert not caplog.records
     loop = MujocoLoop(HRP4, model, mujoco.MjData(model), prefix="one/")
     assert "inside the ground" in loop.notes[-1] and "inside the ground" in caplog.text
+
+
+def test_robots_that_stand_clear_of_each_other_are_not_noted_as_being_in_each_other() -> None:
+    plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART, scene=WALL)
+    assert not [note for loop in plant.loops.values() for note in loop.notes if "inside" in note]
+    with pytest.raises(InputError, match="inside"):
+        SharedPlant({"one": HRP4, "two": HRP4}, places={"two": (0.05, 0.0, 0.0)}, scene=WALL)
