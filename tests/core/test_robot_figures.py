@@ -19,7 +19,7 @@ from wbc.core.qp.solving.solution import Layout, Solution, Timings
 from wbc.core.qp.solving.solver import Status
 from wbc.core.robot import GRAVITY, Robot, force_scale
 from wbc.core.signals import Measurement
-from wbc.core.trajectories import Follower, Quintic, Ramp, approach, minimum_jerk
+from wbc.core.trajectories import Follower, Quintic, Ramp, Trajectory, approach, minimum_jerk
 from wbc.robots import load
 
 G1, PANDA = load("g1"), load("panda")
@@ -328,6 +328,60 @@ def test_a_least_turn_is_about_the_normal_of_both_directions(angle: float) -> No
     np.testing.assert_allclose(pin.exp3(turn) @ axis, direction, atol=1e-9)
     if angle < 3.0:
         np.testing.assert_allclose(turn, angle * normal, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "begin", [((0.4, -0.2), None), (None, (1.0, 0.5)), ((0.3, 0.1), (-1.0, 2.0)), (None, None)]
+)
+def test_a_trajectory_goes_on_with_the_velocity_and_the_acceleration_at_its_start(begin: Any) -> None:
+    """Between two points it is the quintic of the states of its ends."""
+    velocity, acceleration = begin
+    path = Trajectory([(0.1, 0.2), (1.0, -0.3)], 0.8, velocity=velocity, acceleration_at_start=acceleration)
+    zero = np.zeros(2)
+    start = np.array([0.1, 0.2]), *(zero if part is None else np.array(part) for part in begin)
+    curve = Quintic(start, (np.array([1.0, -0.3]), zero, zero), 0.8)
+    for time in (0.0, 0.1, 0.4, 0.79):
+        for part, expected in zip(path.at(time), curve.at(time), strict=True):
+            np.testing.assert_allclose(part, expected, atol=1e-9)
+    np.testing.assert_allclose(path.at(0.8)[0], [1.0, -0.3])
+    assert not np.any(path.at(0.9)[1:])
+
+
+# ---- what has changed -----------------------------------------------------------------------------------------------
+
+
+def test_each_change_of_a_contact_or_a_task_raises_its_revision() -> None:
+    """So that two of them between two ticks are seen."""
+    controller = wbc.balance_controller(G1.robot(), 0.005)
+    contact, task = controller.contacts[0], controller.task("com")
+    point = controller.add(wbc.PointContact("left_hand", friction=0.5))
+    for item, changes in (
+        (
+            contact,
+            {
+                "wrench_weight": 1e-3, "friction": 0.6, "min_force": 12.0, "max_force": 900.0, "stiffness": 50.0,
+                "damping": 9.0, "rate": 11.0, "active": False,
+            },
+        ),
+        (point, {"friction": 0.7, "wrench_weight": 1e-4, "min_force": 3.0}),
+        (
+            task,
+            {
+                "weight": 5.0, "scale": 0.5, "stiffness": 40.0, "damping": 7.0, "rate": 3.0, "error_bound": 0.1,
+                "spared": np.array([20]),
+            },
+        ),
+    ):  # fmt: skip
+        for name, value in changes.items():
+            before = item.revision
+            setattr(item, name, value)
+            if name == "active":
+                item.advance(0.005)
+            assert item.revision > before, name
+    contact.active = True
+    before = contact.revision
+    contact.set_box(0.1, 0.05)
+    assert contact.revision > before
 
 
 # ---- measurements ---------------------------------------------------------------------------------------------------
