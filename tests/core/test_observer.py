@@ -471,6 +471,23 @@ def test_a_velocity_that_was_lost_comes_back_from_the_feet(lost: float) -> None:
     assert off[round((lost / 3.0 + 0.02) / dt)] < 0.1 * lost
 
 
+@pytest.mark.parametrize("lost", [0.8, 2.0])
+def test_a_velocity_that_an_impact_has_taken_is_that_of_the_feet_at_once(lost: float) -> None:
+    """An impact between two samples of the accelerometer: loaded feet that seem to sink are at rest on the ground."""
+    sensors, _, _ = sway(seconds=2.0)
+    observer = Observer(biped())
+    for sensor in sensors[:40]:
+        observer.update(sensor)
+    observer.inertial.velocity = observer.inertial.velocity - np.array([0.3 * lost, 0.0, lost])
+    height, off = observer.robot.q[2], []
+    for sensor, expected in zip(sensors[40:], undisturbed(sensors)[40:], strict=True):
+        observer.update(sensor)
+        off.append(float(np.linalg.norm(observer.inertial.velocity - expected)))
+    dt = sensors[1].time - sensors[0].time
+    after = round(0.2 / dt)
+    assert off[after] < 0.1 * lost and abs(observer.robot.q[2] - height) < 0.1 * lost
+
+
 def undisturbed(sensors: list[Measurement]) -> list[np.ndarray]:
     """Velocity of the inertial filter after each measurement."""
     observer, found = Observer(biped()), []

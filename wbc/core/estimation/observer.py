@@ -42,6 +42,11 @@ UNAIDED = 2.0
 """Error of the inertial velocity that may have come up while no foot gave a reference, over the time, m/s²."""
 
 
+STRUCK = 200.0
+"""The same while a foot that bears the robot seems to sink into the ground and no other one bears it, m/s²: the ground
+has struck, and the samples of the accelerometer have missed it."""
+
+
 @settings
 class ObserverSettings:
     """Settings of the observer.
@@ -415,7 +420,7 @@ class Observer:
         slip, unaided = self.settings.slip, self._unaided + dt
         fastest = slip + UNAIDED * unaided
         motions: list[tuple[Vector, Vector, Vector]] = []
-        moves, slips = [False] * len(self._soles), [False] * len(self._soles)
+        moves, slips, struck = [False] * len(self._soles), [False] * len(self._soles), False
         for i, sole in enumerate(self._soles):
             rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
             rotating = rate.angular.tolist()
@@ -427,6 +432,7 @@ class Observer:
                 (x, y, z), (u, v, w) = speed, expected
                 motion = math.hypot(x + u, y + v, z + w)
                 moves[i], slips[i], self.lifts[i] = motion > fastest, motion > slip, abs(z + w) > fastest
+                struck |= z + w < -fastest and self._shares[i] > 0.0
         self._foot_motions = [speed for speed, _, _ in motions]
         a, b, c = spin
         self.foot_rotations = rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]
@@ -435,7 +441,7 @@ class Observer:
         total = sum(shares)
         self._shares = [share / total for share in shares] if total > 0.0 else shares
         if self.in_flight:
-            self._unaided = unaided
+            self._unaided = unaided + (STRUCK / UNAIDED * dt if struck else 0.0)
             return None, 0.0
         if not any(fast and share > 0.0 for fast, share in zip(slips, self._shares, strict=True)):
             self._unaided = 0.0  # feet and inertial unit agree again
