@@ -13,44 +13,11 @@ from numpy.typing import ArrayLike
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
-from wbc.core.frames import frame_jacobian
+from wbc.core.frames import frame_jacobian, pose, rotation_matrix
 from wbc.core.qp.move import least_turn
 from wbc.core.qp.options import POSE_AXES, POSITION_AXES, ROTATION_AXES, MotionOptions
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
-
-
-def rotation_matrix(what: str, value: ArrayLike) -> Array:
-    """Return a copy of a rotation matrix, shape (3, 3), that is `what` in messages; `InputError` for what is none."""
-    matrix = finite_array(what, value, (3, 3))
-    if np.linalg.det(matrix) <= 0.0 or abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6:
-        raise InputError(f"{what} must be a rotation matrix, got\n{matrix}")
-    return matrix
-
-
-def _is_pose(value: pin.SE3) -> bool:
-    """Return true for a finite place and a rotation: in a tenth of the time that the checks with messages take."""
-    (a, b, c), (d, e, f), (g, h, i) = value.rotation.tolist()
-    x, y, z = value.translation.tolist()
-    return bool(
-        abs(a * a + b * b + c * c - 1.0) < 1e-7
-        and abs(d * d + e * e + f * f - 1.0) < 1e-7
-        and abs(b * f - c * e - g) + abs(c * d - a * f - h) + abs(a * e - b * d - i) < 1e-7
-        and abs(x) + abs(y) + abs(z) < math.inf
-    )
-
-
-def pose(what: str, value: pin.SE3) -> pin.SE3:
-    """Return a copy of a pose that is `what` in messages; `InputError` for what is none."""
-    if not isinstance(value, pin.SE3):
-        raise InputError(f"{what} must be a pinocchio.SE3, got {value!r}")
-    copy = pin.SE3(value)
-    if _is_pose(copy):
-        return copy
-    return pin.SE3(
-        rotation_matrix(f"rotation of {what}", value.rotation),
-        finite_array(f"translation of {what} (m)", value.translation, (3,)),
-    )
 
 
 def turn_about(rotation: Array, axes: Sequence[int]) -> Array:
@@ -119,8 +86,6 @@ class FrameTask(Task):
 
     def checked(self, value: Any) -> Any:
         """Return a pose after a check, as a copy."""
-        if isinstance(value, pin.SE3) and _is_pose(value):
-            return pin.SE3(value)
         return pose(f"target of task '{self.name}'", value)
 
 

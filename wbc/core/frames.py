@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import field
 from typing import Annotated, TypeAlias
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 from pydantic import Field
 
-from wbc.base.numbers import Array, read_only
+from wbc.base.errors import InputError
+from wbc.base.numbers import Array, finite_array, read_only
 from wbc.base.settings import settings
 
 Triple: TypeAlias = tuple[float, float, float]
@@ -24,6 +27,39 @@ def pose_of(rotation: Array, translation: Array) -> pin.SE3:
     placed = pin.SE3.Identity()
     placed.rotation, placed.translation = rotation, translation
     return placed
+
+
+def rotation_matrix(what: str, value: ArrayLike) -> Array:
+    """Return a copy of a rotation matrix, shape (3, 3), that is `what` in messages; `InputError` for what is none."""
+    matrix = finite_array(what, value, (3, 3))
+    if np.linalg.det(matrix) <= 0.0 or abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6:
+        raise InputError(f"{what} must be a rotation matrix, got\n{matrix}")
+    return matrix
+
+
+def _is_pose(value: pin.SE3) -> bool:
+    """Return true for a finite place and a rotation: in a tenth of the time that the checks with messages take."""
+    (a, b, c), (d, e, f), (g, h, i) = value.rotation.tolist()
+    x, y, z = value.translation.tolist()
+    return bool(
+        abs(a * a + b * b + c * c - 1.0) < 1e-7
+        and abs(d * d + e * e + f * f - 1.0) < 1e-7
+        and abs(b * f - c * e - g) + abs(c * d - a * f - h) + abs(a * e - b * d - i) < 1e-7
+        and abs(x) + abs(y) + abs(z) < math.inf
+    )
+
+
+def pose(what: str, value: pin.SE3) -> pin.SE3:
+    """Return a copy of a pose that is `what` in messages; `InputError` for what is none."""
+    if not isinstance(value, pin.SE3):
+        raise InputError(f"{what} must be a pinocchio.SE3, got {value!r}")
+    copy = pin.SE3(value)
+    if _is_pose(copy):
+        return copy
+    return pin.SE3(
+        rotation_matrix(f"rotation of {what}", value.rotation),
+        finite_array(f"translation of {what} (m)", value.translation, (3,)),
+    )
 
 
 def frame_jacobian(model: pin.Model, data: pin.Data, frame: int, axes: pin.ReferenceFrame) -> Array:

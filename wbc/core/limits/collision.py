@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import coal
 import numpy as np
@@ -17,11 +17,12 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
+from wbc.base.vectors import add_cross
 from wbc.core.limits.base import BACK, Barrier, demands
 from wbc.core.limits.facing import CORNERS, Facing
 from wbc.core.limits.heights import Columns
 from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs, urdf_primitives
-from wbc.core.limits.separation import Separation, cross, dots, following
+from wbc.core.limits.separation import Separation, cross, dots, following, round_radius
 from wbc.core.limits.shapes import ENDLESS, SHAPES, CollisionHeights, Obstacle, Shape, geometry_of
 from wbc.core.robot import Robot
 
@@ -47,6 +48,9 @@ TOUCHING = 2e-3
 DEEP = 1e-3
 """Depth of a collision from which on its corners have no rows, m: the nearest points lead out of it."""
 
+SLOW = 1e-3
+"""Speed up to which the curvature of the way counts for nothing, m/s."""
+
 SUDDEN = 100.0
 """Acceleration up to which a distance may shrink in a tick before its row must be there, m/s²."""
 
@@ -61,19 +65,20 @@ _NOTHING = np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros((0, 
 
 @dataclass(slots=True)
 class _Place:
-    """Place of an obstacle among the shapes, the placement that it has there, and its rows."""
+    """Place of an obstacle among the shapes, the placement that it has there, and its pairs."""
 
     obstacle: Obstacle
     index: int
     local: pin.SE3
     seen: pin.SE3 | None = None
-    rows: slice = field(default_factory=lambda: slice(0))
+    pairs: slice = field(default_factory=lambda: slice(0))
 
     def twist(self) -> Array:
         """Return the velocity of the obstacle at the origin of the world, [linear; angular], shape (6,)."""
-        x, y, z = self.obstacle._placement.translation.tolist()
-        vx, vy, vz, wx, wy, wz = self.obstacle._velocity.tolist()
-        return np.array([vx + y * wz - z * wy, vy + z * wx - x * wz, vz + x * wy - y * wx, wx, wy, wz])
+        *linear, a, b, c = self.obstacle._velocity.tolist()
+        return np.array(
+            [*add_cross(linear, self.obstacle._placement.translation.tolist(), (a, b, c)), a, b, c]
+        )
 
     def follow(self, geometry: pin.GeometryModel) -> None:
         """Take a new placement of the obstacle over."""
@@ -87,16 +92,11 @@ class CollisionLimit(Barrier):
 
         CollisionLimit("all", shapes=description.collision_hulls(), obstacles=[Obstacle("table", CollisionBox(…))])
 
-    Each pair of shapes has a row for its nearest points: its distance may shrink at (distance − margin) / time constant
-    at most. Rows behind those of all pairs are for corners of faces that look at each other; see
-    `wbc.core.limits.facing`. The rows of pairs that are far apart are empty. In a controller the rows of pairs that are
-    slow for their distance are empty too: the distance could shrink with 100 m/s² until the next tick, and would still
-    be allowed to. A pair is measured when its shapes have moved so far since they were last measured that its row may
-    be needed. The rows ignore how the rotation of the common normal accelerates the distance. The next tick corrects
-    this.
-
-    A row demands at most the acceleration (distance − margin) / time constant² + recovery of the distance, m/s². This
-    is enough if two links are not faster than allowed when they come within `influence` of each other.
+    Each pair of shapes has a row for its nearest points, and there are rows for corners of faces that look at each
+    other; see `wbc.core.limits.facing`. The rows of pairs that are far apart are empty. In a controller the rows of
+    pairs that are slow for their distance are empty too. A pair is measured when its shapes have moved so far since
+    they were last measured that its row may be needed. In a controller the rows ignore how the rotation of the common
+    normal accelerates the distance. The next tick corrects this.
     """
 
     reads = "kinematics"
@@ -147,72 +147,47 @@ class CollisionLimit(Barrier):
         if not all(isinstance(pair, (tuple, list)) and list(map(type, pair)) == [str, str] for pair in links):
             raise InputError(f"pairs of limit '{name}' must be pairs of names of links, got {shown(links)}")
         self._given = [(first, second) for first, second in links]
+        if len({frozenset(pair) for pair in links if pair[0] != pair[1]}) != len(links):
+            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {self._given}")
         self.obstacles = tuple(obstacles)
-        for obstacle in self.obstacles:
-            if not isinstance(obstacle, Obstacle):
-                raise InputError(
-                    f"obstacles of limit '{name}' must be of class Obstacle, got {shown(obstacle)}"
-                )
+        strangers = [obstacle for obstacle in self.obstacles if not isinstance(obstacle, Obstacle)]
+        if strangers:
+            raise InputError(
+                f"obstacles of limit '{name}' must be of class Obstacle, got {shown(strangers[0])}"
+            )
         named = [obstacle.name for obstacle in self.obstacles]
         if len(set(named)) != len(named):
             raise InputError(f"limit '{name}' has two obstacles of one name: {named}")
-        if not (self._given or self._all or self.obstacles):
+        if not (links or self._all or named):
             raise InputError(f"limit '{name}' needs at least one pair of links, or an obstacle")
-        if len({frozenset(pair) for pair in links if pair[0] != pair[1]}) != len(links):
-            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {self._given}")
         self._shapes = {
-            frame: [shape] if isinstance(shape, SHAPES) else list(shape)
-            for frame, shape in (shapes or {}).items()
+            frame: list(given) if isinstance(given, Sequence) else [given]
+            for frame, given in (shapes or {}).items()
         }
         for frame, given in self._shapes.items():
             if not given or not all(
-                isinstance(shape, SHAPES) and not isinstance(shape, ENDLESS) for shape in given
+                isinstance(each, SHAPES) and not isinstance(each, ENDLESS) for each in given
             ):
                 raise InputError(
                     f"shapes of '{frame}' must be shapes such as spheres and capsules, at least one; got {shown(given)}"
                 )
-        self._against = None if against is None else list(against)
-        self._urdf = urdf
-        self._margin, self._influence = margin, influence
-        self._time, self._back = time_constant, recovery
-        if self._influence <= self._margin:
+        if influence <= margin:
             raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
+        self._against = None if against is None else list(against)
+        self._urdf, self._margin, self._influence = urdf, margin, influence
+        self._time, self._back = time_constant, recovery
 
     @checked
     def bind(self, robot: Robot) -> None:
         """Build the shapes, and find the pairs where all are asked for."""
-        self._robot = robot
-        for frame in (
-            *self._shapes,
-            *(self._against or ()),
-            *(frame for pair in self._given for frame in pair),
-        ):
+        given = [frame for pair in self._given for frame in pair]
+        for frame in (*self._shapes, *(self._against or ()), *given):
             robot.frame_id(frame)
-        self._geometry = geometry = pin.GeometryModel()
-        objects: dict[str, list[int]] = {}
-        radii: list[float] = []
-        primitives: dict[str, list[pin.GeometryObject]] | None = None
         near = self._links_near_obstacles(robot)
-        wanted = [frame for pair in self._given for frame in pair]
-        for frame in dict.fromkeys((*wanted, *(self._shapes if self._all else ()), *near)):
-            made = [_geometry_object(robot, frame, shape) for shape in self._shapes.get(frame, ())]
-            if not made and self._urdf is not None:
-                primitives = urdf_primitives(robot, self._urdf) if primitives is None else primitives
-                made = primitives.get(frame, [])
-            if not made:
-                known = ", ".join(sorted({*self._shapes, *(primitives or {})})) or "none"
-                raise InputError(
-                    f"limit '{self.name}' has no shape for '{frame}': give it in `shapes`, where "
-                    "`RobotDescription.collision_shapes()` has those of meshes, or a URDF in which it has primitive "
-                    f"collision geometry (it has it for: {known})"
-                )
-            objects[frame] = []
-            for number, item in enumerate(made):
-                item.name = f"{frame} {number}"
-                objects[frame].append(geometry.addGeometryObject(item))
-                radii.append(float(getattr(item.geometry, "radius", 0.0)) if _is_round(item) else 0.0)
-        self._places: list[_Place] = []
+        self._geometry = geometry = pin.GeometryModel()
+        objects = self._add_shapes(robot, (*given, *(self._shapes if self._all else ()), *near))
         grounds: dict[int, Columns] = {}  # of a shape
+        self._places: list[_Place] = []
         for obstacle in self.obstacles:
             body, local = geometry_of(obstacle.shape)
             item = pin.GeometryObject(f"obstacle {obstacle.name}", 0, 0, obstacle.placement * local, body)
@@ -220,40 +195,32 @@ class CollisionLimit(Barrier):
             if isinstance(obstacle.shape, CollisionHeights):
                 grounds[place.index] = Columns(obstacle.shape, body, place.index)
             self._places.append(place)
-            radii.append(float(getattr(body, "radius", 0.0)) if _is_round(item) else 0.0)
 
-        self._radii, self._objects = radii, objects
-        self._rows: list[tuple[int, int, float, float]] = []
-        self._moving: list[Obstacle | None] = []  # the obstacle of each row
-        self._names: list[tuple[str, str]] = []
-        for first, second in self._given:
-            joints = [robot.model.frames[robot.frame_id(frame)].parentJoint for frame in (first, second)]
-            if joints[0] == joints[1]:
-                raise InputError(
-                    f"'{first}' and '{second}' of limit '{self.name}' are parts of one rigid body"
-                )
-            self._add_pair(first, second)
-        pairs = [(row[:2], names) for row, names in zip(self._rows, self._names, strict=True)]
+        def between(names: tuple[str, str]) -> list[tuple[tuple[str, str], int, int]]:
+            return [(names, i, k) for i in objects[names[0]] for k in objects[names[1]]]
+
+        pairs = [pair for names in self._given for pair in between(names)]
         check_separable(robot, geometry, pairs, self._margin, self.name)
         if self._all:
-            for pair in pairs_that_touch(robot, geometry, objects, self._margin):
-                if pair not in self._given and pair[::-1] not in self._given:
-                    self._add_pair(*pair)
+            known = set(map(frozenset, self._given))
+            touching = pairs_that_touch(robot, geometry, objects, self._margin)
+            pairs += [pair for names in touching if frozenset(names) not in known for pair in between(names)]
         for place in self._places:
-            first_row = len(self._rows)
-            for link in near:
-                for i in objects[link]:
-                    self._add_row(link, place.obstacle.name, i, place.index, place.obstacle)
-            place.rows = slice(first_row, len(self._rows))
-        self._n_pairs = len(self._rows)
-        if self._n_pairs == 0:
+            first = len(pairs)
+            pairs += [((link, place.obstacle.name), i, place.index) for link in near for i in objects[link]]
+            place.pairs = slice(first, len(pairs))
+        if not pairs:
             raise InputError(f"limit '{self.name}' has no pair that can touch: give the pairs")
+        for _, i, k in pairs:
+            geometry.addCollisionPair(pin.CollisionPair(i, k))
+        self._names, self._n_pairs = [names for names, _, _ in pairs], len(pairs)
         self._geometry_data = geometry.createData()
         for request in self._geometry_data.distanceRequests:
             request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
-        for item in geometry.geometryObjects:
+        items = geometry.geometryObjects
+        for item in items:
             item.geometry.computeLocalAABB()
-        self._grounds = [grounds.get(pair.second) for pair in geometry.collisionPairs]
+        self._grounds = [grounds.get(k) for _, _, k in pairs]
         self._changing = np.array([ground is not None for ground in self._grounds])  # measured at every tick
         self._facing = Facing(geometry, self._geometry_data, self._grounds)
         corners = self._facing.has_corners
@@ -262,12 +229,14 @@ class CollisionLimit(Barrier):
         self.dim = self._n_pairs + min(CORNERS * sum(corners), MOST_CORNERS)
         super().bind(robot)
         self._owners = np.arange(self.dim)  # the pair of each row
-        self._leaders = _leaders(robot)
+        numbers = np.array([(i, k) for _, i, k in pairs])
+        self._ends = np.array([item.parentJoint for item in items], dtype=np.intp)[
+            numbers
+        ]  # joints of each pair
+        self._round = np.array([round_radius(item.geometry) for item in items])[numbers]  # m
         # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
-        carried = {joint: _carrying(robot, joint) for row in self._rows for joint in row[:2]}
-        self._ends = np.array([row[:2] for row in self._rows], dtype=np.intp)  # joints of each pair
-        self._round = np.array([row[2:] for row in self._rows])  # radii of round shapes, m
-        self._moves = np.array([carried[row[1]] - carried[row[0]] for row in self._rows])
+        carried, self._leaders = _columns(robot)
+        self._moves = carried[self._ends[:, 1]] - carried[self._ends[:, 0]]
         self._motions = np.zeros_like(self._moves.T)
         data = robot.data  # velocities, accelerations and placements of all bodies
         self._bodies = (
@@ -281,38 +250,46 @@ class CollisionLimit(Barrier):
         distances = np.array([self._distance_of(row) for row in range(self._n_pairs)])
         self._separation.distances()
         self._separation.measured(np.arange(self._n_pairs), distances)
-        self._check_obstacles(distances)
+        for place in self._places:
+            for (link, what), distance in zip(self._names[place.pairs], distances[place.pairs], strict=True):
+                if distance <= 0.0:
+                    raise InputError(
+                        f"obstacle '{what}' of limit '{self.name}' is {-distance:.3f} m inside '{link}': move it, "
+                        "or give the links that keep away in `against`"
+                    )
 
     def _links_near_obstacles(self, robot: Robot) -> list[str]:
         """Return the links that keep away from the obstacles."""
         if not self.obstacles or self._against is not None:
             return list(self._against or ()) if self.obstacles else []
-        model = robot.model
+        model, root = robot.model, 1 if robot.floating else 0
         stands = {model.frames[robot.frame_id(sole.frame)].parentJoint for sole in robot.soles}
         joints = {f: model.frames[robot.frame_id(f)].parentJoint for f in self._shapes}
-        root = 1 if robot.floating else 0
         return [f for f, joint in joints.items() if joint not in stands and (robot.soles or joint > root)]
 
-    def _add_pair(self, first: str, second: str) -> None:
-        for i in self._objects[first]:
-            for k in self._objects[second]:
-                self._add_row(first, second, i, k, None)
-
-    def _add_row(self, first: str, second: str, i: int, k: int, obstacle: Obstacle | None) -> None:
-        items = self._geometry.geometryObjects
-        self._geometry.addCollisionPair(pin.CollisionPair(i, k))
-        self._rows.append((items[i].parentJoint, items[k].parentJoint, self._radii[i], self._radii[k]))
-        self._names.append((first, second))
-        self._moving.append(obstacle)
-
-    def _check_obstacles(self, distances: Array) -> None:
-        """Refuse an obstacle that is inside the robot."""
-        for row, obstacle in enumerate(self._moving):
-            if obstacle is not None and distances[row] <= 0.0:
-                raise InputError(
-                    f"obstacle '{obstacle.name}' of limit '{self.name}' is {-distances[row]:.3f} m inside "
-                    f"'{self._names[row][0]}': move it, or give the links that keep away in `against`"
+    def _add_shapes(self, robot: Robot, frames: Iterable[str]) -> dict[str, list[int]]:
+        """Add the shapes of frames to the geometry; return their numbers, by frame."""
+        primitives = {} if self._urdf is None else urdf_primitives(robot, self._urdf)
+        objects: dict[str, list[int]] = {}
+        for frame in dict.fromkeys(frames):
+            index, made = robot.frame_id(frame), list[pin.GeometryObject]()
+            parent = robot.model.frames[index]
+            for body, local in map(geometry_of, self._shapes.get(frame, ())):
+                made.append(
+                    pin.GeometryObject(frame, parent.parentJoint, index, parent.placement * local, body)
                 )
+            made = made or primitives.get(frame, [])
+            if not made:
+                known = ", ".join(sorted({*self._shapes, *primitives})) or "none"
+                raise InputError(
+                    f"limit '{self.name}' has no shape for '{frame}': give it in `shapes`, where "
+                    "`RobotDescription.collision_shapes()` has those of meshes, or a URDF in which it has primitive "
+                    f"collision geometry (it has it for: {known})"
+                )
+            for number, item in enumerate(made):
+                item.name = f"{frame} {number}"
+            objects[frame] = [self._geometry.addGeometryObject(item) for item in made]
+        return objects
 
     @property
     def distances(self) -> dict[tuple[str, str], float]:
@@ -369,18 +346,22 @@ class CollisionLimit(Barrier):
         for place in self._places:
             if place.obstacle.moving:
                 twists = np.zeros((6, self._n_pairs)) if twists is None else twists
-                twists[:, place.rows] = place.twist()[:, None]
+                twists[:, place.pairs] = place.twist()[:, None]
         return twists
 
     def _speeds(self, rows: Array) -> Array:
         return self._growth
 
     def drift(self) -> Array:
-        """Return the accelerations of the distances; see `Barrier.drift`.
+        """Return the accelerations of the distances; see `Barrier.drift`."""
+        return self._drift(slice(None))
+
+    def _drift(self, chosen: Any) -> Array:
+        """Return the accelerations of the distances of some of the filled rows, shape (dim,); zero of the others.
 
         Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
         """
-        drift, (rows, pairs, values) = np.zeros(self.dim), self._near
+        drift, (rows, pairs, values) = np.zeros(self.dim), (each[chosen] for each in self._near)
         if rows.size:
             first, ends = len(rows), self._ends[pairs].T.ravel()  # first bodies, then second ones
             along = np.concatenate((values[:, 4:7],) * 2)
@@ -482,45 +463,28 @@ class CollisionLimit(Barrier):
         """Add by how much the curvature of the way takes from distances in a period, at the speed of the last step."""
         robot, filled = self._robot, self._near[0]
         growth = rows[filled].dot(robot.v) + self._growth[filled]
-        if (growth < -0.5 * self._room[1, filled] * self._per_time - 1e-3).any():
+        closing = (growth < -0.5 * self._room[1, filled] * self._per_time - SLOW).nonzero()[0]
+        if closing.size:
             pin.forwardKinematics(robot.model, robot.data, robot.q, robot.v, np.zeros(robot.nv))
-            self._growth += 0.5 * self._dt * np.minimum(self.drift(), 0.0)
+            self._growth += 0.5 * self._dt * np.minimum(self._drift(closing), 0.0)
             self._others = self._growth
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', rows={self.dim})"
 
 
-def _carrying(robot: Robot, joint: int) -> Array:
-    """Return 1 for each column of `data.J` that moves the body behind a joint, else 0, shape (number of columns,).
+def _columns(robot: Robot) -> tuple[Array, Array | None]:
+    """Return which columns of `data.J` move which body, and which velocity coordinate moves which column.
 
-    Coupled joints have a column of their own there.
+    Coupled joints have columns of their own there. Both arrays hold ones and zeros: of the body behind each joint,
+    shape (joints, columns), and of each column, shape (columns, nv); None if each column is that of a coordinate.
     """
-    model, carrying = robot.model, np.zeros(robot.joint_jacobians.shape[1])
-    for each in model.supports[joint]:
-        first = model.joints[each].idx_vExtended
-        carrying[first : first + model.joints[each].nvExtended] = 1.0
-    return carrying
-
-
-def _leaders(robot: Robot) -> Array | None:
-    """Return which velocity coordinate moves each column of `data.J`, shape (columns, nv); None if each has its own."""
-    columns = robot.joint_jacobians.shape[1]
-    if columns == robot.nv:
-        return None
-    leaders = np.zeros((columns, robot.nv))
-    for joint in list(robot.model.joints)[1:]:
-        for k in range(joint.nvExtended):
-            leaders[joint.idx_vExtended + k, joint.idx_v + k] = 1.0
-    return leaders
-
-
-def _is_round(item: pin.GeometryObject) -> bool:
-    return isinstance(item.geometry, coal.Sphere | coal.Capsule)
-
-
-def _geometry_object(robot: Robot, frame: str, shape: Shape) -> pin.GeometryObject:
-    index = robot.frame_id(frame)
-    parent = robot.model.frames[index]
-    body, local = geometry_of(shape)
-    return pin.GeometryObject(frame, parent.parentJoint, index, parent.placement * local, body)
+    model, columns = robot.model, robot.joint_jacobians.shape[1]
+    carrying, leaders = np.zeros((model.njoints, columns)), np.zeros((columns, robot.nv))
+    for number in range(1, model.njoints):  # parents come first
+        joint = model.joints[number]
+        own = np.arange(joint.nvExtended)
+        carrying[number] = carrying[model.parents[number]]
+        carrying[number, joint.idx_vExtended + own] = 1.0
+        leaders[joint.idx_vExtended + own, joint.idx_v + own] = 1.0
+    return carrying, None if columns == robot.nv else leaders

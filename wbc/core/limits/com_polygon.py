@@ -29,10 +29,7 @@ EDGES = 8
 class CoMPolygonLimit(Barrier):
     """Limit that keeps the ground projection of the centre of mass inside a convex polygon.
 
-    The CoM may approach an edge with distance / time constant at most. The velocities that this allows at all edges
-    together are never empty, so the rows cannot contradict each other. A row demands at most the acceleration distance
-    / time constant² + recovery away from its edge. This is enough while the CoM is inside; when it is outside,
-    `recovery` brings it back.
+    The velocities that all edges together allow are never empty, so that the rows cannot contradict each other.
 
     Attributes:
         time_constant: Time constant of the approach to an edge, s; read-only, known once a controller has the limit.
@@ -70,7 +67,6 @@ class CoMPolygonLimit(Barrier):
         self._margin, self._given_recovery = margin, recovery
         self._given_time = time_constant
         self._normals, self._offsets = np.zeros((self.dim, 2)), np.full(self.dim, np.inf)
-        self._edges = 0
         self._polygon: Array | None = None
         self._of_soles = polygon is None
         if polygon is not None:
@@ -99,8 +95,8 @@ class CoMPolygonLimit(Barrier):
                 f"polygon of limit '{self.name}' leaves nothing inside its margin of {self._margin} m: "
                 f"{corners.tolist()}"
             )
-        self._polygon, self._edges = corners, len(corners)
-        self._normals[: self._edges], self._offsets[: self._edges] = normals, offsets
+        self._polygon, self._normals[:], self._offsets[:] = corners, 0.0, np.inf  # of rows without an edge
+        self._normals[: len(corners)], self._offsets[: len(corners)] = normals, offsets
 
     @checked
     def use_soles(self, soles: Iterable[str] | None = None) -> None:
@@ -127,8 +123,7 @@ class CoMPolygonLimit(Barrier):
     @property
     def distance(self) -> float:
         """Distance of the CoM to the polygon less its margin, at the last update of the robot, m; negative outside."""
-        used = slice(0, self._edges)
-        return float((self._offsets[used] - self._normals[used] @ self.robot.com[:2]).min())
+        return float((self._offsets - self._normals @ self.robot.com[:2]).min())
 
     @checked
     def bind(self, robot: Robot) -> None:
@@ -156,13 +151,9 @@ class CoMPolygonLimit(Barrier):
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill one row for each edge; see `Barrier.measure`."""
-        robot, used = self._robot, slice(0, self._edges)
-        normals = self._normals[used]
         below[:] = np.inf
-        rows[used] = np.dot(normals, robot.com_jacobian[:2])
-        above[used] = self._offsets[used] - np.dot(normals, robot.com[:2])
-        rows[self._edges :] = 0.0
-        above[self._edges :] = np.inf
+        rows[:] = np.dot(self._normals, self._robot.com_jacobian[:2])
+        np.subtract(self._offsets, np.dot(self._normals, self._robot.com[:2]), out=above)
 
     def drift(self) -> Array:
         """Return the accelerations towards the edges: the force on the base rows of the bias, less weight."""
@@ -173,7 +164,7 @@ class CoMPolygonLimit(Barrier):
         return np.asarray(self._normals.dot(drift))
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}('{self.name}', edges={self._edges})"
+        return f"{type(self).__name__}('{self.name}', edges={np.isfinite(self._offsets).sum()})"
 
 
 def _room(normals: Array, offsets: Array) -> float:

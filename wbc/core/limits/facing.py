@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import coal
@@ -24,6 +23,7 @@ import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.limits.heights import Columns
+from wbc.core.limits.separation import round_radius
 
 KEPT = 2
 """Earlier nearest points of each shape that count as corners."""
@@ -53,6 +53,12 @@ SPARE = 5e-3
 Corner = tuple[float, float, float, float, float, float, float, float, float, float]
 """Distance of a corner, normal from the first shape to the second, its moment, and the point of the first shape."""
 
+_Faces = tuple[pin.SE3, float, Array, Array]
+"""Placement of the second shape of a pair against the first one and distance, m, for which corners were found.
+
+Corners of the first shape with the crossings, and those of the second shape, are in the frames of the shapes, (n, 3).
+"""
+
 _NO_POINTS = np.zeros((0, 3))
 
 Face = Callable[[Array, Array, float], Array]
@@ -62,27 +68,11 @@ Those may be left out that are less far along the unit vector than the last argu
 """
 
 
-@dataclass(slots=True)
-class _Faces:
-    """Corners of two shapes where they face each other, in the frames of the shapes.
-
-    Attributes:
-        place: Placement of the second shape against the first one when they were found.
-        within: Distance up to which they were looked for, m.
-        points, others: Corners of the first shape with the crossings, and those of the second shape, shape (n, 3), m.
-    """
-
-    place: pin.SE3
-    within: float
-    points: Array
-    others: Array
-
-
 class Facing:
     """Corners of pairs of shapes of a geometry, at the placements in its data.
 
     Attributes:
-        has_corners: Whether a pair has corners: a ball has none, and its nearest point is all that counts.
+        has_corners: Whether each pair has corners.
     """
 
     def __init__(
@@ -101,11 +91,14 @@ class Facing:
         self._found: list[_Faces | None] = [None for _ in grounds]
         self._shapes = shapes = [item.geometry for item in geometry.geometryObjects]
         self._faces = [_face_of(shape) for shape in shapes]
-        self._radii = [float(s.radius) if isinstance(s, coal.Capsule | coal.Sphere) else 0.0 for s in shapes]
+        self._radii = [round_radius(shape) for shape in shapes]
         self._spins = [isinstance(shape, coal.Cylinder) for shape in shapes]
         self._pairs = [(pair.first, pair.second) for pair in geometry.collisionPairs]
+        flat = [isinstance(shape, coal.Box | coal.ConvexBase) for shape in shapes]
+        balls = [isinstance(shape, coal.Sphere) for shape in shapes]
+        # Of a ball at a ground, or at what has no flat side, the nearest point is all that counts.
         self.has_corners = [
-            _have_corners(shapes[i], shapes[k] if ground is None else None)
+            not (balls[i] or balls[k]) or (ground is None and (flat[i] or flat[k]))
             for (i, k), ground in zip(self._pairs, grounds, strict=True)
         ]
         self._point, self._at = coal.Sphere(0.0), coal.Transform3s()
@@ -130,13 +123,12 @@ class Facing:
         first, second = self._pairs[pair]
         one, other = self._data.oMg[first], self._data.oMg[second]
         faces, place = self._found[pair], one.actInv(other)
-        if faces is None or abs(within - faces.within) > SPARE or not place.isApprox(faces.place, SLID):
-            faces = self._find(pair, place, distance, normal, nearest, within)
-            self._found[pair] = faces
+        if faces is None or abs(within - faces[1]) > SPARE or not place.isApprox(faces[0], SLID):
+            faces = self._found[pair] = self._find(pair, place, distance, normal, nearest, within)
+        _, _, points, others = faces
         # The other shape lies behind the plane through its nearest point: what is far from this plane is far from it.
         height, slack = float(normal.dot(nearest)), within - distance
-        points, others, ground = faces.points.dot(one.rotation.T), faces.others, self._grounds[pair]
-        points += one.translation
+        points, ground = points.dot(one.rotation.T) + one.translation, self._grounds[pair]
         points = points[points.dot(normal) >= height - self._radii[first] - slack]
         if ground is not None:
             gaps, towards = ground.below(points, within + self._radii[first])
@@ -145,8 +137,7 @@ class Facing:
             )
         else:
             if len(others):
-                others = others.dot(other.rotation.T)
-                others += other.translation
+                others = others.dot(other.rotation.T) + other.translation
                 others = others[others.dot(normal) <= height + distance + self._radii[second] + slack]
             if touching:
                 earlier = self._earlier(pair, normal, nearest, distance)
@@ -158,13 +149,8 @@ class Facing:
             if len(others):
                 found += self._corners(others, second, -1.0, self._nearest(others, first), within)
         x, y, z = nearest.tolist()
-        found = [
-            corner
-            for corner in found
-            if max(abs(corner[7] - x), abs(corner[8] - y), abs(corner[9] - z)) > SAME
-        ]
-        found.sort()
-        return found[:CORNERS]
+        far = [c for c in found if max(abs(c[7] - x), abs(c[8] - y), abs(c[9] - z)) > SAME]
+        return sorted(far)[:CORNERS]
 
     def _find(
         self, pair: int, place: pin.SE3, distance: float, normal: Array, nearest: Array, within: float
@@ -182,7 +168,7 @@ class Facing:
             if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
                 crossings = _crossings(points, others.dot(place.rotation.T) + place.translation, along)
                 points = np.concatenate((points, crossings)) if crossings else points
-        return _Faces(place, within, points, others)
+        return place, within, points, others
 
     def _earlier(
         self, pair: int, normal: Array, nearest: Array, distance: float
@@ -238,15 +224,6 @@ class Facing:
             away = radius if side > 0.0 else -radius - gap
             found.append((gap, nx, ny, nz, mx, my, mz, x + away * nx, y + away * ny, z + away * nz))
         return found
-
-
-def _have_corners(one: coal.CollisionGeometry, other: coal.CollisionGeometry | None) -> bool:
-    """Return whether two shapes have corners: of a ball at what has no flat side, the nearest point is all that counts.
-
-    None stands for a ground of columns.
-    """
-    flat = any(isinstance(each, coal.Box | coal.ConvexBase) for each in (one, other))
-    return flat or not any(isinstance(each, coal.Sphere) for each in (one, other))
 
 
 def _face_of(shape: coal.CollisionGeometry) -> Face:

@@ -33,9 +33,8 @@ class Columns:
         """Put the columns of a map into the place of a box."""
         self.index, self._heights, self._box = index, shape.heights, box
         self._narrow = np.array(box.halfSide)
-        self._known: dict[
-            int, tuple[Array, float]
-        ] = {}  # of a shape: points inside it, and its reach beyond them
+        #: Points inside each shape, and its reach beyond them.
+        self._known: dict[int, tuple[Array, float]] = {}
 
     def nearest(
         self, geometry: pin.GeometryModel, data: pin.GeometryData, row: int, influence: float
@@ -44,21 +43,11 @@ class Columns:
         item = geometry.collisionPairs[row].first
         if item not in self._known:
             self._known[item] = _points_inside(geometry.geometryObjects[item].geometry, self._cell)
-        inside, reach = self._known[item]
-        place = data.oMg[item]
+        (inside, reach), place = self._known[item], data.oMg[item]
         points = inside.dot(place.rotation.T) + place.translation
-        cell = self._cell
-        grid, turn, centres, heights = self._around(points, influence + reach)
-        if not centres.size:
-            return None
-        apart = grid[:, None] - centres
-        ahead = np.maximum(np.abs(apart.real) - 0.5 * cell, 0.0)
-        aside = np.maximum(np.abs(apart.imag) - 0.5 * cell, 0.0)
-        above = np.maximum(points[:, 2, None] - heights, 0.0)
-        bounds = np.sqrt((ahead**2 + aside**2 + above**2).min(axis=0)) - reach
-        best, least, result = -1, influence, None
-        ox, oy, _ = self._heights.origin
-        at = centres * turn + complex(ox, oy)
+        across, above, turn, at, heights = self._offsets(points, influence + reach)
+        bounds = np.hypot(np.abs(across), np.maximum(above, 0.0)).min(axis=0) - reach
+        best, least = -1, influence
         for number in np.argsort(bounds).tolist():
             if bounds[number] >= least:
                 break
@@ -78,30 +67,28 @@ class Columns:
 
         Distances of points inside the ground are negative; those beyond `within`, m, are infinite.
         """
-        grid, turn, centres, heights = self._around(points, within)
+        across, above, turn, at, _ = self._offsets(points, within)
         distances, towards = np.full(len(points), np.inf), np.zeros((len(points), 3))
-        if not centres.size:
-            return distances, towards
-        apart, half = centres - grid[:, None], 0.5 * self._cell
-        ahead = np.sign(apart.real) * np.maximum(np.abs(apart.real) - half, 0.0)
-        aside = np.sign(apart.imag) * np.maximum(np.abs(apart.imag) - half, 0.0)
-        above = points[:, 2, None] - heights
-        far = np.sqrt(ahead**2 + aside**2 + np.maximum(above, 0.0) ** 2)
-        far = np.where(far > 0.0, far, above)  # inside a column it is the depth below its top
-        nearest = (np.arange(len(points)), far.argmin(axis=1))
-        distances[:] = far[nearest]
-        across = (ahead[nearest] + 1j * aside[nearest]) * turn
-        outside = distances > 0.0
-        towards[:, 0], towards[:, 1] = across.real, across.imag
-        towards[:, 2] = -np.maximum(above[nearest], 0.0)
-        towards[outside] /= distances[outside, None]
-        towards[~outside] = [0.0, 0.0, -1.0]
+        if at.size:
+            far = np.hypot(np.abs(across), np.maximum(above, 0.0))
+            far = np.where(far > 0.0, far, above)  # inside a column it is the depth below its top
+            nearest = (np.arange(len(points)), far.argmin(axis=1))
+            distances, aside = far[nearest], across[nearest] * turn
+            towards = np.stack((aside.real, aside.imag, -np.maximum(above[nearest], 0.0)), axis=1)
+            outside = distances > 0.0
+            towards[outside] /= distances[outside, None]
+            towards[~outside] = [0.0, 0.0, -1.0]
         return distances, towards
 
-    def _around(
+    def _offsets(
         self, points: Array, away: float
-    ) -> tuple[NDArray[np.complex128], complex, NDArray[np.complex128], Array]:
-        """Return places of points on the grid, its heading, and centres and heights of the columns that are near, m."""
+    ) -> tuple[NDArray[np.complex128], Array, complex, NDArray[np.complex128], Array]:
+        """Return where columns are that are near points.
+
+        Returns:
+            Ways from points to columns along the axes of the grid, and heights of the points above the columns, shape
+            (points, columns), m; the heading of the grid; places of the columns in the world and their heights, m.
+        """
         ox, oy, yaw = self._heights.origin
         cell, turn = self._cell, complex(math.cos(yaw), math.sin(yaw))
         grid = ((points[:, 0] - ox) + 1j * (points[:, 1] - oy)) * turn.conjugate()
@@ -109,9 +96,14 @@ class Columns:
         last = np.ceil([(grid.real.max() + away) / cell, (grid.imag.max() + away) / cell])
         x, y = ((np.arange(a, b) + 0.5) * cell for a, b in zip(first, last, strict=True))
         centres = (x[:, None] + 1j * y[None, :]).ravel()
-        heights = self._heights.at(centres * turn + complex(ox, oy))[0]
+        at = centres * turn + complex(ox, oy)
+        heights = self._heights.at(at)[0]
         kept = np.flatnonzero(heights >= float(points[:, 2].min()) - away)  # NaN is no height
-        return grid, turn, centres[kept], heights[kept]
+        apart, heights = centres[kept] - grid[:, None], heights[kept]
+        ahead, aside = (
+            np.sign(x) * np.maximum(np.abs(x) - 0.5 * cell, 0.0) for x in (apart.real, apart.imag)
+        )
+        return ahead + 1j * aside, points[:, 2, None] - heights, turn, at[kept], heights
 
     @property
     def _cell(self) -> float:

@@ -16,7 +16,7 @@ from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array, scalar
 from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
-from wbc.core.limits.base import OPTIONS, Barrier, for_joints
+from wbc.core.limits.base import ATTAINABLE, OPTIONS, Barrier, for_joints
 from wbc.core.robot import Robot
 
 BRAKING_SHARE = 0.3
@@ -172,7 +172,7 @@ class JointLimits(Barrier):
         inertia = np.diag(robot.mass_matrix)[robot.base_dof :]
         # Row 0 is for the upper bounds, which negative torques keep, row 1 for the lower ones.
         torque = np.maximum(np.array([-robot.torque_lower, robot.torque_upper]), 0.0)
-        brakes = np.minimum(100.0, BRAKING_SHARE * torque / inertia)
+        brakes = np.minimum(ATTAINABLE, BRAKING_SHARE * torque / inertia)
         if self._acceleration is not None:
             self._most_acceleration = for_joints("acceleration of joint limits", self._acceleration, robot)
             brakes = np.minimum(self._most_acceleration, torque / inertia)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -72,82 +73,88 @@ def pairs_that_touch(
     """
     model = robot.model
     joints = {link: model.frames[robot.frame_id(link)].parentJoint for link in objects}
-    trial, pairs = geometry.copy(), list[tuple[str, str]]()
-    trial.removeAllCollisionPairs()
-    for first, second in itertools.combinations(objects, 2):
-        a, b = joints[first], joints[second]
-        if a == b or model.parents[a] == b or model.parents[b] == a:
-            continue
-        for i in objects[first]:
-            for k in objects[second]:
-                trial.addCollisionPair(pin.CollisionPair(i, k))
-                pairs.append((first, second))
+    apart = [
+        (first, second)
+        for first, second in itertools.combinations(objects, 2)
+        if (a := joints[first]) != (b := joints[second]) and model.parents[a] != b and model.parents[b] != a
+    ]
+    pairs = [(names, i, k) for names in apart for i in objects[names[0]] for k in objects[names[1]]]
+    trial = _with_pairs(geometry, pairs)
     state, data = model.createData(), trial.createData()
-
-    def close(q: Array) -> set[tuple[str, str]]:
-        pin.computeCollisions(model, state, trial, data, q, False)
-        hits = [result.isCollision() for result in data.collisionResults]
-        return {pair for pair, hit in zip(pairs, hits, strict=True) if hit}
-
     for request in data.collisionRequests:
         request.security_margin = margin
-    q, random = np.array(robot.half_sitting), np.random.default_rng(0)
-    touching = close(q)
-    low, high = (
-        np.nan_to_num(x, neginf=-np.pi, posinf=np.pi) for x in (robot.position_lower, robot.position_upper)
-    )
-    found: set[tuple[str, str]] = set()
-    for _ in range(POSTURES):
-        q[robot.nq - robot.na :] = random.uniform(low, high)
-        found |= close(q)
-    return [pair for pair in dict.fromkeys(pairs) if pair in found and pair not in touching]
+    found = list[set[tuple[str, str]]]()
+    for q in _postures(robot, POSTURES):
+        pin.computeCollisions(model, state, trial, data, q, False)
+        hits = zip(pairs, data.collisionResults, strict=True)
+        found.append({names for (names, _, _), result in hits if result.isCollision()})
+    touching, ever = found[0], set[tuple[str, str]]().union(*found)
+    return [names for names in apart if names in ever - touching]
 
 
 def check_separable(
     robot: Robot,
     geometry: pin.GeometryModel,
-    pairs: Sequence[tuple[tuple[int, int], tuple[str, str]]],
+    pairs: Sequence[tuple[tuple[str, str], int, int]],
     margin: float,
     limit: str,
 ) -> None:
-    """Refuse a pair that is in collision in half-sitting, or closer than the margin wherever its joints are.
+    """Refuse a pair of one body, in collision in half-sitting, or closer than the margin wherever its joints are.
 
     Args:
         robot: The robot.
-        geometry: Shapes and pairs.
-        pairs: Joints and names of both shapes of each pair.
+        geometry: Shapes; its pairs do not matter.
+        pairs: Names of both links of each pair, and the numbers of their shapes.
         margin: The margin, m.
         limit: Name of the limit, for messages.
     """
-    model = robot.model
-    state, data = model.createData(), geometry.createData()
-    random = np.random.default_rng(0)
-    low, high = (
-        np.nan_to_num(x, neginf=-np.pi, posinf=np.pi) for x in (robot.position_lower, robot.position_upper)
-    )
-    for row, ((first, second), (one, other)) in enumerate(pairs):
-        between = sorted({*model.supports[first]} ^ {*model.supports[second]})
-        first_joint = robot.nq - robot.na
-        joints = [
-            model.joints[j].idx_q - first_joint
-            for j in between
-            if model.joints[j].idx_q >= first_joint and j > 0
-        ]
-        q, furthest = np.array(robot.half_sitting), -np.inf
-        for _ in range(SAMPLES):
-            pin.updateGeometryPlacements(model, state, geometry, data, q)
-            distance = pin.computeDistance(geometry, data, row).min_distance
-            if furthest == -np.inf and distance <= 0.0:
+    trial, model = _with_pairs(geometry, pairs), robot.model
+    state, data = model.createData(), trial.createData()
+    for row, ((one, other), first, second) in enumerate(pairs):
+        a, b = (trial.geometryObjects[number].parentJoint for number in (first, second))
+        if a == b:
+            raise InputError(f"'{one}' and '{other}' of limit '{limit}' are parts of one rigid body")
+        between = {*model.supports[a]} ^ {*model.supports[b]}
+        distances = []
+        for q in _postures(robot, SAMPLES, between):
+            pin.updateGeometryPlacements(model, state, trial, data, q)
+            distances.append(pin.computeDistance(trial, data, row).min_distance)
+            if distances[0] <= 0.0:
                 raise InputError(
-                    f"'{one}' and '{other}' of limit '{limit}' are {-distance:.3f} m inside each other in "
+                    f"'{one}' and '{other}' of limit '{limit}' are {-distances[0]:.3f} m inside each other in "
                     "half-sitting; leave the pair out or give smaller shapes"
                 )
-            furthest = max(furthest, distance)
-            if furthest > margin:
+            if distances[-1] > margin:
                 break
-            q[first_joint:][joints] = random.uniform(low, high)[joints]
         else:
             raise InputError(
                 f"no joint brings '{one}' and '{other}' of limit '{limit}' further apart than "
-                f"{furthest:.4f} m, its margin is {margin:g} m; leave the pair out, or lower the margin"
+                f"{max(distances):.4f} m, its margin is {margin:g} m; leave the pair out, or lower the margin"
             )
+
+
+def _with_pairs(
+    geometry: pin.GeometryModel, pairs: Sequence[tuple[tuple[str, str], int, int]]
+) -> pin.GeometryModel:
+    """Return a copy of a geometry with other pairs."""
+    trial = geometry.copy()
+    trial.removeAllCollisionPairs()
+    for _, first, second in pairs:
+        trial.addCollisionPair(pin.CollisionPair(first, second))
+    return trial
+
+
+def _postures(robot: Robot, count: int, joints: Collection[int] | None = None) -> Iterator[Array]:
+    """Yield half-sitting, and then random positions of some joints, by default of all; of one array."""
+    random, first = np.random.default_rng(0), robot.nq - robot.na
+    low, high = (
+        np.nan_to_num(x, neginf=-np.pi, posinf=np.pi) for x in (robot.position_lower, robot.position_upper)
+    )
+    moved: Any = slice(None)
+    if joints is not None:
+        moved = [place for j in joints if j > 0 and (place := robot.model.joints[j].idx_q - first) >= 0]
+    q = np.array(robot.half_sitting)
+    yield q
+    for _ in range(count):
+        q[first:][moved] = random.uniform(low, high)[moved]
+        yield q

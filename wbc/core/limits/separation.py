@@ -130,6 +130,11 @@ class Separation:
         return np.asarray(along)
 
 
+def round_radius(shape: coal.CollisionGeometry) -> float:
+    """Return the radius about its centre or its axis of a sphere or a capsule, m; zero of other shapes."""
+    return float(shape.radius) if isinstance(shape, coal.Sphere | coal.Capsule) else 0.0
+
+
 def _core(shape: coal.CollisionGeometry) -> float:
     """Return the radius about its origin of the core of a shape whose box is known, m."""
     if isinstance(shape, coal.Sphere):

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any, get_args
 
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field
 
 from wbc.base.checked import result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import Positive, settings
-from wbc.core.frames import FixedPose
+from wbc.core.frames import FixedPose, pose
 
 FARTHEST = 1e6
 """Greatest coordinate and size of a shape, m: distances of shapes beyond are wrong, and hulls cannot be computed."""
@@ -41,8 +41,8 @@ class CollisionSphere:
 
 
 @settings
-class CollisionCapsule:
-    """Capsule: all points within a radius of a line segment in a frame.
+class _Segment:
+    """Shape about a line segment in a frame.
 
     Attributes:
         radius: Radius, m.
@@ -56,28 +56,17 @@ class CollisionCapsule:
 
     def __post_init__(self) -> None:
         if math.dist(self.start, self.end) < ROUNDING:
-            raise InputError(
-                f"a capsule needs two different ends, got {self.start} twice; use a CollisionSphere"
-            )
+            raise InputError(f"a {type(self).__name__} needs two different ends, got {self.start} twice")
 
 
 @settings
-class CollisionCylinder:
-    """Cylinder between two points of a frame.
+class CollisionCapsule(_Segment):
+    """Capsule: all points within a radius of a line segment in a frame."""
 
-    Attributes:
-        radius: Radius, m.
-        start: Middle of one end in the frame, shape (3,), m.
-        end: Middle of the other end, shape (3,), m.
-    """
 
-    radius: Annotated[Length, "m"]
-    start: Annotated[Point, "m"]
-    end: Annotated[Point, "m"]
-
-    def __post_init__(self) -> None:
-        if math.dist(self.start, self.end) < ROUNDING:
-            raise InputError(f"a cylinder needs two different ends, got {self.start} twice")
+@settings
+class CollisionCylinder(_Segment):
+    """Cylinder whose ends have the ends of a line segment in a frame as middles."""
 
 
 @settings
@@ -130,21 +119,6 @@ class CollisionHalfSpace:
             raise InputError(f"normal of a half-space must not be zero, got {self.normal}")
 
 
-class Heights(Protocol):
-    """Heights of the ground on square cells, as a `wbc.ground.HeightMap` has them."""
-
-    @property
-    def origin(self) -> tuple[float, float, float]:
-        """Position (m) and heading (rad) of the grid in the world."""
-
-    @property
-    def settings(self) -> Any:
-        """Settings with the size of a `cell`, m."""
-
-    def at(self, places: NDArray[np.complex128]) -> tuple[Array, Array]:
-        """Return heights (m, NaN where unknown) and their standard deviations at places x + iy, m."""
-
-
 class CollisionHeights:
     """Ground of a height map: below each known cell a column with its height; for obstacles.
 
@@ -154,7 +128,7 @@ class CollisionHeights:
         heights: The map, such as a `wbc.ground.HeightMap`.
     """
 
-    def __init__(self, heights: Heights) -> None:
+    def __init__(self, heights: Any) -> None:
         """Take a map."""
         if not all(hasattr(heights, name) for name in ("at", "origin", "settings")):
             raise InputError(f"heights must be a map such as a wbc.ground.HeightMap, got {shown(heights)}")
@@ -178,15 +152,7 @@ Shape = (
 RoundShape = CollisionSphere | CollisionCapsule
 """Shapes that are all points within a radius of a point or a segment."""
 
-SHAPES = (
-    CollisionSphere,
-    CollisionCapsule,
-    CollisionCylinder,
-    CollisionBox,
-    CollisionHull,
-    CollisionHalfSpace,
-    CollisionHeights,
-)
+SHAPES = get_args(Shape)
 
 ENDLESS = (CollisionHalfSpace, CollisionHeights)
 """Shapes of obstacles alone."""
@@ -226,25 +192,16 @@ class Obstacle:
 
     @placement.setter
     def placement(self, value: pin.SE3) -> None:
-        if not isinstance(value, pin.SE3):
-            raise InputError(
-                f"placement of obstacle '{self.name}' must be a pinocchio.SE3, got {shown(value)}"
-            )
-        place = finite_array(f"placement of obstacle '{self.name}'", value.homogeneous, (4, 4))
-        if np.abs(place).max() > FARTHEST:
+        placed = pose(f"placement of obstacle '{self.name}'", value)
+        if np.abs(placed.translation).max() > FARTHEST:
             raise InputError(
                 f"placement of obstacle '{self.name}' must lie within ±{FARTHEST:g} m, got {shown(value.translation)}"
-            )
-        turn = place[:3, :3]
-        if np.linalg.det(turn) <= 0.0 or abs(turn @ turn.T - np.eye(3)).max() > 1e-6:
-            raise InputError(
-                f"placement of obstacle '{self.name}' must have a rotation matrix, got {shown(turn)}"
             )
         if isinstance(self.shape, CollisionHeights) and not value.isApprox(pin.SE3.Identity(), 0.0):
             raise InputError(
                 f"obstacle '{self.name}' is a height map, which lies in the world: it has no placement"
             )
-        self._placement = pin.SE3(value)
+        self._placement = placed
 
     @property
     def velocity(self) -> Array:
