@@ -55,7 +55,7 @@ class Wbc:
             )
         ik.add(wbc.PostureTask(weight=scene.posture_cost**2, rate=rate), wbc.JointLimits())
         self.hand = ik.add(wbc.PoseTask(scene.hand, rate=rate))
-        self.target, self.version = self.hand.target, version("wbc")
+        self.target, self.version = self.hand.target.copy(), version("wbc")
         self.start = self.target.translation.copy()
 
     def step(self, place: Any) -> None:

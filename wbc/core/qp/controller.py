@@ -72,9 +72,11 @@ class Controller(Items):
         self._released: ReleasedJoints | None = None
         self.measured: Robot | None = None
         self.drives: Drives | None = None
-        self._torques: Array | None = None  # of the solution of the last tick
-        self._commanded: Array | None = None  # those of this tick, where they differ
-        self._before: Array | None = None  # those commanded in the tick before
+        self._torques: Array | None = None  # of the last solution
+        self._commanded: Array | None = (
+            None  # in the last tick: the same array, where nothing else was commanded
+        )
+        self._before: Array | None = None  # commanded in the tick before
         self._differed = False  # from those of its solution
         self._close_chains()
         self._rebuild()
@@ -155,8 +157,7 @@ class Controller(Items):
             self._rebuild()
         if self._moving:
             self._moving = [task for task in self._moving if task.move_on(self._dt)]
-        before, self._commanded = self._commanded, None
-        self._differed, self._before = before is not None, self._torques if before is None else before
+        self._before, self._differed = self._commanded, self._commanded is not self._torques
         assembly, solver = self._assembly, self._solver
         for task in assembly.listening:
             if measurement is None:
@@ -175,12 +176,12 @@ class Controller(Items):
             self._torques = torques = solver.values[assembly.torque_rows] + assembly.problem.torque_bias
             if self.robot.passive.size:  # zero up to the solver's tolerance
                 torques[self.robot.passive] = 0.0
+            self._commanded = torques
             residual = assembly.residuals(x, solver.values, assembly.targets)
             multipliers = solver.multipliers
         else:
             x = self._variables_of(last)
             torques = assembly.problem.torque_bias.copy() if last is None else last.torques
-            self._commanded = before
             residual = np.full(assembly.targets.size, np.nan)
             multipliers = np.zeros(solver.multipliers.size)
         timings = Timings(self.model_time, assembled - start, solved - assembled, perf_counter() - solved)
@@ -221,7 +222,7 @@ class Controller(Items):
             return solution.torques
         torques = self._with(solution, wrenches) if wrenches else solution.torques
         torques = self._assembly.kept(torques, self._dt, self._before, self.released)
-        self._commanded = torques if (torques != solution.torques).any() else None
+        self._commanded = torques if (torques != solution.torques).any() else self._torques
         return torques
 
     def _with(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
