@@ -222,27 +222,34 @@ class RelativeFrameTask(FrameTask):
         self._reference_id = robot.frame_id(self.reference)
         self._reference_placement = robot.data.oMf[self._reference_id]
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `Task.evaluate`.
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill Jacobian and error; see `Motion.measure`.
 
-        With d from the reference to the frame, ω the reference's angular velocity and R its rotation,
+        With d from the reference to the frame, ω the reference's angular velocity and R its rotation, the velocity is
+        Rᵀ(v_f − v_r − ω × d), Rᵀ(ω_f − ω).
+        """
+        model, data, world = self._model, self._data, self._world
+        rotation = self._reference_placement.rotation
+        back, offset = rotation.T, self._translation - self._reference_placement.translation
+        # [I, [d]×; 0, I] takes the reference's velocity to where the frame is; rotated, into the reference's axes.
+        rows = frame_jacobian(model, data, self._id, world)
+        theirs = frame_jacobian(model, data, self._reference_id, world)
+        rows -= theirs
+        rows[:3] += np.dot(pin.skew(offset), theirs[3:])
+        jacobian[:3], jacobian[3:] = np.dot(back, rows[:3]), np.dot(back, rows[3:])
+        target = self._target.value
+        np.subtract(target.translation, np.dot(back, offset), out=error[:3])
+        error[3:] = self._turn(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))
 
-            Rᵀ(v_f − v_r − ω × d)                                       velocity
-            Rᵀ(a_f − a_r − α × d − ω × (ω × d) − 2 ω × (v_f − v_r − ω × d)),  Rᵀ(α_f − α_r − ω × ω_f)   acceleration.
+    def drift(self) -> Array:
+        """Return the acceleration in the reference, shape (6,); see `Motion.drift`.
+
+        Rᵀ(a_f − a_r − α × d − ω × (ω × d) − 2 ω × (v_f − v_r − ω × d)),  Rᵀ(α_f − α_r − ω × ω_f)
         """
         model, data, world = self._model, self._data, self._world
         own, other = self._id, self._reference_id
-        rotation = self._reference_placement.rotation
-        back = rotation.T
+        back = self._reference_placement.rotation.T
         offset = self._translation - self._reference_placement.translation
-
-        # [I, [d]×; 0, I] takes the reference's velocity to where the frame is; rotated, into the reference's axes.
-        mine = frame_jacobian(model, data, own, world)
-        theirs = frame_jacobian(model, data, other, world)
-        mine -= theirs
-        mine[:3] += np.dot(pin.skew(offset), theirs[3:])
-        jacobian[:3], jacobian[3:] = np.dot(back, mine[:3]), np.dot(back, mine[3:])
-
         velocity = pin.getFrameVelocity(model, data, other, world)
         moving = pin.getFrameVelocity(model, data, own, world)
         turn = pin.skew(velocity.angular)
@@ -253,9 +260,4 @@ class RelativeFrameTask(FrameTask):
         linear = acceleration.linear - base.linear + np.dot(pin.skew(offset), base.angular)
         linear -= np.dot(turn, carried + 2.0 * slip)
         angular = acceleration.angular - base.angular - np.dot(turn, moving.angular)
-        np.dot(back, linear, out=drift[:3])
-        np.dot(back, angular, out=drift[3:])
-
-        target = self._target.value
-        np.subtract(target.translation, np.dot(back, offset), out=error[:3])
-        error[3:] = self._turn(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))
+        return np.concatenate([np.dot(back, linear), np.dot(back, angular)])

@@ -41,7 +41,7 @@ class _Number(Task):
 class DistanceTask(_Number):
     """Task that brings the origins of two frames to a distance, m; the direction from one to the other is free."""
 
-    __slots__ = ("_ids", "frames")
+    __slots__ = ("_distance", "_ids", "_line", "frames")
 
     @checked
     def __init__(
@@ -70,22 +70,27 @@ class DistanceTask(_Number):
         one, other = (robot.placement(frame).translation for frame in self.frames)
         return np.array([np.linalg.norm(one - other)])
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the row u·(J₁ − J₂) of the unit vector u between the frames; see `Task.evaluate`.
-
-        A relative velocity w across u adds w² / d to the acceleration of the distance d.
-        """
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill the row u·(J₁ − J₂) of the unit vector u between the frames, and the error; see `Motion.measure`."""
         model, data, (one, other) = self.robot.model, self.robot.data, self._ids
         line = data.oMf[one].translation - data.oMf[other].translation
-        distance = max(float(np.linalg.norm(line)), NEAREST)
-        unit = line / distance
+        self._distance = max(float(np.linalg.norm(line)), NEAREST)
+        self._line = line / self._distance
         rows = frame_jacobian(model, data, one, _WORLD) - frame_jacobian(model, data, other, _WORLD)
-        jacobian[0] = unit @ rows[:3]
-        speeds = [pin.getFrameVelocity(model, data, each, _WORLD).linear for each in (one, other)]
-        rates = [pin.getFrameClassicalAcceleration(model, data, each, _WORLD).linear for each in (one, other)]
+        jacobian[0] = self._line @ rows[:3]
+        error[0] = self._target.value[0] - self._distance
+
+    def drift(self) -> Array:
+        """Return the acceleration of the distance d, shape (1,); see `Motion.drift`.
+
+        A relative velocity w across the line adds w² / d to that along it.
+        """
+        model, data, unit = self.robot.model, self.robot.data, self._line
+        speeds = [pin.getFrameVelocity(model, data, each, _WORLD).linear for each in self._ids]
+        rates = [pin.getFrameClassicalAcceleration(model, data, each, _WORLD).linear for each in self._ids]
         across = speeds[0] - speeds[1]
-        drift[0] = unit @ (rates[0] - rates[1]) + (across @ across - (unit @ across) ** 2) / distance
-        error[0] = self._target.value[0] - distance
+        turning = (across @ across - (unit @ across) ** 2) / self._distance
+        return np.array([unit @ (rates[0] - rates[1]) + turning])
 
 
 class JointCouplingTask(_Number):
@@ -128,12 +133,15 @@ class JointCouplingTask(_Number):
         """Return the sum, shape (1,), rad."""
         return np.array([self._values @ robot.q[self._columns + robot.nq - robot.nv]])
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the row of coefficients; see `Task.evaluate`."""
+    def measure(self, jacobian: Array, error: Array) -> None:
+        """Fill the row of coefficients, and the error; see `Motion.measure`."""
         jacobian[:] = 0.0
         jacobian[0, self._columns] = self._values
-        drift[:] = 0.0
         error[:] = self._target.value - self.present(self.robot)
+
+    def drift(self) -> Array:
+        """Return zero: the coefficients are constant."""
+        return np.zeros(1)
 
 
 class ManipulabilityTask(_Number):
