@@ -4,8 +4,10 @@ Where to start, in the order of the data:
 
 - `description`: a robot as data, and the models that are made from it; `frames`: its soles and other frames.
 - `registry` and `files`: robots by name, and robots from a file of your own and its TOML.
-- `urdf`: the URDF that both Pinocchio and MuJoCo read. `readers/` convert an MJCF, compiled by MuJoCo, to such a URDF,
-  with its tree, drives and feet, and with the forces that the controller does not know.
+- `source`: the XML of a robot alone and its Pinocchio model. `source_urdf` leaves a URDF, which `urdf` reads and
+  `tidying` settles, to Pinocchio's reader; `readers/source_mjcf` takes the model from MuJoCo's compiled arrays.
+- `readers/`: an MJCF compiled by MuJoCo: tree, drives, feet, and the forces that the controller does not know.
+- `moving`: the robot as a URDF for other engines.
 - `derivation/`: values that a file does not have; `complete` has the order, `defaults` the rules.
 - `report`: facts and doubtful values of a description.
 
