@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
-from wbc.base.numbers import Array
+from wbc.base.numbers import ROUNDING, Array
 from wbc.core.robot import Robot
-from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.plant.places import RobotPlaces, hanging
 
 SKY = 1e3
 """Height from which a floor is looked for where there is none below the base, m."""
 
 AWAY = 1e4
 """Distance at which the robot waits meanwhile, m."""
+
+USUAL_FRICTION = 0.7
+"""Friction on which the contacts of a controller count by default."""
 
 UNEVEN = 2e-3
 """Difference of heights under the soles from which on the floor is uneven, m."""
@@ -26,6 +32,31 @@ PRESSED = 1e-3
 
 MOST_SURFACES = 64
 """Most surfaces above each other that are looked at."""
+
+
+def floor_of(places: RobotPlaces, robot: Robot) -> tuple[float, list[str]]:
+    """Return the height of the floor on which half-sitting stands, m, and notes on what is odd about it."""
+    heights = floor_under(places, robot, mujoco.MjData(places.model))
+    if heights is None:
+        return 0.0, ["no ground under the soles at half-sitting: put there, the robot falls"]
+    ground = float(heights.max())
+    return ground if abs(ground) > ROUNDING else 0.0, list(_floor_notes(places, robot, heights, ground))
+
+
+def _floor_notes(places: RobotPlaces, robot: Robot, heights: Array, ground: float) -> Iterator[str]:
+    if float(np.ptp(heights)) > UNEVEN:
+        yield (
+            f"the ground under the soles at half-sitting is uneven, from {heights.min():.3f} to {ground:.3f} m: "
+            "the robot is put on its highest point"
+        )
+    elif abs(ground) > UNEVEN:
+        yield f"the ground is at z = {ground:.3f} m: half-sitting stands there"
+    friction = friction_under(places, robot, mujoco.MjData(places.model), ground)
+    if friction is not None and friction < USUAL_FRICTION:
+        yield (
+            f"friction of the soles on the ground is {friction:g}, contacts count on {USUAL_FRICTION:g} unless "
+            "they are given another (SoleContact(…, friction=…))"
+        )
 
 
 def floor_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData) -> Array | None:
@@ -46,11 +77,11 @@ def floor_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData) -> Array
     q[:2] += AWAY
     places.set_configuration(q, data.qpos)
     mujoco.mj_kinematics(model, data)
-    feet = _feet(places)
+    floor = _floor_geoms(places)
     heights = []
     for point in points:
-        found = _first_below(model, data, point, hip, feet)
-        found = _first_below(model, data, point, SKY, feet) if found is None else found
+        found = _first_below(model, data, point, hip, floor)
+        found = _first_below(model, data, point, SKY, floor) if found is None else found
         if found is None:
             return None
         heights.append(found)
@@ -66,51 +97,41 @@ def friction_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData, groun
     q[2] += ground - PRESSED
     places.set_configuration(q, data.qpos)
     mujoco.mj_fwdPosition(places.model, data)
-    feet, _ = _feet(places)
-    mine = np.isin(data.contact.geom, feet).sum(axis=1) == 1
+    mine = _foot_geoms(places)[data.contact.geom].sum(axis=1) == 1
     if not mine.any():
         return None
     friction = np.where(data.contact.dim > 1, data.contact.friction[:, 0], 0.0)
     return float(friction[mine].min())
 
 
-def _feet(places: RobotPlaces) -> tuple[list[int], set[int]]:
-    """Return the geoms of the feet, and the geoms of the world that are paired with them."""
+def _foot_geoms(places: RobotPlaces) -> NDArray[np.bool_]:
+    """Return True for geoms of the feet, shape (ngeom,)."""
     model = places.model
-    below = set(places.feet)
-    for body in range(model.nbody):
-        if int(model.body_parentid[body]) in below:
-            below.add(body)
-    geoms = [geom for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) in below]
-    paired = {
-        other
-        for one, two in zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
-        for foot, other in ((one, two), (two, one))
-        if foot in geoms
-    }
-    return geoms, paired
+    return np.asarray(hanging(model, places.feet)[model.geom_bodyid] >= 0)
+
+
+def _floor_geoms(places: RobotPlaces) -> NDArray[np.bool_]:
+    """Return True for geoms that stand still and can touch the feet, shape (ngeom,)."""
+    model, foot = places.model, _foot_geoms(places)
+    types, affinities = model.geom_contype[:, None], model.geom_conaffinity[:, None]
+    touch = (types & model.geom_conaffinity[foot] | affinities & model.geom_contype[foot]).any(axis=1)
+    one, two = model.pair_geom1, model.pair_geom2
+    touch[two[foot[one]]] = touch[one[foot[two]]] = True
+    return np.asarray(touch & (model.body_weldid[model.geom_bodyid] == 0))
 
 
 def _first_below(
-    model: mujoco.MjModel, data: mujoco.MjData, point: Array, start: float, feet: tuple[list[int], set[int]]
+    model: mujoco.MjModel, data: mujoco.MjData, point: Array, start: float, floor: NDArray[np.bool_]
 ) -> float | None:
-    """Return the height of the first floor below a height over a point, m."""
-    geoms, paired = feet
+    """Return the height of the first floor that faces up below a height over a point, m."""
     origin, down = np.array([point[0], point[1], start]), np.array([0.0, 0.0, -1.0])
     geom, normal = np.zeros(1, dtype=np.int32), np.zeros(3)
     for _ in range(MOST_SURFACES):
         distance = mujoco.mj_ray(model, data, origin, down, None, True, -1, geom, normal)
         if distance < 0.0:
             return None
-        hit = int(geom[0])
         origin[2] -= distance
-        touches = hit in paired or any(
-            model.geom_contype[hit] & model.geom_conaffinity[foot]
-            or model.geom_contype[foot] & model.geom_conaffinity[hit]
-            for foot in geoms
-        )
-        still = int(model.body_weldid[model.geom_bodyid[hit]]) == 0
-        if touches and still and normal[2] > UPWARD:
+        if floor[geom[0]] and normal[2] > UPWARD:
             return float(origin[2])
         origin[2] -= 1e-6
     return None

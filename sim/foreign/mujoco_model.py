@@ -17,13 +17,13 @@ import numpy as np
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, Array
+from wbc.base.numbers import Array
 from wbc.base.settings import Seed
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.foreign.actuators import JointActuators
-from wbc.sim.foreign.floor import UNEVEN, floor_under, friction_under
+from wbc.sim.foreign.floor import floor_of
 from wbc.sim.foreign.notes import LIMP, drive_notes, model_notes, sensor_notes
 from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.mujoco_robot import MujocoRobot
@@ -33,9 +33,6 @@ from wbc.sim.simulation.machine import Machine, Step, steps_per_tick
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
 
 logger = logging.getLogger(__name__)
-
-USUAL_FRICTION = 0.7
-"""Friction on which the contacts of a controller count by default."""
 
 DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
 """Warnings after which MuJoCo has reset the simulation by itself, unless the model forbids it."""
@@ -119,15 +116,16 @@ class MujocoLoop(MujocoRobot):
         )
         self._zero_time = 0.0
         self._stepper: Stepper = mujoco.mj_step if stepper is None else stepper
+        self._ground, floor_notes = floor_of(places, robot)
         self.notes = (
             *drive_notes(description, robot, self.actuators),
             *model_notes(description, robot, places),
             *sensor_notes(places, imu),
+            *floor_notes,
         )
         for note in self.notes:
             if LIMP in note:
                 logger.warning("%s", note)
-        self._ground = self._find_floor()
         if data is None:
             self.reset()
             self._note_contacts("half-sitting begins so")
@@ -141,28 +139,6 @@ class MujocoLoop(MujocoRobot):
         self._posture = self.joint_position
         self._begin()
         self._note_contacts("the data begin so (reset() puts the robot into half-sitting)")
-
-    def _find_floor(self) -> float:
-        """Return the height of the floor on which half-sitting stands, m; what is odd about it is noted."""
-        heights = floor_under(self.places, self.robot, mujoco.MjData(self.model))
-        if heights is None:
-            self.notes += ("no ground under the soles at half-sitting: put there, the robot falls",)
-            return 0.0
-        ground = float(heights.max())
-        if float(np.ptp(heights)) > UNEVEN:
-            self.notes += (
-                f"the ground under the soles at half-sitting is uneven, from {heights.min():.3f} to {ground:.3f} m: "
-                "the robot is put on its highest point",
-            )
-        elif abs(ground) > UNEVEN:
-            self.notes += (f"the ground is at z = {ground:.3f} m: half-sitting stands there",)
-        friction = friction_under(self.places, self.robot, mujoco.MjData(self.model), ground)
-        if friction is not None and friction < USUAL_FRICTION:
-            self.notes += (
-                f"friction of the soles on the ground is {friction:g}, contacts count on {USUAL_FRICTION:g} unless "
-                "they are given another (SoleContact(…, friction=…))",
-            )
-        return ground if abs(ground) > ROUNDING else 0.0
 
     def _note_contacts(self, when: str) -> None:
         """Note where the robot is inside a thing, which throws it."""

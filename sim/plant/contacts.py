@@ -7,7 +7,7 @@ import numpy as np
 
 from wbc.base.numbers import Array
 from wbc.core.conventions import Index
-from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.plant.places import RobotPlaces, hanging
 
 _NEXT, _LAST = [1, 2, 0], [2, 0, 1]
 """For each axis the next one, and the one after that."""
@@ -26,12 +26,8 @@ class Contacts:
         self._feet = np.array(places.feet, dtype=np.intp)
         self._offset = np.array([place.translation for place in places.soles])
         self._turn = np.array([place.rotation for place in places.soles])
-        sole = np.full(model.nbody, -1, dtype=np.intp)
-        sole[places.feet] = np.arange(len(places.feet))
-        for body in range(1, model.nbody):  # a parent's number is below its children's
-            if sole[body] < 0:
-                sole[body] = sole[model.body_parentid[body]]
-        self._geom_sole, self.geom_robot = sole[model.geom_bodyid], places.of_robot[model.geom_bodyid]
+        self._geom_sole = hanging(model, places.feet)[model.geom_bodyid]
+        self.geom_robot = places.of_robot[model.geom_bodyid]
         self._pyramids = model.opt.cone == int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 
     def capture(self, data: mujoco.MjData) -> None:

@@ -274,6 +274,16 @@ class RobotPlaces:
         return None if best is None else best[1:]
 
 
+def hanging(model: mujoco.MjModel, bodies: Sequence[int]) -> Index:
+    """Return which of some bodies each body of a model is or hangs on, by its place among them, −1 for none."""
+    on = np.full(model.nbody, -1, dtype=np.intp)
+    on[list(bodies)] = np.arange(len(bodies))
+    for body in range(1, model.nbody):  # a parent's number is below its children's
+        if on[body] < 0:
+            on[body] = on[model.body_parentid[body]]
+    return on
+
+
 def body_frame(name: str, robot: Robot) -> str:
     """Return the link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames."""
     if robot.model.existFrame(name):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from wbc.base.numbers import Array, scalar
 from wbc.sim.plant.contacts import Contacts
 from wbc.sim.plant.hands import HandSensor
-from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.plant.places import RobotPlaces, hanging
 from wbc.sim.simulation.machine import Machine
 from wbc.sim.simulation.sensors import Signals
 
@@ -148,8 +148,5 @@ class MujocoSignals(Signals):
 
 def _subtree(model: mujoco.MjModel, root: int) -> tuple[NDArray[np.intp], Array, Array]:
     """Return a body with all that hangs on it, their masses (kg) and their centres of mass in their own frames (m)."""
-    bodies = [root]
-    for body in range(root + 1, model.nbody):
-        if model.body_parentid[body] in bodies:
-            bodies.append(body)
-    return np.array(bodies, dtype=np.intp), model.body_mass[bodies].copy(), model.body_ipos[bodies].copy()
+    bodies: NDArray[np.intp] = np.flatnonzero(hanging(model, [root]) == 0)
+    return bodies, model.body_mass[bodies].copy(), model.body_ipos[bodies].copy()
