@@ -145,8 +145,7 @@ class WalkSpec(TrialSpec):
         store("changes", checked_changes(self.gains, self.changes))
         trial = self.settings()
         check_read(self.changes, trial)
-        kinds, given = trial.kinds, self.plan.stairs is not None or self.plan.footsteps is not None
-        store("_free", "free" in kinds and not ("planned" in kinds and given))
+        store("_free", "free" in trial.kinds)
         ground = self.ground()
         store("terrain_params", _as_used(ground, self.terrain_params))
         if self.scene is None and self.scene_params:

@@ -216,14 +216,14 @@ def test_a_ground_is_as_long_as_the_way_of_planned_or_of_free_steps() -> None:
     assert climb.ground().length == 1.2
 
 
-def test_steps_are_free_in_torque_control_unless_landings_are_given_or_planned_ones_asked_for() -> None:
+def test_steps_are_free_in_torque_control_unless_planned_ones_are_asked_for() -> None:
     steps = WalkSpec(plan=SHORT, mode="position").prepare().plan.steps
     given = WalkPlan(footsteps=steps)
     for plan, mode, changes, free in (
         (SHORT, "position", {}, False),
         (SHORT, "torque", {}, True),
         (SHORT, "torque", PLANNED, False),
-        (given, "torque", {}, False),
+        (given, "torque", {}, True),
         (given, "torque", FREE, True),
         (given, "position", {}, False),
     ):

@@ -14,6 +14,7 @@ from at_rest import at_rest
 
 import wbc
 from wbc.base.errors import InputError
+from wbc.core.drive.control import State
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.sim import WalkPlan, WalkSpec
@@ -29,7 +30,7 @@ from wbc.walking import (
     walk_velocity,
 )
 from wbc.walking.contact import GaitPhase
-from wbc.walking.plans.sources import FootstepSource, Standing
+from wbc.walking.plans.sources import FootstepSource, PlanSource, Standing
 from wbc.walking.source import StandSource
 from wbc.walking.steps import com_height
 
@@ -48,6 +49,18 @@ def standing(name: str = "g1") -> tuple[wbc.Plant, WalkingControl]:
     return plant, control(name)
 
 
+class Staying(WalkingControl):
+    """Control whose kind of steps stays as it is set, whatever the robot does."""
+
+    __slots__ = ()
+
+    def _choose(self, state: State) -> None: ...
+
+
+def stay(walking: WalkingControl) -> None:
+    walking.__class__ = Staying
+
+
 def run(plant: wbc.Plant, walking: WalkingControl, seconds: float) -> None:
     falls, end = TrueFallDetector(plant.robot), plant.time + seconds
     while plant.time < end - 1e-9:
@@ -58,8 +71,8 @@ def run(plant: wbc.Plant, walking: WalkingControl, seconds: float) -> None:
 def test_a_change_of_steps_in_a_stand_leaves_references_and_posture_where_they_are() -> None:
     plant, walking = standing()
     assert walking.step_kind == "free"
-    walking.calm = 60.0
     run(plant, walking, 0.8)
+    stay(walking)
     for kind in ("planned", "free"):
         before, posture = walking.reference, walking.tasks.posture.target
         walking._change(kind)  # type: ignore[arg-type]
@@ -80,8 +93,8 @@ def test_a_change_of_steps_in_a_stand_leaves_references_and_posture_where_they_a
 @pytest.mark.slow  # 7 s; test_arms and test_body show the same in one kind of steps
 def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_in_both_kinds_of_steps() -> None:
     plant, walking = standing("hrp4_class")
-    walking.calm = 60.0
     run(plant, walking, 0.3)
+    stay(walking)
     hand, body = walking.arms["right_hand"], walking.body
     posture = {kind: parts.tasks.posture.weight.copy() for kind, parts in walking._kinds.items()}
     place = walking.controller.robot.placement(hand.frame).translation + [0.12, 0.0, 0.15]
@@ -112,14 +125,17 @@ def test_orders_choose_the_steps_of_a_robot_that_stands() -> None:
     robot = wbc.load_robot("hrp4_class").robot()
     flat = walk_distance(FootstepPlan.standing(robot), 0.3)
     stairs = replace(flat, steps=[replace(step, z=0.05 * i) for i, step in enumerate(flat.steps)])
-    for plan, kind in ((flat, "planned"), (stairs, "planned"), (None, "free")):
-        assert control("hrp4_class", plan).step_kind == kind
-        walking = control("hrp4_class")
+    for plan in (flat, stairs, None):
+        walking = control("hrp4_class", plan)
+        assert walking.step_kind == "free" and (plan is None or not walking.finished)
         if plan is not None:
             walking.follow(plan)
-            assert walking.step_kind == kind and not walking.finished
+            assert walking.step_kind == "free" and not walking.finished
         walking.velocity = (0.2, 0.0, 0.0)
-        assert walking.velocity == (0.2, 0.0, 0.0)
+        assert walking.velocity == (0.2, 0.0, 0.0) and walking.source.planner is None
+    far = replace(flat, steps=[replace(step, x=step.x + 2.0) for step in flat.steps])
+    with pytest.raises(InputError, match="within reach|out of reach"):
+        control("hrp4_class", far)
 
 
 def test_hands_that_are_to_press_choose_the_steps_that_count_their_forces() -> None:
@@ -155,7 +171,7 @@ def test_a_planner_that_asks_for_a_stand_is_asked_again(kind: Any) -> None:
     walking = WalkingControl(
         plant.description.robot(), None, DT, WalkingControlSettings(mode="torque", step_kind=kind)
     )
-    walking.calm, door = 0.2, Door()
+    door = Door()
     walking.follow(door)
     assert not walking.finished
     run(plant, walking, 1.4)
@@ -169,7 +185,6 @@ def test_a_planner_that_asks_for_a_stand_is_asked_again(kind: Any) -> None:
 
 def test_a_hand_that_has_lost_its_contact_leaves_the_robot_its_free_steps() -> None:
     plant, walking = standing()
-    walking.calm = 0.1
     run(plant, walking, 0.05)
     hands, order = walking.hands, ("left_hand", 10.0, (1.0, 0.0, 0.0))
     hands.press(*order)
@@ -190,8 +205,8 @@ def test_a_hand_that_has_lost_its_contact_leaves_the_robot_its_free_steps() -> N
 def test_a_question_changes_no_steps_and_a_posture_move_outlives_a_change() -> None:
     """All that a walk can be asked for between ticks is read; then the steps change in the middle of a move."""
     plant, walking = standing()
-    walking.calm = 60.0
     run(plant, walking, 0.1)
+    stay(walking)
     joint = "left_elbow_joint"
     index = plant.robot.joint_index(joint)
     begin = walking.tasks.posture.target[index]
@@ -246,31 +261,24 @@ def test_what_a_user_has_set_holds_in_both_kinds_of_steps() -> None:
 
 
 @pytest.mark.parametrize("order", ["velocity", "goal"])
-def test_an_order_in_the_middle_of_a_plan_gets_free_steps_after_a_stand(order: str) -> None:
-    """Meanwhile it is read as it was given; a stop takes it back."""
+def test_an_order_in_the_middle_of_a_plan_takes_its_place_in_the_next_step(order: str) -> None:
     plant = wbc.Plant(wbc.load_robot("g1"), control_period=0.004)
     robot = plant.description.robot()
     walking = WalkingControl(robot, None, 0.004, WalkingControlSettings(mode="torque"))
     run(plant, walking, 0.1)
     walking.follow(walk_distance(FootstepPlan.standing(robot), 0.7))
-    run(plant, walking, 1.5)
-    assert walking.step_kind == "planned" and not walking.finished
-
-    def give() -> None:
-        if order == "velocity":
-            walking.velocity = (0.5, 0.0, 0.0)
-        else:
-            walking.go_to(2.0, 0.0, 0.0)
-
-    give()
-    walking.stop()
-    assert walking.velocity is None
-    give()
-    while walking.step_kind == "planned" and plant.time < 6.0:
-        run(plant, walking, 0.02)
+    run(plant, walking, 1.9)
+    assert walking.progress.phase is GaitPhase.SINGLE and not walking.finished and walking.velocity is None
+    if order == "velocity":
+        walking.velocity = (0.5, 0.0, 0.0)
+    else:
+        walking.go_to(2.0, 0.0, 0.0)
+    phases = set()
+    for _ in range(30):
+        run(plant, walking, 0.05)
+        phases.add(walking.progress.phase)
         assert walking.velocity == ((0.5, 0.0, 0.0) if order == "velocity" else None) and not walking.done
-    run(plant, walking, 1.5)
-    assert walking.step_kind == "free" and walking.granted_velocity[0] > 0.2
+    assert phases == {GaitPhase.SINGLE} and walking.granted_velocity[0] > 0.2, "without a stand between"
     with pytest.raises(InputError):
         walking.velocity = (np.nan, 0.0, 0.0)
 
@@ -491,17 +499,21 @@ def test_a_gait_that_begins_on_feet_that_have_stood_stands_and_one_in_position_c
     assert walking.progress.phase is GaitPhase.STANDING
 
 
-def test_a_robot_that_stands_still_for_as_long_as_it_is_to_takes_free_steps_again() -> None:
-    """In planned steps that are over, without a hand that waits or a planner of one's own, after `calm`."""
+def test_a_robot_takes_free_steps_again_once_it_stands_without_a_hand_at_work() -> None:
+    """A plan that is not walked yet, and a planner of one's own, go on in them."""
     walking = control("g1", None)
-    walking._change("planned")
     robot = walking.controller.robot
-    walking.calm = 0.021
     state = walking.control.estimate(at_rest(robot, 0.0))
-    for tick in range(1, 12):
+    plan = walk_distance(FootstepPlan.standing(robot), 0.3)
+    for order in (None, plan, Door()):
+        walking._change("planned")
+        if order is not None:
+            walking.source.take(order if isinstance(order, FootstepSource) else PlanSource(order))
         walking._choose(state)
-        assert walking.step_kind == ("planned" if tick <= 10 else "free"), tick
-    assert walking._stood == 0.0
+        assert walking.step_kind == ("free" if order is None else "planned"), "it is asked first"
+        assert (walking.source.planner is None) == (order is None)
+        walking._change("free")
+        assert (walking.source.planner is None) == (order is None), "it is carried over"
 
 
 def test_a_first_plan_is_no_order_and_a_later_one_is() -> None:
@@ -535,7 +547,7 @@ def test_the_height_of_the_com_is_that_over_the_ground_on_which_the_robot_stands
 def test_a_push_of_a_stand_on_planned_steps_is_stepped_out_of(leaves: bool) -> None:
     walking = control("g1")
     walking._change("planned")
-    walking.calm = 60.0
+    walking.hands.press("left_hand", 4.0, (1.0, 0.0, 0.0), firm=True)  # it would stay in them
     walking._kinds["free"].source.leaves = lambda *_: leaves  # type: ignore[method-assign]
     walking._choose(walking.control.estimate(at_rest(walking.controller.robot, 0.0)))
     assert walking.step_kind == ("free" if leaves else "planned")

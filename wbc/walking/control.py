@@ -12,7 +12,7 @@ its way. Places and times of *free* steps are decided as the robot goes, and the
 drives and from what is asked for:
 
     position control              planned steps
-    torque and hybrid control     free steps; planned ones along footsteps, and for hands that press or grip
+    torque and hybrid control     free steps; planned ones for hands that press or grip, and for loads
 
 It changes between two ticks while the robot stands. Both kinds share robot, controller, drives, estimate, arms and
 body; source, tasks and balance are exchanged. docs/measured_pushes.md says what was tried in the middle of a step.
@@ -24,12 +24,12 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in, shown
 from wbc.base.numbers import finite_array
-from wbc.base.settings import Angle, NonNegative, Number, Period
+from wbc.base.settings import Angle, Number, Period
 from wbc.core.drive.control import State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.falls import FallReason
@@ -51,7 +51,7 @@ from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.load import HeldLoad
-from wbc.walking.plans.footsteps import FootstepPlan, Place, heading
+from wbc.walking.plans.footsteps import FootstepPlan, heading
 from wbc.walking.plans.sources import (
     FootstepSource,
     PlanSource,
@@ -73,17 +73,6 @@ HOLDS = 1.0
 
 STEPS = "the robot steps, and free steps count no forces on hands: stop it, and press once it stands"
 """Reason for which hands of a robot that takes free steps may not begin to press."""
-
-CALM = 1.0
-"""Default of `WalkingControl.calm`, s."""
-
-
-class Order(NamedTuple):
-    """Order to walk with a velocity, to a goal, or along a plan."""
-
-    velocity: Velocity | None = None
-    goal: Place | None = None
-    plan: FootstepPlan | None = None
 
 
 class WalkingControl:
@@ -109,7 +98,7 @@ class WalkingControl:
     """
 
     __slots__ = (
-        "_before", "_calm", "_dt", "_kind", "_kinds", "_stood", "_waiting", "arms", "balance", "body", "control",
+        "_before", "_dt", "_kind", "_kinds", "arms", "balance", "body", "control",
         "controller", "ground", "reference", "settings", "source", "stiffness", "stopped", "tasks",
     )  # fmt: skip
 
@@ -159,10 +148,7 @@ class WalkingControl:
             controller.add(limit)
         self.arms = Arms(controller, dt, s.arms)
         self._kinds = steps_of(self.control, self.arms, source, s, extent)
-        plan = source if isinstance(source, FootstepPlan) and source.steps else None
-        first: Kind = "planned"
-        if "free" in self._kinds and (plan is None or len(self._kinds) == 1):
-            first = "free"
+        first: Kind = "free" if "free" in self._kinds else "planned"
         steps = self._kinds[first]
         self.body = Body(
             controller,
@@ -179,11 +165,9 @@ class WalkingControl:
                 steps.source.see(ground)
         self.reference: Reference | None = None
         self.stopped = False
-        self._calm, self._stood = CALM, 0.0  # time of a stand after planned steps, s
         self._before = 0  # steps done by steps of the other kind before
-        self._waiting: Order | None = None  # for a stand, in which the kind of the steps may change
-        if first == "free" and plan is not None:
-            self.follow(plan)
+        if first == "free" and isinstance(source, FootstepPlan) and source.steps:
+            self.follow(source)
 
     def __repr__(self) -> str:
         robot, source, now = self.controller.robot, type(self.source).__name__, self.progress
@@ -250,7 +234,7 @@ class WalkingControl:
         control.resume()
         source.begin(heading(state.robot.placement(state.robot.base_frame).rotation))
         source.join(*times.tolist())
-        self.reference, self._waiting, self.stopped, self._before = None, None, False, 0
+        self.reference, self.stopped, self._before = None, False, 0
 
     def _follow(self, state: State) -> None:
         """Set the targets of all tasks and contacts of this tick."""
@@ -303,16 +287,6 @@ class WalkingControl:
         return self._kind
 
     @property
-    def calm(self) -> float:
-        """Time of a stand after which free steps replace planned ones, to step out of pushes, s; assign it."""
-        return self._calm
-
-    @calm.setter
-    @checked
-    def calm(self, value: Annotated[NonNegative, "s"]) -> None:
-        self._calm = value
-
-    @property
     def stands(self) -> bool:
         """True if the robot stands and no hand presses, so that the kind of steps may change."""
         reference = self.reference
@@ -329,30 +303,13 @@ class WalkingControl:
         return hands is not None and hands.active
 
     def _choose(self, state: State) -> None:
-        """Change the steps of a robot that stands for hands, for a push, an order that waits, and once it is calm."""
+        """Change the steps of a robot that stands for hands, for a push, and once no hand is at work."""
         hands, at_hand = None if self._planned is None else self._planned.hands, self._at_hand
-        calm = self.stands and self.source.finished
-        if self._kind == "free" and at_hand and self.stands:
-            self._change("planned")
-        elif calm and self._kind == "planned" and self._kinds["free"].source.leaves(state, HOLDS):
-            self._change("free")  # which steps out in this tick
-        elif calm and self._waiting is not None:
-            (velocity, goal, plan), self._waiting = self._waiting, None
-            try:
-                if plan is not None:
-                    self.follow(plan)
-                elif goal is not None:
-                    self.go_to(*goal)
-                else:
-                    self.velocity = velocity
-            except InputError as error:  # the body was lowered meanwhile
-                self.source.reason = str(error)
-        elif calm and self._kind == "planned" and not at_hand and self._own_planner is None:
-            self._stood += self._dt
-            if self._stood > self._calm:
-                self._change("free")
-        elif not calm:
-            self._stood = 0.0
+        if self._kind == "free":
+            if at_hand and self.stands:
+                self._change("planned")
+        elif self._idle and (not at_hand or self._kinds["free"].source.leaves(state, HOLDS)):
+            self._change("free")  # which steps out of a push in this tick
         if hands is not None:
             hands.measurement = state.measurement
             hands.barred = "" if self._kind == "planned" or self.stands else STEPS
@@ -365,36 +322,21 @@ class WalkingControl:
 
     @property
     def _own_planner(self) -> FootstepSource | None:
-        """Planner of the user's own, which may ask for steps again where it asks for a stand now; else None."""
+        """Planner that may ask for steps again: the user's own, or a plan that is not walked yet; else None."""
         planner = self.source.planner
-        return None if isinstance(planner, (PlanSource, SteeredSteps)) else planner
+        walked = isinstance(planner, PlanSource) and self.source.finished
+        return None if walked or isinstance(planner, SteeredSteps) else planner
 
-    def _waits(self, kind: Kind, order: Order) -> bool:
-        """Let an order wait for a stand, to which the robot comes, if it is for the other kind of steps; True if so.
-
-        A robot that is steered in planned steps, because a hand was at work, is steered on in them.
-        """
-        if kind == self._kind or kind not in self._kinds or self._idle:
-            return False
-        steering = self.source.steering
-        if kind == "free" and (self._at_hand or (steering is not None and steering.pending)):
-            return False
-        self._check_body(kind)
-        self._order()
-        self._waiting = order
-        return True
-
-    def _make_ready(self, kind: Kind) -> None:
-        """Make ready for an order: forget one that waits, and take that kind of steps if the robot has it and may.
+    def _make_ready(self) -> None:
+        """Make ready for an order: free steps walk it, if the robot has them and no hand is at work.
 
         Raises:
             InputError: A body that is set too low to lift a foot.
         """
-        changes = kind in self._kinds and self._idle
-        self._check_body(kind if changes else self._kind)
-        self._waiting = None
+        changes = "free" in self._kinds and self._idle and not self._at_hand
+        self._check_body("free" if changes else self._kind)
         if changes:
-            self._change(kind)
+            self._change("free")
 
     def _check_body(self, kind: Kind) -> None:
         """Raise an `InputError` if the body is set too low to lift a foot in steps of a kind."""
@@ -420,7 +362,6 @@ class WalkingControl:
             self.balance.begin()
         if self.source.com_height is not None:
             self.body.follow(self.source.com_height, self.tasks.reaching)
-        self._stood = 0.0
 
     def _take(self, kind: Kind, before: Steps | None) -> None:
         """Put the parts of one kind of steps in place of those before, if there are any."""
@@ -461,7 +402,7 @@ class WalkingControl:
 
         `source.reason` says why an order was dropped.
         """
-        return self.source.finished and not self.source.reason and self._waiting is None
+        return self.source.finished and not self.source.reason
 
     @property
     def fallen(self) -> FallReason | None:
@@ -471,7 +412,7 @@ class WalkingControl:
     @property
     def done(self) -> bool:
         """True when the walk is over: finished, dropped, or ended by a fall."""
-        return (self.source.finished and self._waiting is None) or self.fallen is not None
+        return self.source.finished or self.fallen is not None
 
     @property
     def walk(self) -> LipmWalk:
@@ -562,21 +503,16 @@ class WalkingControl:
         """Commanded velocity of the robot: forward (m/s), to the left (m/s) and turn (rad/s).
 
         Set it at any tick. None or zero brings the robot to a stand. It is also None while a goal or a plan gives the
-        steps. A robot that can take free steps comes to a stand between a plan and a velocity. A velocity that the
-        robot cannot reach is limited (`granted_velocity`). It is an `InputError` if the velocity is not three finite
-        numbers up to 10, or if the body is set too low to lift a foot.
+        steps. A velocity that the robot cannot reach is limited (`granted_velocity`). It is an `InputError` if the
+        velocity is not three finite numbers up to 10, or if the body is set too low to lift a foot.
         """
-        if self._waiting is not None:
-            return self._waiting.velocity
         return None if self.source.steering is None else self.source.steering.target
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
         wanted = checked_velocity(velocity)
         if any(wanted):
-            if self._waits("free", Order(velocity=wanted)):
-                return
-            self._make_ready("free")
+            self._make_ready()
         self._order(velocity)
 
     @property
@@ -604,9 +540,7 @@ class WalkingControl:
             y: Place of the robot in the world, m.
             yaw: Heading there, rad; at most a full turn.
         """
-        if self._waits("free", Order(goal=(x, y, yaw))):
-            return
-        self._make_ready("free")
+        self._make_ready()
         self._steering().go_to(x, y, yaw)
         self.source.take(None)
         self.stopped = False
@@ -614,17 +548,13 @@ class WalkingControl:
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan, or from a planner of your own, from the next step on.
 
-        A robot that takes free steps comes to a stand before it follows a plan, but asks a planner at once.
-
         Args:
             source: Footsteps in the world, or a planner. If a plan cannot be walked from the present place, the robot
                 comes to a stand, and `source.reason` says why.
         """
         if not isinstance(source, (FootstepPlan, FootstepSource)):
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        if isinstance(source, FootstepPlan) and self._waits("planned", Order(plan=source)):
-            return
-        self._make_ready("planned")
+        self._make_ready()
         self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def stop(self) -> None:
@@ -636,4 +566,4 @@ class WalkingControl:
         """Walk with a velocity, or by a planner; come to a stand without either."""
         self._steering().command(velocity)
         self.source.take(planner)
-        self._waiting, self.stopped = None, False
+        self.stopped = False

@@ -24,7 +24,7 @@ from wbc.walking.balance import Balance
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import FootstepPlan, check_start
-from wbc.walking.plans.reach import Extent, Leg, Reach
+from wbc.walking.plans.reach import Extent, Leg, Reach, check_plan
 from wbc.walking.settings import Kind, WalkingControlSettings
 from wbc.walking.source import ReferenceSource
 from wbc.walking.stepping.gait import SteppingWalk
@@ -91,7 +91,11 @@ def steps_of(
         return {"planned": _planned(control, arms, source, s)}
     plan, steps = source or FootstepPlan.standing(robot), dict[Kind, Steps]()
     if "free" in s.kinds:
-        steps["free"] = _free(control, SteppingWalk.of(robot, dt, s.stepping, s.com_height, extent))
+        gait = SteppingWalk.of(robot, dt, s.stepping, s.com_height, extent)
+        check_start(robot, plan)
+        check_plan(plan, gait.reach or Reach.of(robot), extent)
+        steps["free"] = _free(control, gait)
+        plan = replace(plan, steps=())
     if "planned" in s.kinds:
         steps["planned"] = _planned(control, arms, planned_walk(robot, plan, dt, s, extent), s)
     return steps
