@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.robots.readers.actuators_mjcf import equalities_off
 from wbc.robots.readers.source_mjcf import placement_of
-from wbc.robots.readers.tree_mjcf import Tree
+from wbc.robots.readers.tree_mjcf import BALL, Tree
 
 
 @dataclass(frozen=True)
@@ -57,16 +57,18 @@ def find_chains(tree: Tree) -> list[Chain]:
 
 
 def joints_of(tree: Tree, chains: list[Chain]) -> set[str]:
-    """Return the joints between the ends of closed chains."""
-    model, names = tree.model, {number: name for name, number in tree.joints.items()}
-    found = set()
+    """Return the joints between the ends of closed chains; a ball joint there, which cannot be fixed, is refused."""
+    found = set[int]()
     for chain in chains:
         sides = []
         for body in chain.ends:
-            side, above = set(), body
+            side, above = set[int](), body
             while above:
-                side |= {names[joint] for joint in tree.joints_of(above) if joint in names}
-                above = int(model.body_parentid[above])
+                side |= set(tree.joints_of(above))
+                above = int(tree.model.body_parentid[above])
             sides.append(side)
         found |= sides[0] ^ sides[1]
-    return found
+    for joint in found:
+        if int(tree.model.jnt_type[joint]) == BALL:
+            raise tree.ball(joint)
+    return {name for name, joint in tree.joints.items() if joint in found}

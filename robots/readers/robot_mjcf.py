@@ -49,8 +49,9 @@ def fields(
     passive = {joint: at for joint, at in passive.items() if joint not in moved_along}
     if passive:
         tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
+    if held := [*passive, *tree.balls()]:
         tree.notes.append(
-            f"{UNMODELLED}{len(passive)} joints without an actuator, passive and taken as fixed: {listed([*passive])}"
+            f"{UNMODELLED}{len(held)} joints without an actuator, passive and taken as fixed: {listed(held)}"
         )
     chains = chains_mjcf.find_chains(tree)
     tree.ties += [chain.number for chain in chains]

@@ -43,6 +43,17 @@ class Tree:
         number = joint - int(self.model.body_jntadr[body])
         return f"{self.body_name(body)}_joint{number or ''}"
 
+    def balls(self) -> list[str]:
+        """Return the ball joints, which are all fixed."""
+        return [self.joint_name(joint) for joint in self.locked if int(self.model.jnt_type[joint]) == BALL]
+
+    def ball(self, joint: int) -> ModelError:
+        """Return the error of a ball joint that would have to move."""
+        return ModelError(
+            f"joint '{self.joint_name(joint)}' is a ball joint; joints of one coordinate are required: write three "
+            "hinges in its body in place of it, or fix it by three that are locked"
+        )
+
     def sites(self) -> dict[str, int]:
         """Return the named sites of the robot by the names of their frames, of which a link or a joint may have one."""
         model, found = self.model, {}
@@ -76,16 +87,13 @@ def find_tree(
         f"body '{tree.body_name(top)}' and what hangs on it is left out: no part of the robot"
         for top in sorted(tops)
     ]
-    known: dict[str, int] = {}
-    for body in bodies:
-        for joint in tree.joints_of(body):
-            name = tree.joint_name(joint)
-            if int(model.jnt_type[joint]) == BALL:
-                raise ModelError(
-                    f"joint '{name}' is a ball joint; joints of one coordinate are required: write three hinges in its "
-                    f"body in place of it, or fix it by three that are locked"
-                )
-            known[name] = joint
+    every = [joint for body in bodies for joint in tree.joints_of(body)]
+    known = {tree.joint_name(joint): joint for joint in every if int(model.jnt_type[joint]) != BALL}
+    driven = {each.joint for each in actuators(model) if each.gear != 0.0 and each.on} & set(every)
+    for joint in set(every) - set(known.values()):
+        if joint in driven or not driven:
+            raise tree.ball(joint)
+        tree.locked[joint] = 1.0  # a quaternion that turns by nothing
     for name, value in lock.items():
         tree.locked[known[choose("joint", name, known)]] = finite_scalar(f"locked joint '{name}'", value)
     _find_couplings(tree, known)

@@ -361,8 +361,31 @@ def test_joints_of_several_coordinates_are_refused_with_the_way_out(kind: str) -
             ARMED.replace('name="left_shoulder" type="revolute"', f'name="left_shoulder" type="{kind}"')
         )
     ball = ARM_MJCF.format(free="", first='<joint name="wrist" type="ball"/>')
-    with pytest.raises(ModelError, match="'wrist' is a ball joint.*three hinges"):
-        RobotDescription.from_mjcf(ball, base="fixed")
+    drive = '<actuator><motor joint="{}"/></actuator></mujoco>'
+    for xml in (ball, ball.replace("</mujoco>", drive.format("wrist"))):
+        with pytest.raises(ModelError, match="'wrist' is a ball joint.*three hinges"):
+            RobotDescription.from_mjcf(xml, base="fixed")
+
+
+def test_a_ball_joint_that_nothing_drives_is_fixed_as_other_passive_joints_are() -> None:
+    """In the controller's model alone: in a simulation of the file it swings."""
+    inertial = '<inertial pos=".1 0 0" mass=".5" diaginertia="1e-3 1e-3 1e-3"/>'
+    tail = f'<body name="tail" pos="-.1 0 .2" quat="0.8 0.6 0 0">{{}}{inertial}</body><joint name="waist"'
+    swings, stiff = (
+        biped().replace('<joint name="waist"', tail.format(joint), 1)
+        for joint in ('<joint name="ball" type="ball" pos="0 .1 0"/>', "")
+    )
+    description, own = RobotDescription.from_mjcf(swings), RobotDescription.from_mjcf(stiff)
+    np.testing.assert_array_equal(description.robot().mass_matrix, own.robot().mass_matrix)
+    assert any("passive" in line and "ball" in line for line in description.doubts())
+    loop = wbc.sim.MujocoLoop(description, mujoco.MjModel.from_xml_string(swings), control_period=0.002)
+    control = wbc.TorqueControl(wbc.balance_controller(description.robot(), 0.002))
+    while loop.time < 0.1:
+        loop.step(control.command(loop.measure()))
+    assert control.failures == 0 and abs(loop.truth().com - description.robot().com).max() < 0.01
+    tie = '<equality><connect body1="tail" body2="left_arm" anchor=".1 0 0"/></equality></mujoco>'
+    with pytest.raises(ModelError, match="'ball' is a ball joint"):
+        RobotDescription.from_mjcf(swings.replace("</mujoco>", tie))
 
 
 # ---- closed chains --------------------------------------------------------------------------------------------------
