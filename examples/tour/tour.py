@@ -27,6 +27,7 @@ from task import COMMANDS, DURATION, FLOOR, SECONDS, Effort, MovingArms, Teleope
 import wbc
 from wbc.app import Recorder
 from wbc.core.estimation.observer import ObserverSettings
+from wbc.policy import PolicyControl, PolicyGuard
 from wbc.sim import Machine, MujocoLoop, Simulation, trial_loop
 from wbc.sim.studies import Journal, SweepSummary, register_trial, sweep
 from wbc.sim.studies.outcomes import KINDS, Outcome, TrialKind
@@ -63,12 +64,15 @@ class Setup:
     drop: float = 0.0  # height over the ground at the start, m
     seconds: float = SECONDS
     engine: str = "mujoco"
+    policy: str = ""  # ONNX file of a policy that walks in place of the library
+    guarded: bool = False  # the library takes over where it fails
     settings: WalkingControlSettings | None = None
 
     @property
     def name(self) -> str:
         """Name of the row of such runs in a table, whatever the engine."""
         parts = ["force sensors" if self.force_sensors else "no force sensors"]
+        parts += [f"policy {Path(self.policy).stem}" + ", guarded" * self.guarded] if self.policy else []
         parts += [f"{self.noise} noise"] if self.noise != "none" else []
         parts += ["hybrid, machine's gains"] if self.mode == "hybrid" else []
         parts += [f"delays {1e3 * self.delay:g} + {1e3 * self.delay:g} ms"] if self.delay > 0.0 else []
@@ -111,7 +115,12 @@ class Tour:
         if setup.delay > 0.0:
             stated = ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)
             observer = wbc.Observer(robot, stated, adopt=True)
-        self.walking = WalkingControl(robot, None, PERIOD, settings, observer=observer)
+        self.walking: WalkingControl | PolicyControl | PolicyGuard
+        if setup.policy:
+            policy = PolicyControl(robot, setup.policy, PERIOD, observer=observer)
+            self.walking = PolicyGuard(policy) if setup.guarded else policy
+        else:
+            self.walking = WalkingControl(robot, None, PERIOD, settings, observer=observer)
         self.operator = Teleoperator(run, LIMITS)
         self.effort = Effort(robot.joint_names)
         self.punches = punches(run) if setup.punched else []
@@ -120,7 +129,9 @@ class Tour:
         self.fell: float | None = None
         self.told: tuple[float, str] | None = None
         if not setup.own_arms:
-            self.walking.release(model.ARMS)
+            guard = self.walking if isinstance(self.walking, PolicyGuard) else None
+            for each in (self.walking,) if guard is None else (guard.policy, guard.walking):
+                each.release(model.ARMS)
 
     @property
     def over(self) -> bool:
@@ -177,7 +188,8 @@ class Tour:
             "heading_error": headings,
             **self.effort.by_group(),
             "steps": self.walking.steps_done,
-            "failed_ticks": self.walking.control.failures,
+            "failed_ticks": getattr(self.walking, "control", self.walking).failures,
+            "relieved": getattr(self.walking, "relieved", ""),
             "told": self.told,
             "last_punch": None if last is None else [last.time, last.joint, *last.force.round(1).tolist()],
         }
@@ -323,6 +335,10 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     parser.add_argument(
         "--drop", type=float, default=0.0, help="height at the start (m), default on the ground"
     )
+    parser.add_argument("--policy", default="", help="ONNX file of a trained policy that walks in its place")
+    parser.add_argument(
+        "--guarded", action="store_true", help="the library takes over where the policy fails"
+    )
     parser.add_argument("--engine", default="mujoco", choices=tuple(ENGINES), help="physics engine")
     parser.add_argument(
         "--seconds", type=float, default=SECONDS, help="time of a run (s), default %(default)s"
@@ -356,7 +372,11 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
         drop=options.drop,
         seconds=options.seconds,
         engine=options.engine,
+        policy=options.policy,
+        guarded=options.guarded,
     )
+    if setup.guarded and not setup.policy:
+        parser.error("a guard needs a policy: --policy FILE")
     try:
         rows = [row for file in files for row in read(file)]
         if options.film is not None:

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import tour
 from generator import Generator, seed_sequence
+from made_policies import write_network
 from table import PUBLISHED, table
 from task import (
     COMMANDS,
@@ -218,6 +219,10 @@ def test_setups_are_rows_of_the_table_and_another_engine_is_its_column() -> None
     assert "no force sensors, 2 runs" in lines[1] and lines[1].endswith("| 50 (dart, 1 run) |")
     assert "realistic noise, hybrid, machine's gains, delays 2 + 2 ms" in lines[2]
     assert "unranked" in tour.Setup(own_arms=True).name
+    names = {
+        tour.Setup(policy=policy, guarded=on).name for policy, on in (("", False), ("w", False), ("w", True))
+    }
+    assert len(names) == 3
 
 
 def test_a_run_is_a_trial_that_a_journal_keeps(tmp_path: Path) -> None:
@@ -230,6 +235,32 @@ def test_a_run_is_a_trial_that_a_journal_keeps(tmp_path: Path) -> None:
     ]
     file.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
     assert tour.read(file) == [{"run": 1}]
+
+
+@pytest.mark.parametrize("guarded", [False, True])
+def test_a_policy_is_sent_through_the_tour_while_somebody_else_moves_its_arms(
+    guarded: bool, tmp_path: Path
+) -> None:
+    """It stands by its servos until a punch; under a guard the library takes over when it asks for all torques."""
+    pytest.importorskip("onnxruntime")
+    description = wbc.RobotDescription.from_mjcf(model.load())
+    robot = description.robot()
+    weights = np.zeros((robot.na, 3))
+    weights[:, 0] = 1e3  # of the velocity ahead
+    q = standing(robot)[7:]
+    gains = np.array([robot.servos.kp, robot.servos.kd])
+    metadata = {
+        "joint_names": json.dumps(list(robot.joint_names)),
+        "joint_stiffness": json.dumps(gains[0].tolist()),
+        "joint_damping": json.dumps(gains[1].tolist()),
+        "default_joint_pos": json.dumps(q.tolist()),
+        "observation_names": "velocity_commands",
+    }
+    file = write_network(tmp_path / "mad.onnx", weights, metadata)
+    setup = tour.Setup(policy=str(file), guarded=guarded, punched=False, seconds=2.0)
+    row = tour.walk((10_000, setup))
+    assert row["survived"] > 1.0 or not guarded
+    assert bool(row["relieved"]) == guarded and (row["told"] is None) == guarded
 
 
 def test_the_machines_gains_are_those_of_its_servos() -> None:
