@@ -303,7 +303,7 @@ def test_the_text_of_a_stand_says_how_it_ended(capsys: Said, monkeypatch: pytest
     class Stood:
         hooks: list[Any] = []  # noqa: RUF012
         last = None
-        control = SimpleNamespace(reason="it is why")
+        drives = SimpleNamespace(reason="it is why")
 
         def __init__(self, spec: Any, **_: Any) -> None:
             self.spec = spec
