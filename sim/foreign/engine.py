@@ -244,8 +244,8 @@ class EngineLoop(Simulation):
         self._touched = EngineContacts(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.intp))
         self._sample()
 
-    def _follow(self, command: Command) -> None:
-        self._command = command
+    def _follow(self, order: Command) -> None:
+        self._command = order
 
     def _act(self) -> None:
         self._torque = self._drive(self._command)

@@ -181,8 +181,8 @@ class MujocoLoop(MujocoRobot):
         """Torques of the drives in the last physics step, a new array of shape (na,), Nm."""
         return self.actuators.torque(self.data)
 
-    def _follow(self, command: Command) -> None:
-        self._at_work = command
+    def _follow(self, order: Command) -> None:
+        self._at_work = order
 
     def _act(self) -> None:
         self.actuators.apply(self.data, self._at_work)

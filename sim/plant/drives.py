@@ -15,6 +15,9 @@ from wbc.robots.description import RobotDescription
 Gains = tuple[Array, Array]
 """kp and kd of all joints."""
 
+Targets = tuple[Array, Gains | None]
+"""Controls of the actuators, and gains of the servos; without gains they are off."""
+
 
 class Drives:
     """Actuator targets of a plant, whose actuators come in the order of the joints.
@@ -26,26 +29,22 @@ class Drives:
 
     def __init__(self, model: mujoco.MjModel, description: RobotDescription) -> None:
         self._model = model
-
         self._joint_names = description.joint_names
         self._own = np.array(description.kp), np.array(description.kd)
-        self.target, self._servo_part = np.zeros(model.nu), np.zeros(model.nu)
+        self._servo_part = np.zeros(model.nu)
         self._gains: Gains | None = self._own  # those at work; None: servos off
-        self._read: tuple[Array, Gains | None] = self.target, self._own  # of the last command
 
-    def reset(self, position: Array) -> None:
+    def reset(self, position: Array, controls: Array) -> None:
         """Hold joint positions, shape (na,), with the servos."""
         self._switch(self._own)
-        np.multiply(self._own[0], position, out=self.target)
+        np.multiply(self._own[0], position, out=controls)
 
-    def read(self, command: Command) -> None:
-        """Check a command and compute its targets, for `follow`."""
-        if not isinstance(command, Command):
-            raise InputError(f"a plant takes a Command, got {shown(command)}")
+    def read(self, command: Command) -> Targets:
+        """Return the targets of a command, whose arrays the next one overwrites, or raise an `InputError`."""
         position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
         gains: Gains | None = None
         parts = [part for part in (position, velocity, command.kp, command.kd) if part is not None]
-        if any(getattr(part, "shape", None) != self.target.shape for part in (torque, *parts)):
+        if any(getattr(part, "shape", None) != self._servo_part.shape for part in (torque, *parts)):
             command.check(self._joint_names)
             raise InputError(f"parts of a command must be NumPy arrays, got {shown(command)}")
         if position is None:
@@ -63,14 +62,14 @@ class Drives:
         if not math.isfinite(target.dot(target)):
             command.check(self._joint_names)
             raise InputError("command: references so large that their squares are not finite")
-        self._read = target, gains
+        return target, gains
 
-    def follow(self) -> None:
-        """Act on the command that was read last; gains change suddenly."""
-        target, gains = self._read
+    def follow(self, targets: Targets, controls: Array) -> None:
+        """Write targets into the controls of the simulation; gains change suddenly."""
+        target, gains = targets
         if gains is not self._gains:
             self._switch(gains)
-        self.target[:] = target
+        controls[:] = target
 
     def _switch(self, gains: Gains | None) -> None:
         """Set the gains of the servos: they are the bias of the actuators."""

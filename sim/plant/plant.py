@@ -30,7 +30,7 @@ from wbc.feet import foot as foot_by_name
 from wbc.ground import PointCloud
 from wbc.robots.description import RobotDescription
 from wbc.robots.registry import as_description
-from wbc.sim.plant.drives import Drives
+from wbc.sim.plant.drives import Drives, Targets
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.eyes.eyes import Eyes
 from wbc.sim.plant.fitting import FootDevices
@@ -194,8 +194,7 @@ class Plant(MujocoRobot):
         mujoco.mj_resetData(self.model, data)
         self._set_state(q, v)
         self._loads.clear()
-        self._drives.reset(q[7:])
-        data.ctrl[:] = self._drives.target
+        self._drives.reset(q[7:], data.ctrl)
         self._late_feet.clear()
 
     def _begin(self) -> None:
@@ -254,15 +253,14 @@ class Plant(MujocoRobot):
         """Return the readings of the range sensors and of the stiffness actuators now, both of shape (soles,)."""
         return self._devices.ranges(self.data), self._devices.stiffness()
 
-    def _readable(self, command: Command) -> Command:
-        self._drives.read(command)
+    def _read(self, command: Command) -> tuple[Targets, Array | None]:
         self._devices.check(command.sole_stiffness)
-        return command
+        return self._drives.read(command), command.sole_stiffness
 
-    def _take(self, command: Command) -> None:
+    def _take(self, order: tuple[Targets, Array | None]) -> None:
         if self._until_due:
             self._set_soles(None, self._until_due)
-        super()._take(command)
+        super()._take(order)
         if self._loads.changing:
             self._loads.advance(self.control_period)
 
@@ -300,12 +298,10 @@ class Plant(MujocoRobot):
         if self._devices.advance(stiffness, duration):
             self._refresh()  # the springs' forces belong to the half of the coming step that is done already
 
-    def _follow(self, command: Command) -> None:
-        self._set_soles(command.sole_stiffness, self._from_due)
-        if self._late is not None:  # without a delay it has just been read
-            self._drives.read(command)
-        self._drives.follow()
-        self.data.ctrl[:] = self._drives.target
+    def _follow(self, order: tuple[Targets, Array | None]) -> None:
+        targets, stiffness = order
+        self._set_soles(stiffness, self._from_due)
+        self._drives.follow(targets, self.data.ctrl)
 
     def _integrate(self) -> None:
         # The first half of a step computes positions, velocities and contacts: `_refresh` may have done it.

@@ -304,31 +304,31 @@ class Simulation(ABC):
         """
         step_together((self,), (command,))
 
-    def _checked(self, command: Command) -> Command:
-        """Return a command that the drives can follow; see `step` for what is refused."""
+    def _checked(self, command: Command) -> Any:
+        """Return what the drives make of a command; see `step` for what is refused."""
         if self.diverged is not None:
             raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
         if not isinstance(command, Command):
             raise InputError(f"a simulation takes a Command, got {shown(command)}")
         if command.period is not None and command.period != self.control_period:
             _check_period(command.period, self.control_period)
-        return self._readable(command)
+        return self._read(command)
 
-    def _readable(self, command: Command) -> Command:
-        """Return a command as the drives read it, or raise an `InputError`."""
+    def _read(self, command: Command) -> Any:
+        """Return an order to the drives: a command as they take it; `InputError` for one that they cannot follow."""
         return command.check(self.robot.joint_names)
 
-    def _take(self, command: Command) -> None:
-        """Take a checked command, which acts from now on, or after the delay of the machine."""
+    def _take(self, order: Any) -> None:
+        """Take an order, which acts from now on, or after the delay of the machine."""
         self._measurement = self._truth = None
         if self._late is None:
-            self._follow(command)
+            self._follow(order)
         else:
-            self._late.push(command)
+            self._late.push(order)
 
     @abstractmethod
-    def _follow(self, command: Command) -> None:
-        """Act on a checked command from the coming physics step on."""
+    def _follow(self, order: Any) -> None:
+        """Act on an order of `_read` from the coming physics step on."""
 
     @abstractmethod
     def _act(self) -> None:
@@ -359,9 +359,9 @@ def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> 
     Forces are recorded in each physics step. The rest is brought up to date at the end, and before that where sensors
     are read, which have a latency then, or pushes act.
     """
-    taken = [robot._checked(command) for robot, command in zip(robots, commands, strict=True)]
-    for robot, command in zip(robots, taken, strict=True):
-        robot._take(command)
+    orders = [robot._checked(command) for robot, command in zip(robots, commands, strict=True)]
+    for robot, order in zip(robots, orders, strict=True):
+        robot._take(order)
     first = robots[0]
     for left in range(first.steps - 1, -1, -1):
         for robot in robots:
