@@ -304,10 +304,8 @@ class RowStore:
 
     def error_of(self, task: Task) -> Array:
         """Return the error of a task at the last tick, shape (dim,), a copy; zero for one that is not there."""
-        rows = self.places.get(task.name)
-        if rows is None:
-            return np.zeros(task.dim)
-        return self._error[rows.start - self._start : rows.stop - self._start].copy()
+        found = [block.error for block in self._tasks if block.item is task]
+        return found[0].copy() if found else np.zeros(task.dim)
 
     def not_finite(self) -> dict[str, float]:
         """Return what has NaN or infinity in it: name of a task or of a group of constraints → NaN."""
@@ -320,7 +318,7 @@ class RowStore:
         found = {name: float("nan") for name, inside in groups.items() if not inside.all()}
         for block in (*self._tasks, *self._on_variables):
             task = block.item
-            target = self.targets[self.places[task.name]]
+            target = self.targets[self._start :][block.place]
             if not (np.isfinite(target).all() and np.isfinite(block.jacobian).all()):
                 found[f"{'hard ' * task.hard}task '{task.name}'"] = float("nan")
         return found
