@@ -167,6 +167,38 @@ class Task(Motion):
         self.revision += 1
         self.idle = not (self._hard or self._rows.weight.any())
 
+    def _used_joints(self, robot: Robot) -> Sequence[str] | None:
+        """Return the joints that the task may use; None for all."""
+        return self._choice.joints
+
+    @property
+    def spared(self) -> NDArray[np.intp]:
+        """Velocity coordinates whose motion the task expects but does not use, shape (n,); empty at first.
+
+        For the centre of mass they are, for example, those of an arm that has a task of its own; for a hand, those of
+        the body that carries the hand. Assigning them sets their expected accelerations to zero. Joints that the option
+        `joints` leaves out are taken into account as well, with an expected acceleration of zero.
+        """
+        return self._choice.spared
+
+    @spared.setter
+    def spared(self, value: NDArray[np.intp]) -> None:
+        if np.size(value) and not self._over_joints:
+            raise InputError(
+                f"the rows of task '{self.name}' are not over joints of which it could spare some"
+            )
+        self._choice.spare(self.name, value)
+        self.revision += 1
+
+    @property
+    def spared_acceleration(self) -> Array:
+        """Expected accelerations of the coordinates in `spared`, shape (n,)."""
+        return self._choice.expected[: self._choice.spared.size]
+
+    @spared_acceleration.setter
+    def spared_acceleration(self, value: Array) -> None:
+        self._choice.expected[: self._choice.spared.size] = value
+
     def _critical_damping(self, stiffness: Array) -> Array:
         """Return none for a task on a velocity, whose error decays with its stiffness alone; see `Motion`."""
         return 0.0 * stiffness if self.of_velocity else super()._critical_damping(stiffness)
@@ -524,38 +556,6 @@ class Task(Motion):
         raise InputError(
             f"task '{self.name}' reads sensors: give the measurement of the tick, controller.solve(measurement)"
         )
-
-    def _used_joints(self, robot: Robot) -> Sequence[str] | None:
-        """Return the joints that the task may use; None for all."""
-        return self._choice.joints
-
-    @property
-    def spared(self) -> NDArray[np.intp]:
-        """Velocity coordinates whose motion the task expects but does not use, shape (n,); empty at first.
-
-        For the centre of mass they are, for example, those of an arm that has a task of its own; for a hand, those of
-        the body that carries the hand. Assigning them sets their expected accelerations to zero. Joints that the option
-        `joints` leaves out are taken into account as well, with an expected acceleration of zero.
-        """
-        return self._choice.spared
-
-    @spared.setter
-    def spared(self, value: NDArray[np.intp]) -> None:
-        if np.size(value) and not self._over_joints:
-            raise InputError(
-                f"the rows of task '{self.name}' are not over joints of which it could spare some"
-            )
-        self._choice.spare(self.name, value)
-        self.revision += 1
-
-    @property
-    def spared_acceleration(self) -> Array:
-        """Expected accelerations of the coordinates in `spared`, shape (n,)."""
-        return self._choice.expected[: self._choice.spared.size]
-
-    @spared_acceleration.setter
-    def spared_acceleration(self, value: Array) -> None:
-        self._choice.expected[: self._choice.spared.size] = value
 
     def _resize(self, dim: int) -> None:
         """Change the number of rows of a task without a choice of axes, whose numbers are the same for all rows."""
