@@ -21,6 +21,7 @@ from wbc.app.log.signals import Signals
 from wbc.app.log.sources import foot_names, joint_units, torque_units
 from wbc.app.log.stances import MIN_LOAD, corners, stances, support_box
 from wbc.app.log.writer import LogWriter
+from wbc.app.plot import balance
 from wbc.app.plot.balance import _errors, _repeats
 from wbc.app.plot.figures import draw, missing
 from wbc.app.plot.signals import MAX_SIGNALS, draw_signals, select
@@ -276,6 +277,28 @@ def test_a_plan_is_as_large_wherever_the_world_begins(tmp_path: Path) -> None:
     np.testing.assert_allclose(there.get_size_inches(), here.get_size_inches(), rtol=1e-6)
     np.testing.assert_allclose(there.axes[0].get_xlim(), [x0 + 70.0, x1 + 70.0])
     np.testing.assert_allclose(there.axes[0].get_ylim(), [y0 - 50.0, y1 - 50.0])
+
+
+@pytest.mark.parametrize("size", [(0.9, 0.4), (0.3, 1.2), (4.0, 0.1)])
+@pytest.mark.parametrize("begin", [(-0.2, -0.1), (5.0, -7.0)])
+def test_a_plan_leaves_four_centimetres_and_a_fiftieth_of_its_size_around_it(
+    size: tuple[float, float], begin: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In one scale: twelve inches wide, from 1.6 to 6 inches high, and 0.9 of text."""
+    (w, h), (x, y) = size, begin
+    corners = np.array([[x, y, 0.0], [x + w, y, 0.0], [x + w, y + h, 0.0], [x, y + h, 0.0]])
+    monkeypatch.setattr(balance, "stances", lambda log, which="reference": [SimpleNamespace(corners=corners)])
+    monkeypatch.setattr(balance, "_one_plan", lambda *parts: None)
+    monkeypatch.setattr(balance, "labels", lambda logs: ["a", "b"])
+    room = 0.04 + 0.02 * max(size)
+    span = x - room, x + w + room, y - room, y + h + room
+    log: Any = {}
+    assert balance._span(log) == pytest.approx(span)
+    figure = balance.draw_plan([log, log])
+    height = min(6.0, max(1.6, 0.86 * 12.0 * (h + 2.0 * room) / (w + 2.0 * room)))
+    assert tuple(figure.get_size_inches()) == pytest.approx((12.0, 2.0 * height + 1.8))
+    for ax in figure.axes:
+        assert (*ax.get_xlim(), *ax.get_ylim()) == pytest.approx(span)
 
 
 def test_a_plan_without_the_truth_is_that_of_the_estimate(tmp_path: Path) -> None:
