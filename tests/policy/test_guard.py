@@ -13,7 +13,7 @@ from made_policies import DT, G1, REST, Known, bobbing, control
 import wbc
 from wbc.app import Log, Recorder
 from wbc.base.errors import InputError
-from wbc.policy import PolicyDescription, PolicyGuard, Term
+from wbc.policy import PolicyControl, PolicyDescription, PolicyGuard, Term
 from wbc.walking import WalkingControl, WalkingControlSettings
 
 
@@ -99,6 +99,25 @@ def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tm
     seen = len(network.seen)
     run_guard(plant, guard, 0.2)
     assert not guard.relieved and len(network.seen) - seen == 10 and guard.fallen is None
+
+
+def test_a_robot_of_a_file_is_taken_over_and_walks_on() -> None:
+    description = wbc.RobotDescription.from_mjcf(Path(__file__).parents[2] / "examples" / "biped.xml")
+    robot, plant = description.robot(), wbc.Plant(description, control_period=DT, noise="realistic")
+    about = PolicyDescription(
+        joints=tuple(robot.joint_names),
+        default=tuple(robot.half_sitting[7:]),
+        kp=tuple(robot.servos.kp),
+        kd=tuple(robot.servos.kd),
+        observation=(Term("gravity"),),
+    )
+    guard = PolicyGuard(PolicyControl(robot, Known(3, robot.na), DT, description=about))
+    run_guard(plant, guard, 0.3)
+    guard.take_over()
+    run_guard(plant, guard, 1.0)
+    guard.velocity = (0.15, 0.0, 0.0)
+    run_guard(plant, guard, 2.5)
+    assert guard.fallen is None and guard.steps_done >= 2 and plant.truth().com[0] > 0.1
 
 
 @pytest.mark.parametrize(

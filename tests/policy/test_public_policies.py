@@ -6,6 +6,7 @@ import importlib
 import re
 import subprocess
 import sys
+import urllib.request
 import zipfile
 from pathlib import Path
 
@@ -28,9 +29,13 @@ ROOT = Path(__file__).resolve().parents[2]
 DT = 0.002
 
 
+T1 = "https://raw.githubusercontent.com/amazon-far/holosoma/main/src/holosoma/holosoma/data/robots/t1/t1_29dof.xml"
+"""Model of the Booster T1 for which its policies were trained."""
+
+
 @pytest.fixture(scope="module")
-def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a public policy of the g1 with the description that the page of policies prints."""
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the wheel of the public policies."""
     folder = tmp_path_factory.mktemp("holosoma")
     done = subprocess.run(
         [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "-d", str(folder), WHEEL],
@@ -40,15 +45,62 @@ def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     if done.returncode:
         pytest.skip(f"{WHEEL} cannot be had: {done.stderr.strip().splitlines()[-1:]}")
+    return folder
+
+
+def unpacked(folder: Path, name: str, block: int) -> Path:
+    """Return a policy of the wheel with the description beside it that the page of policies prints, by number."""
     (wheel,) = folder.glob("*.whl")
+    file = folder / Path(name).name
     with zipfile.ZipFile(wheel) as content:
-        name = "holosoma_inference/models/loco/g1_29dof/fastsac_g1_29dof.onnx"
-        (folder / "walk.onnx").write_bytes(content.read(name))
+        file.write_bytes(content.read(f"holosoma_inference/models/{name}"))
     page = (ROOT / "docs" / "policies.md").read_text(encoding="utf-8")
-    toml = re.search(r"```toml\n(.*?)```", page, re.DOTALL)
-    assert toml is not None
-    (folder / "walk.toml").write_text(toml[1], encoding="utf-8")
-    return folder / "walk.onnx"
+    text = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[block]
+    file.with_suffix(".toml").write_text(text, encoding="utf-8")
+    return file
+
+
+@pytest.fixture(scope="module")
+def walk(wheel: Path) -> Path:
+    """Return a public policy of the g1."""
+    return unpacked(wheel, "loco/g1_29dof/fastsac_g1_29dof.onnx", 0)
+
+
+@pytest.mark.slow
+def test_a_public_policy_of_the_t1_walks_and_is_taken_over(wheel: Path) -> None:
+    try:
+        with urllib.request.urlopen(T1, timeout=20.0) as answer:  # a fixed address
+            (wheel / "t1.xml").write_bytes(answer.read())
+    except OSError as error:
+        pytest.skip(f"the model of the T1 cannot be had: {error}")
+    description = wbc.RobotDescription.from_mjcf(wheel / "t1.xml", meshes=False)
+    file = unpacked(wheel, "loco/t1_29dof/fastsac_t1_29dof.onnx", 1)
+    plant = wbc.Plant(description, control_period=DT, noise="realistic")
+    guard = PolicyGuard(PolicyControl(description.robot(), file, DT))
+    while plant.time < 7.0:
+        if plant.time < 4.0:
+            guard.velocity = (0.5, 0.0, 0.0) if plant.time > 1.0 else None
+        elif not guard.relieved:
+            walked = plant.truth().com[0]
+            guard.take_over()
+        plant.step(guard.command(plant.measure()))
+    assert walked > 0.8 and guard.fallen is None
+    assert np.linalg.norm(plant.truth().com_velocity) < 0.05 and plant.truth().com[2] > 0.45
+
+
+@pytest.mark.slow
+def test_a_public_policy_dances(wheel: Path) -> None:
+    """It tracks the motion in its network, from the first frame on."""
+    file = unpacked(wheel, "wbt/ppo_g1_29dof_dancing.onnx", 2)
+    plant = wbc.Plant("g1", control_period=DT, noise="realistic")
+    policy = PolicyControl(plant.description.robot(), file, DT)
+    errors = []
+    while plant.time < 12.0:
+        plant.step(policy.command(plant.measure()))
+        if plant.time > 1.0:
+            q = np.array(plant.truth().q[7:])
+            errors.append(np.abs(q - policy.motion.frame.position).mean())
+    assert policy.fallen is None and policy.motion.step == 600 and np.mean(errors) < 0.15
 
 
 @pytest.mark.slow
