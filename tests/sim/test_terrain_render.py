@@ -252,3 +252,39 @@ def test_pictures_of_grounds_have_their_profiles_extents_and_figures(monkeypatch
         assert tuple(ax.get_images()[0].get_extent()) == pytest.approx(
             (shown.start - 0.1, shown.start + 2.0, *shown.extent[2:])
         )
+
+
+def test_slippery_stretches_are_drawn_over_the_width_of_the_track_and_touch_nothing() -> None:
+    """A millimetre thick, in their colour; sensors do not see them."""
+    ground = terrain("flat", slippery=(0.5, 1.25, 0.2, 2.0, 2.1, 0.3))
+    spec = mujoco.MjSpec()
+    add_to_spec(spec, ground)
+    model = spec.compile()
+    _, _, right, left = ground.extent
+    assert left - right == pytest.approx(1.0)
+    for k, (start, end) in enumerate(((0.5, 1.25), (2.0, 2.1))):
+        geom = model.geom(f"terrain_slippery_{k}")
+        assert geom.size == pytest.approx([0.5 * (end - start), 0.5 * (left - right), 0.0005])
+        assert geom.pos == pytest.approx([0.5 * (start + end), 0.5 * (left + right), 0.0])
+        assert geom.contype == geom.conaffinity == 0 and geom.group == 1
+        assert TERRAIN_GROUP != 1 and geom.rgba[2] > geom.rgba[0]  # bluish, as ice
+    assert model.body_mass.sum() == 0.0 and model.ngeom == 3
+
+
+def test_a_field_is_drawn_between_its_lowest_and_highest_height() -> None:
+    for name in ("image", "level"):
+        ground = _image() if name == "image" else terrain("iso8608", 0.0, 1, isotropic=True)
+        spec = mujoco.MjSpec()
+        field = add_to_spec(spec, ground).surface.field
+        if field is None:
+            assert name == "level"
+            continue
+        model, low, high = spec.compile(), float(field.z.min()), float(field.z.max())
+        geom = model.geom("terrain_field")
+        wide = [(field.x1 - field.x0) / 2.0, (field.y1 - field.y0) / 2.0]
+        assert model.hfield_size[0] == pytest.approx([*wide, (high - low) or 1e-3, model.hfield_size[0, 3]])
+        assert geom.pos == pytest.approx([(field.x0 + field.x1) / 2.0, (field.y0 + field.y1) / 2.0, low])
+        assert [int(model.hfield_nrow[0]), int(model.hfield_ncol[0])] == list(field.z.shape)
+        data = model.hfield_data.reshape(field.z.shape)
+        assert data == pytest.approx((field.z - low) / ((high - low) or 1.0), abs=1e-6)
+        assert model.body_mass.sum() == 0.0
