@@ -12,7 +12,7 @@ from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere
 from wbc.ground import HeightMap, KnownGround, PointCloud
 from wbc.ground.body import OwnBody
 from wbc.ground.cloud import ElevationMap
-from wbc.ground.footprint import ACROSS, HIGH, Footprint, FootprintSettings
+from wbc.ground.footprint import ACROSS, HIGH, LOADS, NOTHING, SLOPES, Footprint, FootprintSettings
 from wbc.ground.height_map import HeightMapSettings
 from wbc.ground.known import FUSED, GroundSettings
 from wbc.robots import load
@@ -318,3 +318,12 @@ def test_no_sole_rests_over_a_high_edge_with_more_than_a_fifth_of_it() -> None:
             assert found is not None
             back = 0.02 * max(0, rows - 2) if depth > HIGH else 0.0
             assert found.x == pytest.approx(-back) and found.z == pytest.approx(0.0)
+
+
+def test_slopes_and_loads_of_a_sole_are_the_same_to_both_sides() -> None:
+    """They increase, with level ground in the middle; loads are at the centre and about it."""
+    np.testing.assert_array_equal(SLOPES, -SLOPES[::-1])
+    assert (np.diff(SLOPES) > 0.0).all() and SLOPES[5] == 0.0 and len(SLOPES) == 11
+    assert {tuple(load) for load in LOADS.T} == {tuple(-load) for load in LOADS.T}
+    assert (LOADS[:, 0] == 0.0).all() and len({tuple(load) for load in LOADS.T}) == 5
+    assert NOTHING < -100.0  # deeper than any ground, so that it carries nothing

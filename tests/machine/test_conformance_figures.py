@@ -16,6 +16,7 @@ from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
 from wbc.machine import conformance
 from wbc.machine.conformance import Check
+from wbc.machine.conformance.joints import PULSES
 
 NAMES = DESCRIPTION.joint_names
 NA = len(NAMES)
@@ -245,3 +246,9 @@ def test_an_imu_of_a_robot_that_hangs_is_told_by_the_vertical(angle: float, stat
     found = checks_of(Hung(turned))["IMU frame"]
     assert numbers(found)[0] == pytest.approx(float(turn[2, 2]), abs=1e-3)
     assert found.state == state == ("ok" if turn[2, 2] > 0.95 else "wrong")
+
+
+def test_pulses_of_torque_leave_neither_a_velocity_nor_a_drift_of_it() -> None:
+    """Their sum and their first moment are zero: what drifts steadily cancels out of the mean answer."""
+    assert sum(PULSES) == sum(k * sign for k, sign in enumerate(PULSES)) == 0.0
+    assert PULSES[0] > 0.0 and {abs(sign) for sign in PULSES} == {1.0}

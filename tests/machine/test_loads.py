@@ -12,6 +12,7 @@ import wbc
 from wbc import Measurement
 from wbc.core.robot import GRAVITY
 from wbc.machine.loads import SoleLoads
+from wbc.machine.start import Landing
 
 G1 = wbc.load_robot("g1")
 ROBOT = G1.robot()
@@ -144,3 +145,25 @@ def test_a_base_that_is_accelerated_moves_and_forgets() -> None:
         for _ in range(10):
             wanted = (wanted + counts * PERIOD * extra * GRAVITY) * decay
         assert loads._speed == pytest.approx([0.0, 0.0, wanted], abs=1e-9)
+
+
+@pytest.mark.parametrize("period", [0.002, 0.005, 0.05])
+def test_legs_of_a_robot_that_hangs_turn_by_their_speed_in_the_time_of_a_tick(period: float) -> None:
+    """0.3 rad/s, for 20 ms a tick at most; the lean that they follow is a mean over half a second."""
+    loads = loads_of(period)
+    landing = Landing(ROBOT, loads)
+    rest = ROBOT.half_sitting[7:]
+    before, lean_of = rest, 0.0
+    for tick in range(5):
+        now = measured(tick * period, pitch=0.3)
+        loads.wrenches(now)
+        joints = landing.reference(now)
+        passed = min(period, 0.02) if tick else 0.02  # nothing is known of the time before the first
+        lean_of += passed / 0.5 * (0.3 - lean_of)
+        assert pin.rpy.matrixToRpy(landing._attitude) == pytest.approx([0.0, lean_of, 0.0], abs=1e-9)
+        assert np.abs(joints - before).max() == pytest.approx(0.3 * passed, abs=1e-9 + 0.02 * passed)
+        before = joints
+    loads.wrenches(measured(5 * period, (0.5 * WEIGHT, 0.5 * WEIGHT)))
+    assert loads.share > 0.05
+    held = landing.reference(measured(5 * period, pitch=0.3))
+    assert np.array_equal(held, before)

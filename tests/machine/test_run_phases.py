@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import types
 from collections.abc import Callable
 from typing import Any
@@ -186,3 +187,32 @@ def test_a_machine_of_which_nothing_is_heard_is_not_started() -> None:
         and machine.damped == 50
         and not machine.sent
     )
+
+
+def test_a_message_that_is_late_is_waited_for_a_period_and_up_to_the_time_out() -> None:
+    """Whatever comes is the beat of the loop; after the last one it is a period and what is left of the time-out."""
+    machine = StillMachine(lambda time: 1.0)
+    runner = runner_of(machine, robot_timeout=0.025)
+    heard, waited, read = [], [], machine.read
+
+    def listen(timeout: float) -> Measurement | None:
+        if machine.now > 0.305:
+            waited.append(timeout)
+            machine.clock.time += timeout
+            return None
+        if timeout == 0.0 and machine.now < 0.2:  # it comes 3 ms after the loop has looked for it
+            return None
+        machine.clock.time += 0.003 * (machine.now < 0.2)
+        got = read(timeout)
+        if got is not None:
+            heard.append(machine.now)
+        return got
+
+    machine.read = listen  # type: ignore[method-assign]
+    report = runner.run(1.0)
+    assert report.reason == "no measurement for 25 ms"
+    first, *beats = heard
+    early = [b - a for a, b in itertools.pairwise(heard) if b < 0.2]
+    assert first == pytest.approx(0.003) and len(early) > 10
+    assert early[1:] == pytest.approx([0.013] * len(early[1:]))  # a period after the last one came, and 3 ms
+    assert [t for t in waited if t > 0.0] == pytest.approx([0.01, 0.005], abs=1e-9)

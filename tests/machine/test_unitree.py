@@ -22,6 +22,7 @@ from wbc.base.errors import InputError
 from wbc.machine import Runner, RunSettings, UnitreeDriver
 from wbc.machine.report import Phase
 from wbc.machine.unitree import DdsError, driver
+from wbc.machine.unitree.dds import Topics
 from wbc.machine.unitree.wire import (
     ENABLED,
     G1_MOTORS,
@@ -370,3 +371,29 @@ def test_a_g1_in_another_process_is_driven_over_loopback() -> None:
         assert report.reason == "stopped", str(report)
         assert Phase.RUN in [phase for phase, _ in report.phases]
         driver.write(Command(np.zeros(29)))
+
+
+@pytest.mark.parametrize("timeout", [0.0, 0.25])
+def test_a_topic_is_waited_for_up_to_its_time_and_its_newest_message_counts(timeout: float) -> None:
+    """Messages that cannot be read, and notes without one, are left out; nothing is waited for if one is there."""
+    topics, waited = object.__new__(Topics), []
+    record = np.zeros((), LOW_STATE)
+    good = []
+    for tick in (3, 4):
+        record["tick"] = tick
+        good.append(SimpleNamespace(payload=to_cdr(record)))
+    note, torn = SimpleNamespace(), SimpleNamespace(payload=good[0].payload[:20])
+    for now, later, tick in (
+        ([*good, torn, note], None, 4),
+        ([good[1], good[0]], None, 3),
+        ([], [good[0], torn], 3 if timeout else None),
+        ([], [], None),
+        ([torn], [good[0]], None),
+    ):
+        left = [now, later]
+        topics._reader = SimpleNamespace(take=lambda count, left=left: left.pop(0))
+        topics._waiting = SimpleNamespace(wait=waited.append)
+        waited.clear()
+        found = topics.read(LOW_STATE, timeout)
+        assert (None if found is None else int(found["tick"])) == tick
+        assert waited == ([] if now or not timeout else [250_000_000])  # ns

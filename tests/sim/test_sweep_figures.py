@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import types
 from concurrent.futures import CancelledError, Executor, Future
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 from sweep_trials import MadeUpTrial
 
 from wbc.sim.studies.journal import Entry, Journal
-from wbc.sim.studies.outcomes import Outcome
+from wbc.sim.studies.outcomes import Outcome, run_trial
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, Study
 from wbc.sim.studies.study_table import cause_of, layout_of, part_of, study_table
@@ -231,3 +232,50 @@ def test_variables_of_the_environment_are_set_for_a_block_alone(monkeypatch: pyt
         raise ZeroDivisionError
     assert os.environ["OMP_NUM_THREADS"] == "7" and "WBC_MADE_UP" not in os.environ
     assert set(module.ONE_THREAD.values()) == {"1"}
+
+
+def test_a_process_that_is_stuck_ends_thirty_seconds_after_twice_its_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It is told to do so for the time of the trial alone, and never without a time-out."""
+    calls: list[Any] = []
+    stand_in = types.SimpleNamespace(
+        dump_traceback_later=lambda seconds, **how: calls.append((seconds, how)),
+        cancel_dump_traceback_later=lambda: calls.append("off"),
+    )
+    monkeypatch.setattr("wbc.sim.studies.outcomes.faulthandler", stand_in)
+    assert run_trial(MadeUpTrial(3), 10.0, exit_when_stuck=True).status == "done"
+    assert calls == [(50.0, {"exit": True, "file": 2}), "off"]
+    calls.clear()
+    assert run_trial(MadeUpTrial(3, "raise"), 1.0, exit_when_stuck=True).status == "crashed"
+    assert calls == [(32.0, {"exit": True, "file": 2}), "off"]
+    calls.clear()
+    run_trial(MadeUpTrial(3), 10.0)
+    run_trial(MadeUpTrial(3), None, exit_when_stuck=True)
+    assert not calls
+
+
+def test_a_local_process_ends_with_its_parent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It looks every second, and has another parent once its own is gone, from the first look on."""
+    for parents, looks in (((7, 7, 1), 2), ((1,), 0)):
+        seen, slept, ended = iter(parents), [], []
+        system = types.SimpleNamespace(getppid=lambda seen=seen: next(seen), _exit=ended.append)
+        monkeypatch.setattr(module, "os", system)
+        monkeypatch.setattr(module, "time", types.SimpleNamespace(sleep=slept.append))
+        monkeypatch.setattr(
+            module,
+            "threading",
+            types.SimpleNamespace(
+                Thread=lambda target, daemon, name: types.SimpleNamespace(start=target if daemon else None)
+            ),
+        )
+        monkeypatch.setattr(module, "logging", types.SimpleNamespace(getLogger=Silent, ERROR=40))
+        module._start_worker(7)
+        assert slept == [1.0] * looks and ended == [1]
+
+
+class Silent:
+    """A logger that takes its level."""
+
+    def setLevel(self, level: int) -> None:  # noqa: N802 - that of Python
+        assert level == 40

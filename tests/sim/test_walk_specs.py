@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import types
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from wbc.sim.simulation.machine import Machine
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import WalkPush
+from wbc.sim.walks import spec as module
 from wbc.sim.walks.plan import WalkPlan
+from wbc.sim.walks.presets import over
 from wbc.sim.walks.settings import without_law
 from wbc.sim.walks.spec import SEED_LIMIT, TOE_GAIT, WalkSpec
 from wbc.sim.walks.stiffness_policy import make_policy
@@ -333,3 +336,83 @@ def test_a_walk_that_goes_down_has_room_for_its_fall_below_its_height() -> None:
     least = 0.18 * scale
     assert drops[0.72] - drops[0.75] == pytest.approx(0.03)
     assert drops[None] == pytest.approx(least, abs=0.02) and drops[None] >= least - 1e-9
+
+
+def test_parts_of_a_preset_stay_under_those_that_are_given_but_for_what_belongs_to_a_value() -> None:
+    """Settings of one name are one, with and without the name of their group; a new foot has its own stiffness."""
+    lower = {
+        "foot": "soft",
+        "stiffness": 5.0,
+        "terrain": "stones",
+        "amplitude": 0.02,
+        "changes": {"gains.dcm_p": 3.0, "dcm_i": 1.0, "mpc.rate": 2.0},
+        "plan": {"distance": 2.0, "first": "left"},
+        "gait": {"apex": 0.05},
+    }
+    assert over({}, lower) == lower
+    assert over({"amplitude": 0.03}, lower) == {**lower, "amplitude": 0.03}
+    same = over({"foot": "soft"}, lower)
+    assert same == lower
+    other = over({"foot": "rigid", "terrain": "flat"}, lower)
+    assert {"stiffness", "amplitude"}.isdisjoint(other) and other["gait"] == {"apex": 0.05}
+    for given, kept in (
+        ({"dcm_p": 4.0}, {"dcm_i": 1.0, "mpc.rate": 2.0}),
+        ({"gains.dcm_p": 4.0}, {"dcm_i": 1.0, "mpc.rate": 2.0}),
+        ({"gains.dcm_i": 4.0}, {"gains.dcm_p": 3.0, "mpc.rate": 2.0}),
+        ({"p": 4.0, "cruise": 1.0}, {"gains.dcm_p": 3.0, "dcm_i": 1.0, "mpc.rate": 2.0}),
+    ):
+        assert over({"changes": given}, lower)["changes"] == {**kept, **given}
+    assert over({"plan": {"distance": 1.0}}, lower)["plan"] == {"distance": 1.0, "first": "left"}
+    assert over({"plan": {"turn": 1.0}}, lower)["plan"] == {"turn": 1.0}
+    assert over({"changes": None}, lower)["changes"] is None
+
+
+@pytest.mark.parametrize("seeing", [False, True])
+def test_a_trained_policy_has_the_eyes_that_it_needs_and_its_own_mode_and_gait(
+    seeing: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "check_trained", lambda name, robot: None)
+    monkeypatch.setattr(module, "sees", lambda name: seeing)
+    blind = WalkSpec(plan=SHORT)
+    for eyes in ("none", "depth", "toes"):
+        spec = replace(blind, eyes=eyes)
+        if (eyes != "none") == seeing:
+            assert spec._check_trained("made up") == "made up"
+            continue
+        rule = "depth or toes: it sees the ground" if seeing else "none: it does not see the ground"
+        with pytest.raises(
+            InputError, match=f"eyes of a walk by a trained policy must be {rule}, got '{eyes}'"
+        ):
+            spec._check_trained("made up")
+    right = replace(blind, eyes="depth" if seeing else "none")
+    for mode, good in (("torque", True), (None, True), ("position", False), ("hybrid", False)):
+        spec = replace(right, mode=mode)
+        if good:
+            spec._check_trained("made up")
+            continue
+        with pytest.raises(InputError, match=f"mode of a walk by a trained policy .* got '{mode}'"):
+            spec._check_trained("made up")
+    with pytest.raises(InputError, match="gait of a walk by a trained policy must be left out"):
+        replace(right, gait=Gait(apex=0.6))._check_trained("made up")
+
+
+def test_a_trained_policy_is_to_end_at_the_heading_that_its_orders_ask_for() -> None:
+    """Its heading at the start and the turn of its velocities; a controller of the library has a reference."""
+    trial: Any = WalkTrial(WalkSpec(plan=SHORT, start=(0.0, 0.0, 0.4)), visuals=False)
+    orders = ((0.5, 0.1, 0.0, 0.3), (1.5, 0.0, 0.0, 0.0))
+    assert trial._travel(None)["yaw_error"] == pytest.approx(0.0, abs=1e-9)
+    heading = trial._heading()
+    assert heading == pytest.approx(0.4)
+    made = types.SimpleNamespace(
+        spec=types.SimpleNamespace(start=(0.0, 0.0, 0.4), trained="made up"),
+        plant=trial.plant,
+        meter=trial.meter,
+        control=None,
+        _origin=trial._origin,
+        _heading=trial._heading,
+        _prepared=types.SimpleNamespace(orders=orders),
+    )
+    travel: Any = WalkTrial._travel
+    assert travel(made, None)["yaw_error"] == pytest.approx(-0.3)
+    made._prepared.orders = None
+    assert travel(made, None)["yaw_error"] == pytest.approx(0.0, abs=1e-9)
