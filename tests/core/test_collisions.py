@@ -451,6 +451,20 @@ def test_shapes_of_any_kind_keep_the_margin_before_a_target_behind_an_obstacle(
     check([outcome for seed in layouts if (outcome := run(seed, control)) is not None])
 
 
+@pytest.mark.parametrize("seed", [5222, 2891])
+def test_a_shape_that_whirls_around_a_ball_comes_no_closer_with_time(seed: int) -> None:
+    """At the greatest joint speeds the curvature of the way adds up: 1.2 and 0.4 mm if it did not count."""
+    outcome = run(seed, "kinematics")
+    assert outcome is not None and outcome.deepest < 5e-5
+
+
+@pytest.mark.parametrize("seed", [5217, 5447])
+def test_flat_sides_come_to_rest_beside_a_ball(seed: int) -> None:
+    """With a row for the nearest points alone they roll to and fro, with changes of 0.2 and 0.5 rad/s in a period."""
+    outcome = run(seed, "kinematics")
+    assert outcome is not None and outcome.jump < 0.03
+
+
 @pytest.mark.slow
 @pytest.mark.long
 @pytest.mark.parametrize("control", CONTROLS)

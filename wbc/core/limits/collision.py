@@ -439,12 +439,12 @@ class CollisionLimit(Barrier):
         if len(corners) > self.dim - self._n_pairs:
             corners = sorted(corners)[: self.dim - self._n_pairs]
         if near or corners:
-            self._put(rows, np.array(near + corners), len(near))
-            if of_velocity:
-                self._bend(rows)
+            self._put(rows, np.array(near + corners), len(near), of_velocity)
 
-    def _put(self, rows: Array, values: Array, n_near: int) -> None:
+    def _put(self, rows: Array, values: Array, n_near: int, of_velocity: bool) -> None:
         """Fill the rows of some pairs and, behind them, of some corners.
+
+        Of velocities the curvature of the way counts: what it takes from distances at the speed of the last step.
 
         With J the Jacobians of the joints at the origin of the world, a pair with the normal n from a point p₁ of the
         first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
@@ -457,17 +457,14 @@ class CollisionLimit(Barrier):
         self._room[1, filled], self._growth[filled] = values[:, 2], values[:, 3]
         moving = values[:, 4:10].dot(self._robot.joint_jacobians)
         moving *= self._moves[pairs]
-        rows[filled] = moving if self._leaders is None else moving.dot(self._leaders)
-
-    def _bend(self, rows: Array) -> None:
-        """Add by how much the curvature of the way takes from distances in a period, at the speed of the last step."""
-        robot, filled = self._robot, self._near[0]
-        growth = rows[filled].dot(robot.v) + self._growth[filled]
-        closing = (growth < -0.5 * self._room[1, filled] * self._per_time - SLOW).nonzero()[0]
-        if closing.size:
-            pin.forwardKinematics(robot.model, robot.data, robot.q, robot.v, np.zeros(robot.nv))
-            self._growth += 0.5 * self._dt * np.minimum(self._drift(closing), 0.0)
-            self._others = self._growth
+        rows[filled] = moving = moving if self._leaders is None else moving.dot(self._leaders)
+        if of_velocity:
+            robot, half = self._robot, 0.5 * self._per_time
+            closing = (moving.dot(robot.v) + values[:, 3] < -half * values[:, 2] - SLOW).nonzero()[0]
+            if closing.size:
+                pin.forwardKinematics(robot.model, robot.data, robot.q, robot.v, np.zeros(robot.nv))
+                self._growth += 0.5 * self._dt * np.minimum(self._drift(closing), 0.0)
+                self._others = self._growth
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', rows={self.dim})"
