@@ -1,4 +1,4 @@
-"""The MuJoCo plant: robot, feet and ground as one simulation with drives, sensors and pushes.
+"""The MuJoCo plant: robot, feet and ground in one model, and any robot in MuJoCo (`mujoco_robot`).
 
-A new sensor error goes to `sensors`, a new setting of the physics to `settings`.
+A new setting of the physics goes to `physics`; grounds and bodies around the robot enter by `model.surround`.
 """

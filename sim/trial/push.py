@@ -11,6 +11,7 @@ import numpy as np
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Angle, Count, NonNegative, Positive, Share, settings
+from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.trial.trial import TrialHook, TrialTick
 from wbc.walking.contact import LIFT_OFFS
 
@@ -46,6 +47,18 @@ class WalkPush:
             raise InputError("a push begins either at a time or at a step; give one of them")
 
 
+def push_along(
+    plant: Simulation,
+    impulse: float,
+    direction: float,
+    duration: float = PUSH_DURATION,
+    body: str = "torso",
+) -> None:
+    """Begin a horizontal push: impulse over the robot's mass, Ns/kg, direction in the world, rad, duration, s."""
+    force = impulse * plant.robot.mass / duration
+    plant.push(body, force * np.array([math.cos(direction), math.sin(direction), 0.0]), duration)
+
+
 class PushSchedule(TrialHook):
     """The pushes of a trial that have not begun yet."""
 
@@ -71,9 +84,7 @@ class PushSchedule(TrialHook):
             self._lift_off.setdefault(progress.steps_done + 1, (now, progress.cycle))
         for push in [push for push in self._pending if now >= self._due(push) - ROUNDING]:
             self._pending.remove(push)
-            force = push.impulse * plant.robot.mass / push.duration
-            along = np.array([math.cos(push.direction), math.sin(push.direction), 0.0])
-            plant.push(push.body, force * along, push.duration)
+            push_along(plant, push.impulse, push.direction, push.duration, push.body)
 
     def _due(self, push: WalkPush) -> float:
         """Return the time at which a push begins, s; infinite if its step has not begun."""

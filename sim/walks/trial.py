@@ -15,6 +15,7 @@ import numpy as np
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, choose
+from wbc.core.conventions import rotation_of
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor
@@ -44,6 +45,7 @@ from wbc.sim.walks.trained import trained_control, turned
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
+from wbc.walking.plans.footsteps import heading
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 LEAST_WAY = 0.05
@@ -222,8 +224,7 @@ class WalkTrial(Trial):
 
     def _heading(self) -> float:
         """Return the true heading of the pelvis, rad."""
-        i, j, k, w = self.plant.base_pose[3:]
-        return math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
+        return heading(rotation_of(np.array(self.plant.base_pose[3:])))
 
     def _travel(self, arrival: Arrival | None) -> dict[str, Any]:
         """Return the true displacement of the feet, the cost of transport, and the true errors of goal and heading."""

@@ -26,7 +26,6 @@ from wbc.app.view.controls import (
     MAX_IMPULSE,
     MAX_ORDERS,
     MAX_SPEED,
-    PUSH_DURATION,
     LiveControls,
     intervention_text,
     target_of,
@@ -37,6 +36,7 @@ from wbc.app.view.walk_hook import WatchWalk
 from wbc.app.view.workbench import Gizmo, Workbench, program_text
 from wbc.base.errors import InputError
 from wbc.core.signals import Command
+from wbc.sim.trial.push import PUSH_DURATION
 
 HRP4 = wbc.load_robot("hrp4_class")
 

@@ -29,10 +29,13 @@ import pinocchio as pin
 from wbc.app.arguments import attribute_docs
 from wbc.base.errors import InputError, WbcError, choose
 from wbc.base.numbers import finite_array, finite_scalar
+from wbc.core.conventions import rotation_of
 from wbc.core.qp.controller import Controller
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.plant import Plant
+from wbc.sim.trial.push import push_along
 from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.walking.plans.footsteps import heading
 
 if TYPE_CHECKING:
     from wbc.policy.control import PolicyControl
@@ -69,9 +72,6 @@ MAX_SPEED = 10.0
 
 MAX_ORDERS = 16
 """Largest number of orders that wait for a tick; older ones are dropped."""
-
-PUSH_DURATION = 0.1
-"""Duration of a push, s; that of `wbc.sim.WalkPush`."""
 
 
 class Setting(NamedTuple):
@@ -215,11 +215,8 @@ class LiveControls:
         impulse = finite_scalar(
             "impulse of a push (Ns/kg)", request.get("impulse"), low=0.0, high=MAX_IMPULSE
         )
-        x, y, z, w = self._plant.truth().q[3:7].tolist()
-        heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) + DIRECTIONS[side]
-        force = impulse * self._plant.robot.mass / PUSH_DURATION
-        along = [force * math.cos(heading), force * math.sin(heading), 0.0]
-        self._plant.push("torso", along, PUSH_DURATION)
+        ahead = heading(rotation_of(self._plant.truth().q[3:7]))
+        push_along(self._plant, impulse, ahead + DIRECTIONS[side])
         return {"direction": side, "impulse": impulse}
 
     def _stop(self, request: dict[str, Any]) -> dict[str, Any]:
