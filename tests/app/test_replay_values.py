@@ -20,7 +20,7 @@ from wbc.app.log.signals import Signal
 from wbc.app.replay import convert, film
 from wbc.app.replay.film import FOLLOW_TIME, Marks
 from wbc.app.replay.replay import MOST_PICTURES, Replay, _lists, _planned, _unit, _walk_marks
-from wbc.app.view.marks import LIFT, Mark, Picture, Scale
+from wbc.app.view.marks import LIFT, Mark, Picture, Scale, Walking
 from wbc.base.errors import InputError
 
 TIME = 0.1 * np.arange(30)
@@ -39,6 +39,43 @@ def test_pictures_are_those_of_the_nearest_ticks(tmp_path: Path) -> None:
     assert replay.ticks(0.49 * MOST_PICTURES) == [0, 1, 2]
     with pytest.raises(InputError, match="at most"):
         replay.ticks(0.51 * MOST_PICTURES)
+
+
+def test_the_last_event_is_told_for_two_seconds_with_program_phase_and_drift() -> None:
+    replay: Any = Replay.__new__(Replay)
+    events = [(1.0, "first"), (1.5, "second"), (4.0, "third")]
+    steps = np.array([0.0, np.nan, 3.0])
+    columns = {"walk/steps_done": steps, "truth/com/x": steps}
+
+    class Columns(dict[str, Any]):
+        """A log."""
+
+    Columns.events = events  # type: ignore[attr-defined]
+    replay.log, replay._marks = Columns(columns), []
+    replay._texts = {
+        "program/state": [None, "walks", "stands"],
+        "walk/phase": ["single support", None, "double"],
+    }
+    replay._texts["step/side"] = ["left", None, "right"]
+    replay._drift = SimpleNamespace(text=lambda tick: f"off by {tick}")
+
+    def told(time: float, tick: int = 1) -> Any:
+        now = SimpleNamespace(time=time, text=[], program="", walking=None)
+        replay._tell(now, tick)
+        return now
+
+    for time, text in (
+        (0.9, []), (1.0, ["first"]), (1.6, ["second"]), (3.49, ["second"]), (3.51, []), (4.5, ["third"]), (6.1, []),
+    ):  # fmt: skip
+        assert told(time).text == text
+    first, second, third = (told(0.0, tick) for tick in range(3))
+    assert (first.program, second.program, third.program) == (None, "walks", "stands")
+    assert second.walking is None
+    assert first.walking == Walking("single support", "left", 0) and third.walking == Walking(
+        "double", "right", 3
+    )
+    replay._marks = [(0, 9, None)]
+    assert told(1.2, 2).text == ["off by 2", "first"]
 
 
 def test_planned_points_lie_on_the_level_of_the_planned_zmp(tmp_path: Path) -> None:
