@@ -395,19 +395,21 @@ def test_ranges_and_scans_are_drawn_where_there_are_some(tmp_path: Path) -> None
 def test_signals_share_a_panel_with_those_of_their_unit_and_texts_have_their_own(tmp_path: Path) -> None:
     signals = Signals()
     read: Callable[..., Any] = lambda tick: None  # noqa: E731
-    for name, unit in (("time", "s"), ("a/x", "m"), ("a/y", "m"), ("n", "1"), ("k", "N")):
+    for name, unit in (("time", "s"), ("a/x", "m"), ("a/y", "m"), ("n", "1"), ("k", "N"), ("m", "1")):
         signals.one(name, unit, "", read, "double")
     signals.one("state", "1", "", read, "text")
     writer = LogWriter(tmp_path / "a.arrow")
     writer.begin(signals, HEADER)
     for i in range(6):
-        writer.row[:] = i, 2.0 * i, np.nan if i % 2 else 1.0, 3.0, 4.0
+        writer.row[:] = i, 2.0 * i, np.nan if i % 2 else 1.0, 3.0, 4.0, 5.0
         writer.commit([("up", "down", None)[i % 3]])
     writer.close()
     log = Log.open(tmp_path / "a.arrow")
     figure = draw_signals([log], ["a", "n", "k", "state"])
     heads = [axes.get_ylabel() for axes in figure.axes]
     assert heads == ["(m)", "n", "k (N)", "state"]
+    (both,) = draw_signals([log], ["n", "m"]).axes
+    assert both.get_ylabel() == "(1)"
     assert figure.get_size_inches() == pytest.approx([10.0, 1.2 + 3 * 2.6 + 1.5])
     assert [line.get_marker() for line in figure.axes[0].get_lines()] == ["", "."], "alone between gaps"
     (texts,) = figure.axes[3].get_lines()

@@ -7,6 +7,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -19,14 +20,17 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.limits.base import Limit
+from wbc.core.limits.heights import _points_inside
 from wbc.core.qp.move import DirectionCoordinates
 from wbc.core.qp.released import RESPONSE
 from wbc.core.qp.solving.solver import _cut
+from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Trajectory
 from wbc.robots import load
 from wbc.tasks import OrientationTask, PoseTask, PositionTask, PostureTask
 
 DT = 0.005
+FixedContact = wbc.FixedContact
 G1, PANDA = load("g1"), load("panda")
 ARM = ("left_shoulder_pitch_joint", "left_elbow_joint")
 
@@ -132,7 +136,7 @@ def test_joints_without_a_drive_have_no_torque_and_released_ones_none_of_ours() 
 
 def test_a_grip_pulls_as_hard_as_it_pushes() -> None:
     controller = wbc.balance_controller(G1.robot(), DT)
-    grip = controller.add(wbc.FixedContact("left_hand", max_force=300.0))
+    grip = controller.add(FixedContact("left_hand", max_force=300.0))
     assert grip.normal_force_range == pytest.approx((-300.0, 300.0))
 
 
@@ -160,6 +164,141 @@ def test_digits_of_multipliers_are_cut_off_at_a_millionth_of_the_greatest() -> N
     cut = _cut(np.array([3.0, 1.0000014, -2.0]))
     np.testing.assert_allclose(cut / 3e-6, np.rint(cut / 3e-6), atol=1e-6)
     assert cut[1] == pytest.approx(1.0000014, abs=1.5e-6) and not _cut(np.zeros(3)).any()
+
+
+def test_a_contact_that_is_switched_goes_on_from_the_share_of_its_forces_that_is_allowed() -> None:
+    """While it unloads the bound goes with what it carried; loaded again, with the same share of the greatest."""
+    controller = wbc.balance_controller(G1.robot(), DT)
+    foot, grip = controller.contacts[0], controller.add(FixedContact("left_hand", ramp=0.1))
+    foot.ramp = 0.1
+    controller.solve()
+    solution = controller.solve()
+    carried = {each.name: np.abs(solution.wrenches[each.name]).copy() for each in (foot, grip)}
+    greatest = 4.0 * controller.robot.mass * GRAVITY
+    assert foot.normal_force_range[1] == pytest.approx(greatest)
+    low, high = grip.force_ranges()
+    np.testing.assert_allclose(high, [np.inf, np.inf, 1e6, np.inf, np.inf, np.inf])
+    np.testing.assert_allclose(low, -high)
+    foot.active = grip.active = False
+    for tick in range(1, 6):
+        for each in (foot, grip):
+            each.advance(DT)
+        share = 1.0 - tick * DT / 0.1
+        assert foot.normal_force_range[1] == pytest.approx(share * carried["left_foot"][2], rel=1e-6)
+        assert grip.engaged and foot.engaged
+        least = 1e-3 * controller.robot.mass * GRAVITY
+        bounds = grip.force_ranges()[1]
+        assert (bounds <= share * np.maximum(carried[grip.name], 50.0 * least) + 1e-9).all()
+    before = foot.normal_force_range[1]
+    foot.active = True
+    assert foot.normal_force_range[1] == pytest.approx(before), "without a jump"
+    share = before / greatest
+    foot.advance(DT)
+    assert foot.normal_force_range[1] == pytest.approx((share + DT / 0.1) * greatest)
+
+
+def test_a_grip_that_is_loaded_has_a_share_of_four_weights_and_of_their_moments() -> None:
+    controller = wbc.balance_controller(G1.robot(), DT)
+    grip = controller.add(FixedContact("left_hand", ramp=0.1, active=False))
+    grip.active = True
+    for tick in range(1, 4):
+        grip.advance(DT)
+        high = tick * DT / 0.1 * 4.0 * controller.robot.mass * GRAVITY
+        np.testing.assert_allclose(grip.force_ranges()[1], [high] * 6)
+        np.testing.assert_allclose(grip.force_ranges()[0], [-high] * 6)
+        assert grip.normal_force_range == pytest.approx((-high, high))
+
+
+# ---- what holds a task back -----------------------------------------------------------------------------------------
+
+
+def held(weight: float, ways: tuple[float, float]) -> tuple[Any, Any, wbc.Controller]:
+    """Two tasks of the same hand of an arm that pull it along y, and the controller at rest between them."""
+    controller = wbc.Controller(PANDA.robot(), DT)
+    hand = np.array(controller.robot.placement("panda_hand").translation)
+    one = controller.add(PositionTask("panda_hand", hand + [0.0, ways[0], 0.0], name="one", weight=1.0))
+    other = controller.add(
+        PositionTask("panda_hand", hand + [0.0, ways[1], 0.0], name="other", weight=weight)
+    )
+    assert controller.solve().ok
+    return one, other, controller
+
+
+def test_tasks_that_pull_a_hand_apart_hold_each_other_back() -> None:
+    one, other, controller = held(3.0, (0.3, -0.1))
+    assert one.held_back_by == ("other",) and other.held_back_by == ("one",)
+    table = controller.status_table()
+    assert "held back by other" in table and "held back by one" in table
+    one, other, _ = held(3.0, (0.1, 0.1))
+    assert one.held_back_by == () == other.held_back_by, "they agree"
+
+
+@pytest.mark.parametrize(("off", "far"), [(0.0104, True), (0.0096, False)])
+def test_a_task_is_held_back_from_the_error_on_with_which_it_is_reached(off: float, *, far: bool) -> None:
+    """10 mm: a residual of the stiffness times that."""
+    one, _, _ = held(1e6, (off, 0.0))
+    assert (one.held_back_by == ("other",)) == far
+
+
+def test_a_task_against_a_limit_is_held_back_by_it_and_one_against_a_contact_by_that() -> None:
+    controller = wbc.Controller(PANDA.robot(), DT)
+    robot, name = controller.robot, "panda_joint4"
+    index = robot.joint_index(name)
+    q = np.array(robot.half_sitting)
+    q[index] = robot.position_upper[index] - 1e-4
+    controller.update(q, np.zeros(robot.nv))
+    elbow = controller.add(PostureTask(joints=[name]))
+    controller.add(wbc.JointLimits())
+    elbow.target = [robot.position_upper[index] - 1e-4]
+    elbow._target.value = np.array([robot.position_upper[index] + 0.4])
+    assert controller.solve().ok
+    assert elbow.held_back_by == (f"limits of {name}",)
+    standing_one = wbc.balance_controller(G1.robot(), DT)
+    foot = standing_one.add(PositionTask(standing_one.robot.soles[0].frame))
+    foot.target = foot.target + [0.0, 0.0, 0.1]
+    assert standing_one.solve().ok
+    assert foot.held_back_by == ("contacts and hard tasks",)
+
+
+# ---- areas ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (-30.0, 70.0)])
+def test_a_polygon_needs_room_for_its_margin_where_its_widest_circle_is(place: tuple[float, float]) -> None:
+    """A triangle with legs of 1 m has a circle of 1/(2 + √2) m in it, beside the mean of its corners."""
+    corners = np.add([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], place)
+    radius = 1.0 / (2.0 + math.sqrt(2.0))
+    limit = wbc.CoMPolygonLimit(corners, margin=0.999 * radius)
+    np.testing.assert_allclose(np.sort(limit.polygon, axis=0), np.sort(corners, axis=0))
+    with pytest.raises(InputError, match="leaves nothing inside its margin"):
+        wbc.CoMPolygonLimit(corners, margin=1.001 * radius)
+
+
+@pytest.mark.parametrize(("half", "spacing"), [(0.2, 0.05), (0.2, 0.07), (0.01, 0.5)])
+def test_a_capsule_over_a_map_is_a_row_of_balls_no_further_apart_than_a_spacing(
+    half: float, spacing: float
+) -> None:
+    points, reach = _points_inside(coal.Capsule(0.03, 2.0 * half), spacing)
+    assert (points[:, :2] == 0.0).all() and points[0, 2] == -half and points[-1, 2] == half
+    steps = np.diff(points[:, 2])
+    assert np.ptp(steps) < 1e-12 and steps[0] <= spacing + 1e-12
+    assert len(points) == 2 or 2.0 * half / (len(points) - 2) > spacing - 1e-9, "no more than are needed"
+    assert reach == pytest.approx(0.03 + 0.5 * steps[0])
+    (centre,), reach = _points_inside(coal.Sphere(0.1), spacing)
+    assert not np.any(centre) and reach == 0.1
+
+
+# ---- times ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_speed_alone_is_reached_in_two_tenths_of_a_second() -> None:
+    """Of the least jerk: 15/8 d/v, or √(10/√3 d/a) with a = v/0.2 where that is longer."""
+    for way, speed in ((2.0, 0.5), (0.05, 0.5), (0.3, 3.0)):
+        least = max(1.875 * way / speed, math.sqrt(10.0 / math.sqrt(3.0) * way * 0.2 / speed))
+        assert Trajectory([(0.0,), (way,)], speed=speed).duration == pytest.approx(least, rel=1e-4)
+    with pytest.raises(InputError, match=r"must be at least 7\.5 s"):
+        Trajectory([(0.0,), (2.0,)], 7.4, speed=0.5)
+    assert Trajectory([(0.0,), (2.0,)], 7.6, speed=0.5).duration == 7.6
 
 
 # ---- inverse kinematics ---------------------------------------------------------------------------------------------
