@@ -40,6 +40,7 @@ from wbc.tasks import (
     PositionTask,
     PostureTask,
     RelativeFrameTask,
+    WrenchTask,
     check_rows,
 )
 from wbc.tasks.balance import BalanceGains, balance_controller
@@ -648,3 +649,17 @@ def test_a_task_keeps_its_numbers_in_every_solver_and_a_copy_has_its_own() -> No
     assert controller.problem.soft_weight[rows.start - n_eq : rows.stop - n_eq] == pytest.approx(10.0)
     assert references[1] == pytest.approx([0.03 + 0.1, 0.2, 0.3])  # rate · error + velocity
     assert references[0] == pytest.approx([30.0 * 0.01 + 7.0 * 0.1, 7.0 * 0.2, 7.0 * 0.3])
+
+
+def test_names_that_change_while_a_controller_runs_change_nothing_in_its_ticks() -> None:
+    robot = make_robot("hrp4_class")
+    controller = standing("hrp4_class")
+    task = controller.add(PositionTask(left_hand(robot)))
+    wrench = controller.add(WrenchTask(controller.contacts[1], axes=("x",), hard=True))
+    task.target = task.target + [0.0, 0.0, 0.01]
+    controller.solve()
+    for item in (task, wrench, *controller.contacts):
+        item.name = f"another {item.name}"
+    task.scale, controller.contacts[0].active = 0.5, False
+    solution = controller.solve()
+    assert solution.ok and task.error[2] == pytest.approx(0.01)

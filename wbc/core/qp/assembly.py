@@ -15,10 +15,11 @@ The rows have fixed places, see `wbc.core.qp.store`: a contact that is switched 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.base.errors import UnknownNameError
 from wbc.base.numbers import Array
@@ -39,6 +40,7 @@ logger = logging.getLogger(__name__)
 class _Force:
     """Views of the numbers of a contact's force in the QP."""
 
+    loaded: NDArray[np.bool_]  # true while the contact is active, shape ()
     columns: slice  # its variables among all contact forces
     weight: Array
     equalities: Array  # those of the contact, over its own force
@@ -77,9 +79,8 @@ class Assembly(RowStore):
             p.equality_groups["floating-base dynamics"] = self._base
         if robot.passive.size:
             p.equality_groups["joints without a drive"] = self._passive_rows
-        self._forces = {contact.name: force for contact, force in self._place_forces(contacts)}
-        self._unbound = [block for block in self._on_variables if not self._find_variables(block)]
-        self._on_variables = [block for block in self._on_variables if block not in self._unbound]
+        self._place_forces()
+        self._bound = [block for block in self._on_variables if self._find_variables(block)]
 
         # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
         mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
@@ -93,9 +94,7 @@ class Assembly(RowStore):
         held = slice(self._start, self._start + rows_in(contacts))
         self._contact_base_t, self._contact_joint_t = p.equality[held, :base].T, p.equality[held, base:nv].T
         self._yielding = [
-            (block.jacobian, self._forces[block.item.name].columns)
-            for block in self._contacts
-            if block.item._yields
+            (block.jacobian, block.force.columns) for block in self._contacts if block.item._yields
         ]
         self._torque_lower, self._torque_upper = p.lower[self._torques], p.upper[self._torques]
         self._torque_bounds = np.zeros(robot.na), np.zeros(robot.na)
@@ -109,30 +108,27 @@ class Assembly(RowStore):
         units = {task.name: task.residual_unit for task in tasks}
         self.layout = Layout(nv, p.contacts, self.places, units, self.names)
 
-    def _place_forces(self, contacts: Sequence[Contact]) -> Iterator[tuple[Contact, _Force]]:
+    def _place_forces(self) -> None:
         """Place the forces of contacts: their variables, cones and ranges."""
         p, nv = self.problem, self._robot.nv
-        column, row, equality = nv, self._cones.start, self._start
-        for contact in contacts:
-            ranged = list(contact.ranged)
-            columns, equalities = slice(column, column + contact.dim), slice(equality, equality + contact.dim)
-            cone = slice(row, row + contact.cone.shape[0])
+        column, row = nv, self._cones.start
+        for block in self._contacts:
+            contact, ranged = block.item, list(block.item.ranged)
+            columns, cone = slice(column, column + contact.dim), slice(row, row + contact.cone.shape[0])
             normal = slice(cone.stop, cone.stop + len(ranged))
-            column, equality, row = columns.stop, equalities.stop, normal.stop
+            column, row = columns.stop, normal.stop
             p.inequality[normal, columns][:, ranged] = np.eye(len(ranged))
             p.contacts[contact.name], p.loaded[contact.name] = columns, np.array(contact.active)
             p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(cone.start, normal.stop)
-            yield (
-                contact,
-                _Force(
-                    columns=slice(columns.start - nv, columns.stop - nv),
-                    weight=p.diagonal[columns],
-                    equalities=p.equality[equalities, columns],
-                    cone=p.inequality[cone, columns],
-                    cone_upper=p.upper[cone],
-                    lower=p.lower[normal],
-                    upper=p.upper[normal],
-                ),
+            block.force = _Force(
+                loaded=p.loaded[contact.name],
+                columns=slice(columns.start - nv, columns.stop - nv),
+                weight=p.diagonal[columns],
+                equalities=p.equality[block.reserved, columns],
+                cone=p.inequality[cone, columns],
+                cone_upper=p.upper[cone],
+                lower=p.lower[normal],
+                upper=p.upper[normal],
             )
 
     def _find_variables(self, block: Block) -> bool:
@@ -142,8 +138,8 @@ class Assembly(RowStore):
             task.bind_problem(self.problem)
         except UnknownNameError:
             logger.warning("task '%s' has no effect: its contact is not in the controller", task.name)
-            if task.hard:
-                self.problem.set_empty(self.places[task.name], np.ones(task.dim, dtype=bool))
+            if block.reserved is not None:
+                self.problem.set_empty(block.reserved, np.ones(task.dim, dtype=bool))
             return False
         return True
 
@@ -176,14 +172,14 @@ class Assembly(RowStore):
 
     def _take_contact(self, block: Block, engaged: bool) -> None:
         """Take motion and forces of a contact over; see `RowStore`."""
-        contact, force = block.item, self._forces[block.item.name]
+        contact, force = block.item, block.force
         if engaged != block.engaged:
             force.equalities[:] = 0.0 if engaged else np.eye(contact.dim)
             # A contact that is off has zero force: its cone rows are moved off their bounds, where they would all be
             # active at once.
             force.cone_upper[:] = 0.0 if engaged else 1.0
         super()._take_contact(block, engaged)
-        self.problem.loaded[contact.name][...] = contact.active
+        force.loaded[...] = contact.active
         force.cone[:], force.weight[:] = contact.cone, contact.wrench_weight
         force.lower[:], force.upper[:] = contact.force_ranges() if engaged else (-1.0, 1.0)
 
@@ -216,13 +212,13 @@ class Assembly(RowStore):
         out += np.multiply(rows.stiffness, self._bounded_error(), out=velocity)
         out += rows.acceleration
         out -= self._drift
-        for block in self._on_variables:
+        for block in self._bound:
             block.item.evaluate(block.jacobian, block.error, NOTHING)
             if block.item.revision != block.revision:
                 self._take(block)
-            if block.item.hard:
+            if block.reserved is not None:
                 nothing = ~block.jacobian.any(axis=1) & (block.error == 0.0)
-                self.problem.set_empty(self.places[block.item.name], nothing)
+                self.problem.set_empty(block.reserved, nothing)
 
     def _write_limits(self, dt: float, torques: Array | None, released: ReleasedJoints | None) -> None:
         """Write the bounds of torques, of joints and of all other limits."""

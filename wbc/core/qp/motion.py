@@ -219,11 +219,14 @@ class Block:
         trims: True if the rows are to be trimmed.
         revision: Revision of the item whose numbers have been taken.
         engaged: True while a contact holds its frame; None before the first tick.
-        reserved: Equalities of a contact: its motion, or, where that is a cost, its force while it is off.
+        reserved: Equalities of a contact: its motion, or, where that is a cost, its force while it is off; those of a
+            hard task on variables of the QP.
+        force: Numbers of a contact's force in the QP.
     """
 
     __slots__ = (
-        "_rows", "engaged", "error", "evaluate", "full", "item", "jacobian", "place", "reserved", "revision", "trims",
+        "_rows", "engaged", "error", "evaluate", "force", "full", "item", "jacobian", "place", "reserved", "revision",
+        "trims",
     )  # fmt: skip
 
     def __init__(
@@ -234,6 +237,7 @@ class Block:
         self.revision = -1
         self.engaged: bool | None = None
         self.reserved: slice | None = None
+        self.force: Any = None
         self._rows: tuple[Array, ...] = (jacobian, error, drift)
         self.full: tuple[Array, ...] = self._rows
         choice: Choice | None = item._choice

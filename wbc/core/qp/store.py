@@ -170,7 +170,9 @@ class RowStore:
         own = NOTHING if matrix is None else matrix[rows.start - first : rows.stop - first]
         if isinstance(task, VariableTask):
             inside = slice(rows.start - self._start, rows.stop - self._start)
-            self._on_variables.append(Block(task, inside, own, self.targets[rows], NOTHING))
+            block = Block(task, inside, own, self.targets[rows], NOTHING)
+            block.reserved = rows if task.hard else None
+            self._on_variables.append(block)
         else:
             if matrix is not None:
                 own[:, :nv] = task._unfilled()
