@@ -56,27 +56,6 @@ REACH, AHEAD = 0.1, 0.05
 """Distance d from a stop of legs and waist at which they are braked, rad, and time t that they look ahead, s."""
 
 
-class ReactionLimit(Limit):
-    """Limit of the moments about the base that are needed to accelerate some joints, Nm: legs and waist bear them."""
-
-    def __init__(self, joints: Sequence[str], most: float) -> None:
-        """Take the names of the joints and the greatest moment about each axis of the base, Nm."""
-        self.name, self.dim, self._joints, self._most = "reaction", 3, tuple(joints), most
-
-    def bind(self, robot: Robot) -> None:
-        """Look up the joints."""
-        self._robot = robot
-        self._columns = np.array([robot.base_dof + robot.joint_index(joint) for joint in self._joints])
-
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the rows; see `Limit.write`."""
-        rows[:, self._columns] = self._robot.mass_matrix[3:6, self._columns]
-        lower[:], upper[:] = -self._most, self._most
-
-
-SHARES = {JointLimits: 1.0, ReactionLimit: LEAST}
-
-
 class PolicyFilter:
     """Settings of a filter of a policy.
 
@@ -118,13 +97,9 @@ class PolicyFilter:
 
     def bind(self, controller: Controller) -> FilteredArms:
         """Add the filter to a controller."""
-        most = REACTION * controller.robot.mass if self._reaction is None else self._reaction
         joint_limits = JointLimits(velocity_ratio=self._speed, margin=self._margin, joints=self.arms)
-        return FilteredArms(
-            controller,
-            self.arms,
-            (joint_limits, TorqueLimits(), ReactionLimit(self.arms, most), *self.limits),
-        )
+        most = REACTION * controller.robot.mass if self._reaction is None else self._reaction
+        return FilteredArms(controller, self.arms, (joint_limits, TorqueLimits(), *self.limits), most)
 
 
 class FilterController(Controller):
@@ -141,8 +116,10 @@ class FilterController(Controller):
 class FilteredArms(PolicyArms):
     """Arms whose torques are those of a policy, as near as limits allow."""
 
-    def __init__(self, controller: Controller, joints: Sequence[str], limits: Sequence[Limit]) -> None:
-        """Add the limits."""
+    def __init__(
+        self, controller: Controller, joints: Sequence[str], limits: Sequence[Limit], reaction: float
+    ) -> None:
+        """Add the limits; the reaction is the greatest moment about each axis of the base, Nm."""
         super().__init__(controller, joints)
         controller.add(*limits)
         robot, n = controller.robot, self.index.size
@@ -151,7 +128,7 @@ class FilteredArms(PolicyArms):
         self._acceleration = np.zeros(robot.nv)
         self._carried_rows = np.zeros((6, robot.nv)), np.zeros(6), np.zeros(6)
         self._least, self._most, self._made = np.zeros((3, robot.na))  # torques, Nm
-        self._cost = np.eye(n), np.zeros(n)
+        self._cost, self._reaction = (np.eye(n), np.zeros(n)), reaction
         self._limits: tuple[Limit, ...] = ()
 
     def _place(self, limits: tuple[Limit, ...]) -> None:
@@ -160,16 +137,13 @@ class FilteredArms(PolicyArms):
         self._torque_limits = next((limit for limit in limits if isinstance(limit, TorqueLimits)), None)
         others = [limit for limit in limits if limit is not self._torque_limits]
         n = sum(limit.dim for limit in others)
-        self._rows, (self._lower, self._upper), self._share = (
-            np.zeros((n, robot.nv)),
-            np.zeros((2, n)),
-            np.ones(n),
-        )
+        self._rows, self._share = np.zeros((n + 3, robot.nv)), np.full(n + 3, LEAST)
+        self._lower, self._upper = np.full(n + 3, -self._reaction), np.full(n + 3, self._reaction)
         self._blocks, stop = [], 0
         for limit in others:
             rows = slice(stop, stop := stop + limit.dim)
             self._blocks.append((limit, self._rows[rows], self._lower[rows], self._upper[rows]))
-            self._share[rows] = SHARES.get(type(limit), LIGHT)
+            self._share[rows] = 1.0 if isinstance(limit, JointLimits) else LIGHT
 
     def near(self, measurement: Measurement, asked: Array) -> Array:
         """Return the torques of all joints nearest to those of the policy, both of shape (na,), Nm.
@@ -233,6 +207,7 @@ class FilteredArms(PolicyArms):
             limit.write(controller.dt, matrix, lower, upper)
             if isinstance(limit, JointLimits):
                 self._stop(limit, lower, upper)
+        self._rows[-3:, columns] = mass[3:6, columns]
         chosen = ((self._lower > -np.inf) | (self._upper < np.inf)).nonzero()[0]
         rows, share = self._rows[chosen], self._share[chosen]
         wished = rows.dot(acceleration)
