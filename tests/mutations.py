@@ -180,8 +180,9 @@ def reasons() -> dict[tuple[str, str], str]:
     found = {}
     for line in Path(__file__).with_name("survivors.txt").read_text(encoding="utf-8").splitlines():
         if line and not line.startswith("#"):
-            file, text, reason = (part.strip() for part in line.split(" | "))
-            found[file, text] = reason
+            file, _, rest = line.partition(" | ")
+            text, _, reason = rest.rpartition(" | ")  # a line may have a " | " of its own
+            found[file.strip(), text.strip()] = reason.strip()
     return found
 
 
