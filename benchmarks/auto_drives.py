@@ -1,4 +1,4 @@
-"""Random drives with pushes, plans, stands and hands of a robot whose kind of steps changes: falls in half an hour.
+"""Random drives with pushes, plans, stands and hands: falls in half an hour.
 
     python benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of each robot
     python benchmarks/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
@@ -22,7 +22,7 @@ from typing import Any
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.studies.intervals import rate_interval
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.trial.trial import TrialHook, TrialTick
+from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking import FootstepPlan, turn_in_place, walk_distance
 
@@ -50,10 +50,8 @@ class RandomOrders(TrialHook):
         """Draw all orders from a seed."""
         self._random = random.Random(seed)
         self._kind, self._until = "stand", 2.0
-        self._kind_before = ""
-        names = ("velocity", "goal", "plan", "stand", "reach", "refused", "changes")
+        names = ("velocity", "goal", "plan", "stand", "reach", "refused")
         self.counts = dict.fromkeys(names, 0)
-        self.ticks = {"planned": 0, "free": 0}
 
     def before(self, trial: Any) -> None:
         """Give an order when the last one is over: after its time, or once the robot is there and stands."""
@@ -108,13 +106,6 @@ class RandomOrders(TrialHook):
         self._kind, self._until = "plan", now + 20.0
         self.counts["plan"] += 1
 
-    def tick(self, tick: TrialTick) -> None:
-        """Count the kinds of steps."""
-        walking = tick.control
-        self.ticks[walking.step_kind] += 1
-        self.counts["changes"] += walking.step_kind != self._kind_before != ""
-        self._kind_before = walking.step_kind
-
 
 def drive(robot: str, seed: int, impulse: float) -> dict[str, Any]:
     """Return the record of one drive."""
@@ -131,13 +122,10 @@ def drive(robot: str, seed: int, impulse: float) -> dict[str, Any]:
     trial = WalkTrial(spec)
     trial.scenario.append(orders)
     result = trial.run()
-    shares = {
-        kind: round(count / max(sum(orders.ticks.values()), 1), 3) for kind, count in orders.ticks.items()
-    }
     return {
         "robot": robot, "seed": seed, "impulse": impulse, "outcome": result.outcome, "seconds": result.seconds,
         "steps": result.steps_done, "failures": result.failures, "fall": result.fall_reason,
-        "orders": orders.counts, "laws": shares,
+        "orders": orders.counts,
     }  # fmt: skip
 
 
@@ -168,9 +156,8 @@ def main() -> None:
             continue
         hours = sum(row["seconds"] for row in own) / 3600.0
         falls, steps = sum(row["outcome"] == "fell" for row in own), sum(row["steps"] for row in own)
-        changes = sum(row["orders"]["changes"] for row in own)
         print(
-            f"{robot}: {60.0 * hours:.0f} minutes, {steps} steps, {changes} changes of kind, {falls} falls "
+            f"{robot}: {60.0 * hours:.0f} minutes, {steps} steps, {falls} falls "
             f"(at most {rate_interval(falls, hours)[1]:.1f} an hour)"
         )
 

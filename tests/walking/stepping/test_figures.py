@@ -460,6 +460,32 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
     assert gait.steering.heading == pytest.approx(0.15)
 
 
+@pytest.mark.parametrize(("down", "sinks"), [(-0.1, 0.05), (0.1, 0.0), (0.0, 0.0)])
+def test_the_com_sinks_half_of_the_way_before_a_footstep_down_a_stair(down: float, sinks: float) -> None:
+    gait = gait_on(LEVEL)
+    gait.ground.height = down
+    assert gait._support() == 0.0, "steps of a velocity are not told of stairs"
+    gait.footsteps = (Footstep("left", 0.25, 0.11, down),)
+    assert gait._support() == pytest.approx(-sinks)
+
+
+def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_on_stairs() -> None:
+    gait = gait_on(LEVEL)
+    steering = gait.steering
+    gait.footsteps = Footstep("left", 0.1, 0.11), Footstep("right", 0.2, -0.11)
+    for held, climbs, time in (
+        (0.0, False, SETTINGS.step_time),
+        (1.0, False, CONSTANTS.plan_time),
+        (0.0, True, SETTINGS.slow_time),
+    ):
+        steering.held, steering.climbs = held, climbs
+        gait._steer()
+        assert steering.step_time == pytest.approx(time, rel=0.02), "a little more for the length of the step"
+    gait.footsteps = ()
+    gait._steer()
+    assert not steering.follows
+
+
 # ---- law and area ---------------------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,97 @@
+"""Distances of landings from their footsteps on a flat floor, with realistic noise.
+
+    python benchmarks/footsteps.py                                     # three robots, three ways, three seeds, torque
+    python benchmarks/footsteps.py --robot talos --mode hybrid --seeds 1
+    python benchmarks/footsteps.py --kind planned                      # the same by planned steps
+
+The ways are 1.5 m straight on; 0.5 m, a turn of 1.2 rad and 0.5 m; and eight steps aside. A line has the distances in
+the estimated and in the true world, mean and greatest, mm, and the greatest force on a sole over the weight.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import wbc
+from wbc.core.robot import GRAVITY, SIDES
+from wbc.walking import (
+    FootstepPlan,
+    WalkingControl,
+    WalkingControlSettings,
+    turn_in_place,
+    walk_distance,
+    walk_velocity,
+)
+
+ROBOTS, FIRST_SEED, PERIOD, LIMIT = ("g1", "hrp4_class", "talos"), 201, 0.002, 90.0
+"""Robots on their own flat feet; first seed; control period and greatest time of a walk, s."""
+
+WAYS: dict[str, Callable[[FootstepPlan], FootstepPlan]] = {
+    "straight": lambda start: walk_distance(start, 1.5),
+    "turn": lambda start: walk_distance(start, 0.5) + turn_in_place(start, 1.2) + walk_distance(start, 0.5),
+    "aside": lambda start: walk_velocity(start, (0.0, 0.08, 0.0), 8),
+}
+
+
+def walk(
+    name: str, way: str, seed: int, settings: WalkingControlSettings
+) -> tuple[list[float], list[float], float, str]:
+    """Return the distances in the estimated and the true world, mm, the greatest force and what became of the walk."""
+    description = wbc.load_robot(name)
+    plant = wbc.Plant(description, noise="realistic", seed=seed, control_period=PERIOD)
+    robot = description.robot()
+    plan = WAYS[way](FootstepPlan.standing(robot))
+    walking = WalkingControl(robot, plan, PERIOD, settings)
+    estimated: list[float] = []
+    true: list[float] = []
+    force = 0.0
+    while not walking.done and plant.time < LIMIT:
+        measurement = plant.measure()
+        plant.step(walking.command(measurement))
+        if plant.time > 0.3:  # it settles on its soles first
+            force = max(force, float(measurement.wrenches[:, 2].max()) / (robot.mass * GRAVITY))
+        done = len(estimated)
+        if done < min(walking.steps_done, len(plan)):
+            step = plan.steps[done]
+            side = SIDES.index(step.side)
+            at, (real, _) = robot.placement(robot.soles[side].frame).translation, plant.sole_pose(side)
+            estimated.append(1e3 * math.hypot(at[0] - step.x, at[1] - step.y))
+            true.append(1e3 * math.hypot(real[0] - step.x, real[1] - step.y))
+    ended = "arrived" if walking.finished else str(walking.fallen or walking.source.reason or "unfinished")
+    return estimated, true, force, ended
+
+
+def main() -> None:
+    """Walk, and print a line for each walk and for each robot."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robot", action="append", choices=ROBOTS)
+    parser.add_argument("--way", action="append", choices=tuple(WAYS))
+    parser.add_argument("--mode", default="torque", choices=("position", "torque", "hybrid"))
+    parser.add_argument("--kind", choices=("planned", "free"), help="of the steps")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--first", type=int, default=FIRST_SEED)
+    given = parser.parse_args()
+    settings = replace(WalkingControlSettings(), mode=given.mode, step_kind=given.kind)
+    for name in given.robot or ROBOTS:
+        all_of_it: list[float] = []
+        for way in given.way or WAYS:
+            for seed in range(given.first, given.first + given.seeds):
+                estimated, true, force, ended = walk(name, way, seed, settings)
+                all_of_it += estimated
+                print(
+                    f"{name} {way} {seed}: {len(estimated)} landings, estimated {_shown(estimated)}, true "
+                    f"{_shown(true)}, force {force:.1f}, {ended}",
+                    flush=True,
+                )
+        print(f"{name}: {len(all_of_it)} landings, {_shown(all_of_it)}", flush=True)
+
+
+def _shown(distances: list[float]) -> str:
+    return f"{sum(distances) / max(len(distances), 1):.1f} mm, at most {max(distances, default=0.0):.0f} mm"
+
+
+if __name__ == "__main__":
+    main()
