@@ -341,3 +341,72 @@ def test_texts_of_every_tick_are_states_and_others_events(told: tuple[Log, Rerun
 def test_colours_of_meshes_are_bytes() -> None:
     mesh: Any = SimpleNamespace(vertices=np.zeros((3, 3)), faces=np.zeros((1, 3)))
     assert convert._mesh(Rerun, mesh, (0.0, 0.5, 1.0, 0.2)).albedo_factor == (0, 128, 255, 51)
+
+
+class Scene(Rerun):
+    """What a stream of Rerun is given of a scene."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.time = -1.0
+        self.at: list[tuple[str, float]] = []
+        self.static: set[str] = set()
+
+    def log(self, entity: str, value: Any, static: bool = False) -> None:
+        super().log(entity, value, static)
+        if static:
+            self.static.add(entity)
+        else:
+            self.at.append((entity, self.time))
+
+    def set_time(self, name: str, duration: float) -> None:
+        self.time = duration
+
+    def reset_time(self) -> None:
+        self.time = -1.0
+
+    ViewCoordinates = SimpleNamespace(RIGHT_HAND_Z_UP="up")
+
+    class Clear(SimpleNamespace):
+        """An end."""
+
+    class Transform3D:
+        """Places."""
+
+        @staticmethod
+        def columns(mat3x3: Any, translation: Any) -> Any:
+            return np.array(mat3x3), np.array(translation)
+
+
+def test_a_scene_for_rerun_has_places_of_bodies_and_marks_where_they_change() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom type="plane" size="1 1 0.1"/>
+        <body name="a box" pos="0 0 1"><freejoint/><geom type="box" size="0.1 0.2 0.3" rgba="1 0.5 0 1"/></body>
+        </worldbody></mujoco>"""
+    )
+    data, ball = mujoco.MjData(model), np.array([[0.5, 0.25, 0.0]])
+
+    def picture(tick: int) -> Picture:
+        data.qpos[:] = [0.1 * tick, -0.2 * tick, 1.0, 0.6, 0.0, 0.8, 0.0]
+        mujoco.mj_kinematics(model, data)
+        marks = [Mark("the zmp", "ball", ball + (0.5 if tick == 2 else 0.0), (1.0, 0.0, 0.0, 1.0), 0.02)]
+        return Picture(float(TIME[tick]), marks if tick < 3 else [])
+
+    log = SimpleNamespace(time=TIME)
+    replay: Any = SimpleNamespace(
+        model=model,
+        data=data,
+        picture=picture,
+        log=log,
+        ticks=lambda rate: [0, 1, 2, 3] if rate == 7.0 else [],
+    )
+    scene = Scene()
+    convert._write_scene(scene, scene, replay, 7.0)
+    times, (turns, places) = scene.columns["robot/a_box"]
+    np.testing.assert_allclose(times, TIME[:4])
+    np.testing.assert_allclose(places, [[0.1 * k, -0.2 * k, 1.0] for k in range(4)], atol=1e-12)
+    np.testing.assert_allclose(turns, [data.xmat[1].reshape(3, 3)] * 4, atol=1e-12)
+    assert scene.at == [("marks/the_zmp", TIME[k]) for k in (0, 2, 3)]
+    marks = [value for name, value in scene.logged if name.startswith("marks/")]
+    assert isinstance(marks[0], Rerun.Mesh3D) and isinstance(marks[2], Scene.Clear)
+    assert {name.rpartition("/")[0] for name in scene.static} == {"", "ground", "robot/a_box"}
