@@ -169,13 +169,13 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
     whole._carried.measured = lambda measurement: None  # type: ignore[method-assign]
     whole.controller.solve()
     whole.controller._assembly._attainable.cut = lambda: None  # type: ignore[method-assign]
-    nearest, changed, arms = filters._nearest, 0, filters._columns
+    solve, changed, arms = filters._solve, 0, filters._columns
 
-    def noted(measurement: wbc.Measurement, wish: np.ndarray) -> np.ndarray:
-        cost.target = wish.copy()
-        return nearest(measurement, wish)
+    def noted(measurement: wbc.Measurement) -> np.ndarray:
+        cost.target = filters._wish.copy()
+        return solve(measurement)
 
-    filters._nearest = noted  # type: ignore[method-assign]
+    filters._solve = noted  # type: ignore[method-assign]
     for _ in range(150):
         measurement = plant.measure()
         command = policy.command(measurement)
@@ -220,17 +220,17 @@ def test_arms_that_a_policy_throws_push_the_base_no_more_than_it_bears() -> None
         """Greatest moment about the base that accelerates the arms, Nm."""
         plant, policy = filtered(wish, **options)
         filters, robot, most = policy._arms, policy.controller.robot, 0.0
-        nearest, columns = filters._nearest, filters._columns
+        solve, columns = filters._solve, filters._columns
 
-        def noted(measurement: wbc.Measurement, wished: np.ndarray) -> np.ndarray:
+        def noted(measurement: wbc.Measurement) -> np.ndarray:
             nonlocal most
-            made, mass = nearest(measurement, wished), robot.mass_matrix
-            accelerations = np.linalg.solve(mass[np.ix_(columns, columns)], made - wished)
+            made, mass = solve(measurement), robot.mass_matrix
+            accelerations = np.linalg.solve(mass[np.ix_(columns, columns)], made - filters._wish)
             accelerations += filters._acceleration[columns]
             most = max(most, float(np.abs(mass[3:6, columns] @ accelerations).max()))
             return made
 
-        filters._nearest = noted  # type: ignore[method-assign]
+        filters._solve = noted  # type: ignore[method-assign]
         while plant.time < 0.1:
             plant.step(policy.command(plant.measure()))
         return most
@@ -249,8 +249,8 @@ def test_an_arm_that_is_too_fast_for_its_usual_braking_stops_before_its_stop(upp
     q, v = np.array(robot.q), np.zeros(robot.nv)
     q[7 + elbow], v[6 + elbow] = stop - np.sign(speed) * 0.06, speed
     robot.update(q, v)
-    wish = np.zeros(14)
-    made = filters._nearest(plant.measure(), wish)
+    filters._wish = wish = np.zeros(14)
+    made = filters._solve(plant.measure())
     columns = filters._columns
     inertia = robot.mass_matrix[np.ix_(columns, columns)]
     acceleration = filters._acceleration[columns] + np.linalg.solve(inertia, made - wish)

@@ -11,14 +11,14 @@ with the specific force s and the angular rate ω of the IMU, its rotation R, an
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.base.errors import WbcError
+from wbc.base.errors import NoSolutionError
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.core.frames import frame_jacobian
@@ -37,10 +37,6 @@ logger = logging.getLogger(__name__)
 FORCE_LAG, RATE_LAG = 0.005, 0.01
 """Time constants of the low-passes of the specific force and of the differentiated angular rate, s. With less of them
 the impacts of the feet reach the arms, with more the hands lag behind the trunk."""
-
-
-class NoSolutionError(WbcError):
-    """Arms for which there are no torques."""
 
 
 class Carried(Contact):
@@ -121,25 +117,20 @@ class PolicyArms:
 
     def torques(self, measurement: Measurement) -> Array | None:
         """Return the torques of the arms, shape (number of joints,), Nm; None where the QP has no solution."""
-        return self._tried(self._solve, measurement)
+        try:
+            torques, failure = self._solve(measurement), ""
+        except NoSolutionError as error:
+            torques, failure = None, str(error)
+        except Exception as error:  # of tasks and limits of the user
+            torques, failure = None, f"{type(error).__name__}: {error}"
+        if failure and not self.failure:
+            logger.error("no torques for the arms (%s)", failure)
+        self.failure = failure
+        return torques
 
-    def _solve(self, measurement: Measurement) -> Array:
+    def _solve(self, measurement: Measurement) -> Array | None:
         self._carried.measured(measurement)
         self.solution = solution = self.controller.solve(measurement)
         if not solution.ok:
             raise NoSolutionError(solution.status.value)
-        torques: Array = solution.torques[self.index]
-        return torques
-
-    def _tried(self, method: Callable[..., Array], *arguments: Any) -> Array | None:
-        """Return the torques of a method; None, and the reason in `failure`, where it raises an error."""
-        try:
-            torques = method(*arguments)
-        except Exception as error:  # of tasks and limits of the user
-            failure = f"{error}" if isinstance(error, NoSolutionError) else f"{type(error).__name__}: {error}"
-            if not self.failure:
-                logger.error("no torques for the arms (%s)", failure)
-            self.failure = failure
-            return None
-        self.failure = ""
-        return torques
+        return np.asarray(solution.torques[self.index])

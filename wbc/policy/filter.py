@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg.lapack import dgesv, dposv
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, names_in
+from wbc.base.errors import InputError, NoSolutionError, names_in
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Ratio
 from wbc.core.limits.base import Limit
@@ -36,7 +36,7 @@ from wbc.core.qp.solving.other_solvers import YIELDING
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
-from wbc.policy.arms import NoSolutionError, PolicyArms
+from wbc.policy.arms import PolicyArms
 
 LIGHT, LEAST = 0.1, 0.01
 """Shares of a violation that count where limits contradict each other: of limits that are not of joints, in m/s², and
@@ -162,7 +162,8 @@ class FilteredArms(PolicyArms):
         np.minimum(np.maximum(torques, least, out=torques), most, out=torques)
         if self._torque_limits is not None:
             self._torque_limits.interval(self.controller.dt, self._made, least, most)
-        arms = self._tried(self._nearest, measurement, torques[index])
+        self._wish = torques[index]
+        arms = self.torques(measurement)
         if arms is not None:
             torques[index] = arms
         self._made[:] = torques
@@ -180,14 +181,10 @@ class FilteredArms(PolicyArms):
             upper[arms[up]] = np.minimum(upper[arms[up]], -needed[up])
             lower[arms[down]] = np.maximum(lower[arms[down]], needed[down])
 
-    def _nearest(self, measurement: Measurement, wish: Array) -> Array:
-        """Return the torques of the arms nearest to a wish, both of shape (number of joints,), Nm."""
-        controller, robot, columns, unit = (
-            self.controller,
-            self.controller.robot,
-            self._columns,
-            self._per_share,
-        )
+    def _solve(self, measurement: Measurement) -> Array:
+        """Return the torques of the arms nearest to those that the policy wishes, shape (number of joints,), Nm."""
+        controller, robot, wish = self.controller, self.controller.robot, self._wish
+        columns, unit = self._columns, self._per_share
         acceleration, base, mass = self._acceleration, robot.base_dof, robot.mass_matrix
         acceleration[self._others.columns] = self._others.feedforward_acceleration
         acceleration[:base] = acceleration[columns] = 0.0
