@@ -29,6 +29,7 @@ from wbc.robots import RobotDescription
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import TrialHook
+from wbc.sim.walks.arrival import middle
 from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
@@ -242,7 +243,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     def _progress(self) -> float:
         """Return the place of the true feet along x, m."""
         assert self.trial is not None
-        return float(np.mean([self.trial.plant.sole_pose(side)[0][0] for side in (0, 1)]))
+        return float(middle(self.trial.plant)[0])
 
     def _over_feet(self) -> Array:
         """Return the estimated CoM from the middle of the feet, shape (3,), m."""

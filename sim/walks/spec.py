@@ -152,7 +152,7 @@ class WalkSpec(TrialSpec):
             raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")
         self.things()
         scheduling = checked_policy(
-            self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, ground
+            self.foot_design(), self.policy, self.policy_params, trial.stiffness, ground
         )
         store("_scheduling", scheduling)
         if self.policy is not None or self.policy_params:
