@@ -111,6 +111,39 @@ def test_slots_that_belong_to_other_places_now_are_no_places_of_a_late_frame() -
             assert cell_of(world)[1] == pytest.approx(0.002)  # as a place that was never seen
 
 
+def test_heights_grow_old_as_before_once_the_clock_begins_anew() -> None:
+    """All have been seen at the new time; every half a second their ages are looked at."""
+    world = aging()
+    world.add([[0.01, 0.01, 0.1]], [0.003], 50.0)
+    world.rewind(2.0)
+    for time in (2.6, 3.2):
+        world.add([[1.0, 1.0, 0.0]], [0.003], time)
+        assert cell_of(world)[0] == pytest.approx(0.1)
+        assert cell_of(world)[1] == pytest.approx(math.sqrt(0.003**2 + WANDER**2 * (time - 2.0)), rel=1e-9)
+    world.add([[0.01, 0.01, 0.1]], [0.003], 2.0)  # late, by its own clock
+    assert cell_of(world)[1] < 0.003
+
+
+def test_clouds_are_placed_by_the_poses_since_the_clock_began_anew() -> None:
+    robot = DESCRIPTION.robot()
+    ground, start = moved_ground((40.0, 41.0))
+    q = ROBOT.half_sitting.copy()
+    for time in (0.0, 0.1):
+        robot.update(q, np.zeros(robot.nv))
+        ground.update(robot, time)
+    for seen in (0.0, 0.05, 0.1):
+        ground.add(PointCloud([[0.3, 0.1, -float(start.translation[2])]], seen, robot.base_frame))
+        ground.update(robot, seen + 0.1)
+    assert ground.status == ""
+    (found,), _ = ground.map.known()
+    assert np.abs(found[:2] - (start.translation + [0.3, 0.1, 0.0])[:2]).max() <= 0.0101
+    assert found[2] == pytest.approx(0.0, abs=1e-9)
+    ground._doubt("stance", "made up")
+    assert ground.highest(0, np.zeros(2), np.ones(2), 0.0) == -math.inf
+    assert ground.support(0, 0.0, 0.0, 0.0) is None
+    assert ground.best(0, 0.0, 0.0, 0.0, lambda x, y: True) is None
+
+
 # --- poses -------------------------------------------------------------------------------------------------------
 
 

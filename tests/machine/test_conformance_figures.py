@@ -252,3 +252,60 @@ def test_pulses_of_torque_leave_neither_a_velocity_nor_a_drift_of_it() -> None:
     """Their sum and their first moment are zero: what drifts steadily cancels out of the mean answer."""
     assert sum(PULSES) == sum(k * sign for k, sign in enumerate(PULSES)) == 0.0
     assert PULSES[0] > 0.0 and {abs(sign) for sign in PULSES} == {1.0}
+
+
+def test_shapes_that_are_wrong_are_told_each_and_those_that_are_right_by_their_number() -> None:
+    assert PROMPT["shapes"].state == "ok" and PROMPT["shapes"].found == f"{NA} joints, 2 soles"
+    bad = np.zeros(NA)
+    bad[3] = np.nan
+    found = checks_of(
+        Hung(
+            lambda m, tick: replace(
+                m,
+                joint_velocity=np.zeros(NA - 1),
+                joint_position=bad,
+                angular_velocity=np.zeros(3, dtype=int),
+                joint_torque=None,
+                sole_wrench=None,
+            )
+        )
+    )
+    assert found["shapes"].state == "wrong" and found["shapes"].found == (
+        f"joint_position is not finite; joint_velocity has shape ({NA - 1},), not ({NA},); "
+        "angular_velocity is not made of floats"
+    )
+    assert {check.state for name, check in found.items() if name != "shapes"} == {"unknown"}
+    assert {check.found for name, check in found.items() if name != "shapes"} == {"shapes are wrong"}
+
+
+@pytest.mark.parametrize(("reversed_", "told"), [(0, True), (9, True), (12, False), (20, True)])
+def test_a_machine_that_follows_torques_alone_is_told_by_two_thirds_of_its_joints(
+    reversed_: int, told: bool
+) -> None:
+    """Of one sign or the other; of the joints beside the legs, which the pulses of torque move."""
+    count = round(reversed_ / NA * len(FREE))
+    sign = np.ones(NA)
+    sign[FREE[:count]] = -1.0
+    check = checks_of(Hung(out=lambda c: Command(sign * c.joint_torque)))["joint order"]
+    assert check.state == "wrong" and check.found.startswith("position references move no joint")
+    share = max(count, len(FREE) - count) / len(FREE)
+    assert ("torques do" in check.found) == told == (share > 0.65)
+
+
+def test_joints_that_go_to_and_fro_are_counted_and_the_fastest_is_named() -> None:
+    """More than 1 rad/s in the median, more than 5 mrad in all, and more than twice as far as they come."""
+    shaken = {4: 1.2, 7: 1.5, 11: 0.9}
+
+    def fault(m: Measurement, tick: int) -> Measurement:
+        rate, position = m.joint_velocity.copy(), m.joint_position.copy()
+        for joint, speed in shaken.items():
+            rate[joint] = speed * (-1) ** tick
+            position[joint] = REFERENCE[joint] + 0.5 * PERIOD * speed * (-1) ** tick
+        return replace(m, joint_velocity=rate, joint_position=position)
+
+    found = checks_of(Hung(fault))
+    check = found["rest"]
+    assert check.state == "wrong" and found["joint order"].state == "unknown"
+    assert check.found == (f"{NAMES[7]} at 1.50 rad/s goes nowhere; so do 2 joints: {NAMES[4]}, {NAMES[7]}")
+    shaken.clear()
+    assert checks_of(Hung(fault))["rest"].found == f"{NAMES[0]} at 0.00 rad/s"
