@@ -8,6 +8,7 @@ import os
 import pickle
 import time
 import types
+from typing import Any
 
 import numpy as np
 import pytest
@@ -150,3 +151,65 @@ def test_a_report_counts_ticks_in_classes_of_their_times() -> None:
     assert not any("clouds" in line for line in lines)
     blind = RunReport("stopped", (), 5, 4, 6, late, busy, 0.0123, clock.Quiet(), 0.002, "no camera")
     assert "no clouds of points: no camera" in str(blind) and "locked: no" in str(blind)
+
+
+def test_a_priority_is_asked_for_above_zero_where_the_system_has_a_real_time_scheduler(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[tuple[int, int, int]] = []
+    monkeypatch.setattr(os, "SCHED_FIFO", 1, raising=False)
+    monkeypatch.setattr(os, "sched_param", lambda priority: priority, raising=False)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given), raising=False)
+    for priority, got in ((0, 0), (-3, 0), (1, 1), (99, 99)):
+        assert clock.ask_priority(priority) == got
+    assert asked == [(0, 1, 1), (0, 1, 99)]
+
+    def refused(*given: int) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refused)
+    assert clock.ask_priority(5) == 0
+    monkeypatch.delattr(os, "sched_setscheduler")
+    assert clock.ask_priority(5) == clock.ask_priority(0) == 0
+
+
+@pytest.mark.parametrize("locks", [True, False])
+def test_what_a_loop_costs_the_system_is_counted_from_its_beginning_and_given_back(
+    locks: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[Any] = []
+
+    class Library:
+        """The C library of a system."""
+
+        def mlockall(self, what: int) -> int:
+            calls.append(("lock", what))
+            return 0 if locks else -1
+
+        def munlockall(self) -> None:
+            calls.append("unlock")
+
+        def prctl(self, *given: int) -> None:
+            calls.append(("timers", *given))
+
+    usage = iter([(100, 2000), (103, 2050)])
+    monkeypatch.setattr(clock.ctypes, "CDLL", lambda *given, **named: Library())
+    monkeypatch.setattr(
+        clock.resource,
+        "getrusage",
+        lambda who: types.SimpleNamespace(**dict(zip(("ru_majflt", "ru_minflt"), next(usage), strict=True))),
+    )
+    monkeypatch.setattr(clock, "ask_priority", lambda priority: priority)
+    monkeypatch.setattr(os, "sched_param", lambda priority: priority, raising=False)
+    monkeypatch.setattr(os, "SCHED_OTHER", 0, raising=False)
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *given: calls.append(given), raising=False)
+    collected = iter([[{"collections": 5}, {"collections": 2}], [{"collections": 6}, {"collections": 4}]])
+    monkeypatch.setattr(clock.gc, "get_stats", lambda: next(collected))
+    assert clock.gc.isenabled()
+    with clock.quiet(7 if locks else None) as got:
+        assert not clock.gc.isenabled() and got.memory_locked == locks and got.priority == (7 if locks else 0)
+        assert calls == [("lock", clock.LOCK_ALL), ("timers", 29, 1, 0, 0, 0)]
+        calls.clear()
+    assert clock.gc.isenabled()
+    assert got.page_faults == (3, 50) and got.collections == 3
+    assert calls == ([(0, 0, 0), "unlock"] if locks else [])

@@ -216,3 +216,24 @@ def test_a_message_that_is_late_is_waited_for_a_period_and_up_to_the_time_out() 
     assert first == pytest.approx(0.003) and len(early) > 10
     assert early[1:] == pytest.approx([0.013] * len(early[1:]))  # a period after the last one came, and 3 ms
     assert [t for t in waited if t > 0.0] == pytest.approx([0.01, 0.005], abs=1e-9)
+
+
+@pytest.mark.parametrize("leaves", [False, True])
+def test_released_joints_are_held_where_they_are_unless_the_driver_sends_nothing_to_them(
+    leaves: bool,
+) -> None:
+    machine = StillMachine(lambda time: 1.0)
+    machine.leaves_released = leaves
+    released = np.arange(ROBOT.na) > 20
+    own = Command(np.full(ROBOT.na, 1.0), released=released)
+    runner = runner_of(machine, types.SimpleNamespace(command=lambda measurement: own), load=0.0)
+    runner.run(1.7)
+    last = [command for command in machine.sent if command.kp is None or command.kp[0] == 0.0][-1]
+    assert runner._phases[-3][0] is Phase.RUN
+    if leaves:
+        assert last.released is not None and (last.released == released).all() and last.kp is None
+        return
+    assert last.released is None and last.kp is not None and last.joint_position is not None
+    assert (last.joint_position[released] == ROBOT.half_sitting[7:][released]).all()
+    assert (last.kp[released] == np.array(DESCRIPTION.kp)[released]).all() and not last.kp[~released].any()
+    assert not last.joint_torque[released].any() and (last.joint_torque[~released] == 1.0).all()

@@ -285,6 +285,22 @@ def test_a_robot_has_one_owner_until_it_falls_silent(wire: Wire, monkeypatch: py
     assert not wire.obeys(owner)
 
 
+def test_a_command_from_another_address_redirects_no_measurement(wire: Wire) -> None:
+    """The owner is known by its key, and gets the measurements where it became the owner."""
+    program = Program(wire)
+    program.send(program.end.pack(COMMAND, program.robot, ZERO))
+    assert wire.robot.receive()[1] is not None
+    address = wire.robot.sender
+    assert address is not None and address[1] == program.socket.getsockname()[1]
+    damped, newest = wire.throw(program.end.pack(COMMAND, program.robot, ZERO))
+    assert newest is not None and not damped and wire.robot.sender == address
+    sent = random_measurement(wire.rng)
+    wire.robot.send(sent)
+    head = program.end.header(program.socket.recv(65536))
+    assert head is not None and head.time == sent.time
+    program.socket.close()
+
+
 BAD = {
     "negative gain": lambda c: replace(c, kd=-c.kd),
     "NaN": lambda c: replace(c, joint_torque=np.full(NA, np.nan)),
