@@ -484,7 +484,7 @@ def test_a_velocity_that_an_impact_has_taken_is_that_of_the_feet_at_once(lost: f
         observer.update(sensor)
         off.append(float(np.linalg.norm(observer.inertial.velocity - expected)))
     dt = sensors[1].time - sensors[0].time
-    after = round(0.2 / dt)
+    after = round(0.05 / dt)
     assert off[after] < 0.1 * lost and abs(observer.robot.q[2] - height) < 0.1 * lost
 
 

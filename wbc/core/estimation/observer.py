@@ -173,7 +173,7 @@ class Observer:
         self._foot_motions: Sequence[Vector] = ()
         self._imu_motion: Vector = (0.0, 0.0, 0.0)
         self.lifts = [False] * n
-        self._unaided = 0.0  # time since a foot gave a reference, s
+        self._unaided, self._struck = 0.0, False  # time since a foot gave a reference, s
         self.reset(q)
 
     def observe_outside(self) -> OutsideWrench:
@@ -327,8 +327,8 @@ class Observer:
         velocity, yaw_error = self._motion_from_anchors(turn, turning, arms, points, ahead, expected, dt)
         if velocity is not None:
             velocity += imu_arm
-            if first:
-                inertial.velocity = velocity
+            if first or self._struck:
+                inertial.velocity, self._struck = velocity.copy(), False
         inertial.correct(velocity, yaw_error, dt)
 
         base = inertial.rotation.dot(self._imu_rotation_t)
@@ -441,7 +441,7 @@ class Observer:
         total = sum(shares)
         self._shares = [share / total for share in shares] if total > 0.0 else shares
         if self.in_flight:
-            self._unaided = unaided + (STRUCK / UNAIDED * dt if struck else 0.0)
+            self._unaided, self._struck = unaided + (STRUCK / UNAIDED * dt if struck else 0.0), struck
             return None, 0.0
         if not any(fast and share > 0.0 for fast, share in zip(slips, self._shares, strict=True)):
             self._unaided = 0.0  # feet and inertial unit agree again
