@@ -360,6 +360,76 @@ def test_the_error_of_a_hand_is_seen_in_the_frame_of_its_target() -> None:
             walking.arms.place(name, box)
 
 
+def test_a_reference_turns_and_goes_no_faster_than_it_may_and_stops_where_it_is() -> None:
+    """At 1.5 rad/s and 6 rad/s², and at the speed that is given, or that of the settings."""
+    for speed in (None, 0.1):
+        walking = standing()
+        arm, settings = walking.arms["left_hand"], walking.arms.settings
+        start = pin.SE3(arm.place)
+        goal = pin.SE3(
+            pin.exp3(np.array([0.0, 1.0, 0.0])) @ start.rotation, start.translation + (0.0, 0.3, 0.0)
+        )
+        arm.send([goal], "world", 1.0, speed=speed)
+        most, rates, pushes, before = speed or settings.speed, [], [], np.zeros(6)
+        for _ in range(120):
+            arm._there = pin.SE3(arm.place)  # a hand that follows at once
+            update(walking, 1)
+            rates.append(arm._velocity.copy())
+            pushes.append((arm._velocity - before) / DT)
+            before = arm._velocity.copy()
+        linear, angular = np.linalg.norm(np.array(rates).reshape(-1, 2, 3), axis=2).T
+        assert linear.max() == pytest.approx(most, rel=1e-6) and angular.max() <= 1.5 + 1e-9
+        sizes = np.linalg.norm(np.array(pushes).reshape(-1, 2, 3), axis=2)
+        assert sizes[:, 0].max() <= settings.acceleration * (1.0 + 1e-9)
+        assert sizes[:, 1].max() == pytest.approx(6.0, rel=1e-6)
+        here = pin.SE3(arm._reference)
+        arm.stop("world")
+        assert arm.target is not None and not arm._velocity.any()
+        np.testing.assert_allclose(arm.target.homogeneous, here.homogeneous, atol=1e-12)
+        assert not arm.moving
+        arm.stop("pelvis")
+        expected = arm.seen("pelvis").homogeneous
+        np.testing.assert_allclose(arm.target.homogeneous, expected, atol=1e-12)
+
+
+def test_a_hand_that_turned_as_it_liked_is_turned_from_where_it_is() -> None:
+    walking = standing()
+    arm, robot = walking.arms["left_hand"], walking.controller.robot
+    arm.reach(arm.place.translation + (0.1, 0.0, 0.0))
+    update(walking, 20)
+    here, moving = arm._reference.translation.copy(), arm._velocity.copy()
+    q = np.array(robot.q)
+    q[7 + arm.joints[-1]] += 0.4
+    robot.update(q, np.zeros(robot.nv))
+    turned = arm.place.rotation.copy()
+    arm.reach(pin.SE3(np.eye(3), np.array(here)))
+    np.testing.assert_allclose(arm._reference.rotation, turned, atol=1e-12)
+    np.testing.assert_allclose(arm._reference.translation, here, atol=1e-12)
+    np.testing.assert_allclose(arm._velocity, [*moving[:3], 0.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_a_task_spares_all_joints_but_those_of_its_arm_and_the_posture_yields_to_hands() -> None:
+    walking = standing()
+    arms, robot = walking.arms, walking.controller.robot
+    one, other = arms["left_hand"], arms["right_hand"]
+    one.reach(one.place.translation)
+    update(walking, 1)
+    columns = np.array(one.joints) + 6
+    assert sorted(one.task.spared) == sorted(set(range(robot.nv)) - set(columns.tolist()))
+    assert sorted(walking.tasks.com.spared) == sorted(columns)
+    scale = np.ones(robot.na)
+    scale[one.joints] = walking.tasks.reaching
+    np.testing.assert_allclose(walking.tasks.posture.scale, scale)
+    other.reach(other.place.translation)
+    update(walking, 1)
+    assert sorted(walking.tasks.com.spared) == sorted([*columns, *(np.array(other.joints) + 6)])
+    one.release()
+    other.release()
+    update(walking, 62)
+    assert not walking.tasks.com.spared.size
+    np.testing.assert_allclose(walking.tasks.posture.scale, 1.0)
+
+
 # ---- body -----------------------------------------------------------------------------------------------------------
 
 
@@ -424,6 +494,32 @@ def test_a_set_point_is_reached_within_a_thousandth(part: str) -> None:
         reached.append(body.reached)
         rest = left
     assert reached[-1] and not reached[0] and abs(rest) < 1e-9
+
+
+def test_a_neck_looks_with_the_axis_that_points_ahead_in_a_stand_and_a_tenth_of_the_cost_of_the_trunk() -> (
+    None
+):
+    """Cost 1, stiffness 30, an error of 0.3 rad at most; the more firmly the less its posture gives way."""
+    walking = standing()
+    body, robot = walking.body, walking.controller.robot
+    point = np.array(robot.com) + (3.0, 0.0, 0.5)
+    body.look_at(point)
+    gaze = body._gaze
+    assert gaze is not None and gaze in walking.controller.tasks and not gaze.idle
+    np.testing.assert_allclose(gaze.weight, 1.0)
+    np.testing.assert_allclose(gaze.stiffness, 30.0)
+    np.testing.assert_allclose(gaze.error_bound, 0.3)
+    np.testing.assert_allclose(gaze.scale, 1.0 / walking.tasks.reaching)
+    frame = robot.placement(gaze.frame)
+    np.testing.assert_allclose(frame.rotation @ gaze._axis, (1.0, 0.0, 0.0), atol=1e-6)
+    head = max(robot.model.getJointId(name) for name in robot.joint_names if "neck" in name or "head" in name)
+    assert robot.model.frames[robot.frame_id(gaze.frame)].parentJoint == head
+    body.follow(body.com_height, 0.25)
+    np.testing.assert_allclose(gaze.scale, 4.0)
+    body.look_at(None)
+    assert gaze.idle and not body.looking
+    body.follow(body.com_height, 1.0)
+    assert gaze.idle, "it stays as it is"
 
 
 def test_a_trunk_without_a_waist_turns_on_its_hips_by_three_tenths() -> None:
