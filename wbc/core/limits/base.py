@@ -102,8 +102,6 @@ class Barrier(Limit):
     _time: float
     _back: float  # the recovery
     _robot: Robot
-    _others: Array | None = None
-    """Speeds of the coordinates while the robot stands still, shape (dim,); None for none."""
 
     @checked
     def __init__(
@@ -119,10 +117,7 @@ class Barrier(Limit):
 
     def bind(self, robot: Robot) -> None:
         """Take the robot; who overrides it calls `super().bind(robot)`."""
-        self._robot = robot
-        self._room, self._speed, self._bound, self._brake = np.zeros((4, 2, self.dim))
-        self._flat = self._room.reshape(-1)  # the rooms in one row, in which the least is quickly found
-        self._dt = 0.0
+        self._robot, self.__dt = robot, 0.0
 
     @property
     def robot(self) -> Robot:
@@ -149,32 +144,38 @@ class Barrier(Limit):
         """
 
     def _take_period(self, dt: float) -> None:
-        """Take a new period, s, over; arrays without axes take NumPy half the time of numbers."""
-        self._dt, self._per_period, self._per_time = dt, scalar(1.0 / dt), scalar(1.0 / self._time)
-        self._per_way = scalar(1.0 / max(dt, self._time))
+        """Make arrays for a new period, s; those without axes take NumPy half the time of numbers."""
+        self.__room, self.__speed, self.__bound, self.__least = np.zeros((4, 2, self.dim))
+        self.__dt, self.__per_period, self.__per_time = dt, scalar(1.0 / dt), scalar(1.0 / self._time)
+        self.__per_way = scalar(1.0 / max(dt, self._time))
         # At the speed room / time constant a coordinate needs the deceleration room / time constant², and a little more
         # because a period passes before the bound reacts.
-        self._per_room = scalar(-(1.0 + 2.0 * dt / self._time) / self._time**2)
-        self._recovers = scalar(self._back)
+        self.__per_room = scalar(-(1.0 + 2.0 * dt / self._time) / self._time**2)
+        self.__recovery = scalar(self._back)
 
-    def _final_speeds(self, room: Array, speed: Array, dt: float) -> Array:
-        """Return the greatest speeds towards the bounds at the end of a period, to overwrite."""
-        return np.multiply(room, self._per_time, out=self._bound)
+    def _final_speeds(self, room: Array, speed: Array, out: Array) -> Array:
+        """Return the greatest speeds towards the bounds at the end of a period, to overwrite, such as in `out`."""
+        return np.multiply(room, self.__per_time, out=out)
 
-    def _least_accelerations(self, room: Array) -> Array:
+    def _least_accelerations(self, room: Array, out: Array) -> Array:
         """Return the least accelerations towards the bounds, which are negative: no row demands more braking."""
-        least = np.maximum(room, _ZERO, out=self._brake)
-        least *= self._per_room
-        least -= self._recovers
-        return least
+        np.maximum(room, _ZERO, out=out)
+        out *= self.__per_room
+        out -= self.__recovery
+        return out
 
-    def _allowed_speeds(self, room: Array, dt: float) -> Array:
-        """Return the greatest speeds towards the bounds of inverse kinematics, to overwrite."""
-        return np.multiply(room, self._per_way, out=self._bound)
+    def _allowed_speeds(self, room: Array, out: Array) -> Array:
+        """Return the greatest speeds towards the bounds of inverse kinematics, to overwrite, such as in `out`."""
+        return np.multiply(room, self.__per_way, out=out)
 
-    def _measure(self, rows: Array, dt: float | None, of_velocity: bool) -> None:
-        """Fill rows and rooms for accelerations or velocities of a period, or for a step, which has none."""
-        self.measure(rows, self._room[1], self._room[0])
+    def _measure(self, rows: Array, room: Array, dt: float | None, of_velocity: bool) -> Array | None:
+        """Fill rows and rooms for accelerations or velocities of a period, or for a step, which has none.
+
+        Returns:
+            Speeds of the coordinates at zero generalised velocity, shape (dim,); None for none.
+        """
+        self.measure(rows, room[1], room[0])
+        return None
 
     def _speeds(self, rows: Array) -> Array:
         """Return the speeds of the coordinates, shape (dim,)."""
@@ -182,30 +183,32 @@ class Barrier(Limit):
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of the acceleration; see `Limit.write`."""
-        if dt != self._dt:
+        if dt != self.__dt:
             self._take_period(dt)
-        room, speed = self._room, self._speed
-        self._measure(rows, dt, False)
+        room, speed = self.__room, self.__speed
+        self._measure(rows, room, dt, False)
         speed[0] = self._speeds(rows)
         np.negative(speed[0], out=speed[1])
-        bound = self._final_speeds(room, speed, dt)
+        bound = self._final_speeds(room, speed, self.__bound)
         bound -= speed
-        bound *= self._per_period
-        np.maximum(bound, self._least_accelerations(room), out=bound)
+        bound *= self.__per_period
+        np.maximum(bound, self._least_accelerations(room, self.__least), out=bound)
         self._fill(ATTAINABLE, bound, self.drift(), rows, lower, upper)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of a step; see `Limit.write_step`."""
-        self._measure(rows, None, False)
-        upper[:] = self._room[0]
-        np.negative(self._room[1], out=lower)
+        room = np.zeros((2, self.dim))
+        self._measure(rows, room, None, False)
+        upper[:] = room[0]
+        np.negative(room[1], out=lower)
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill rows and bounds of the velocity; see `Limit.write_velocity`."""
-        if dt != self._dt:
+        if dt != self.__dt:
             self._take_period(dt)
-        self._measure(rows, dt, True)
-        self._fill(BACK, self._allowed_speeds(self._room, dt), self._others, rows, lower, upper)
+        room = self.__room
+        others = self._measure(rows, room, dt, True)
+        self._fill(BACK, self._allowed_speeds(room, self.__bound), others, rows, lower, upper)
 
     def _fill(
         self, most: float, bound: Array, others: Array | None, rows: Array, lower: Array, upper: Array

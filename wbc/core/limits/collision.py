@@ -180,6 +180,7 @@ class CollisionLimit(Barrier):
     @checked
     def bind(self, robot: Robot) -> None:
         """Build the shapes, and find the pairs where all are asked for."""
+        self._robot = robot  # first, so that it refuses copies of the limit
         given = [frame for pair in self._given for frame in pair]
         for frame in (*self._shapes, *(self._against or ()), *given):
             robot.frame_id(frame)
@@ -309,8 +310,9 @@ class CollisionLimit(Barrier):
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill rows and rooms of all pairs within the influence; see `Barrier.measure`."""
-        self._measure(rows, None, False)
-        below[:], above[:] = self._room[::-1]
+        room = np.zeros((2, self.dim))
+        self._measure(rows, room, None, False)
+        above[:], below[:] = room
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill how far each pair may approach, or must separate; see `Limit.write_step`."""
@@ -375,14 +377,14 @@ class CollisionLimit(Barrier):
             drift[rows] = along[first:] - along[:first]
         return drift
 
-    def _measure(self, rows: Array, dt: float | None, of_velocity: bool) -> None:
+    def _measure(self, rows: Array, room: Array, dt: float | None, of_velocity: bool) -> Array | None:
         """Fill the rows of pairs that are near, and of the corners of their faces.
 
         In a controller those are left out whose bodies move at speeds at which nothing but an acceleration above
         `SUDDEN` makes them too fast for their distance.
         """
         rows.fill(0.0)
-        self._room.fill(np.inf)
+        room.fill(np.inf)
         self._growth.fill(0.0)
         self._near = _NOTHING
         bounds, influence, margin = self._bounds(), self._influence, self._margin
@@ -400,10 +402,9 @@ class CollisionLimit(Barrier):
             ahead, free, turning = self._time, margin + self._time * dt * SUDDEN, self._time * dt * TURNED
             twists, within, reach = self._twists(), influence, influence
             asked = bounds <= np.minimum(self._time * self._separation.speeds(twists) + free, influence)
-        self._others = None if twists is None else self._growth
         chosen = asked.nonzero()[0]
         if not chosen.size:
-            return
+            return None
         distances = np.array([self._distance_of(row, within) for row in chosen.tolist()])
         self._separation.measured(chosen, distances)
         near, corners = list[Kept](), list[Kept]()
@@ -418,9 +419,9 @@ class CollisionLimit(Barrier):
             (nx, ny, nz), (x, y, z) = normal.tolist(), point.tolist()
             mx, my, mz = y * nz - z * ny, z * nx - x * nz, x * ny - y * nx
             growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
-            room = distance - margin
+            left = distance - margin
             if distance + ahead * growth < free:
-                near.append((distance, row, room, growth, nx, ny, nz, mx, my, mz, x, y, z))
+                near.append((distance, row, left, growth, nx, ny, nz, mx, my, mz, x, y, z))
             if not facing.has_corners[row] or distance < -DEEP:
                 continue
             turn = self._spread[row] * math.sqrt(wx * wx + wy * wy + wz * wz) if ahead else 0.0
@@ -428,9 +429,9 @@ class CollisionLimit(Barrier):
             # A corner further away is slow for its distance.
             beyond = min(late + ahead * (turn - growth), reach)
             if distance < beyond:
-                least = min(room, 0.0)  # what has come too close may not come closer
+                least = min(left, 0.0)  # what has come too close may not come closer
                 for gap, nx, ny, nz, mx, my, mz, x, y, z in facing.corners(
-                    row, distance, normal, point, beyond, room < TOUCHING
+                    row, distance, normal, point, beyond, left < TOUCHING
                 ):
                     growth = nx * vx + ny * vy + nz * vz + mx * wx + my * wy + mz * wz
                     if gap + ahead * growth < late:
@@ -438,13 +439,14 @@ class CollisionLimit(Barrier):
                         corners.append((gap, row, space, growth, nx, ny, nz, mx, my, mz, x, y, z))
         if len(corners) > self.dim - self._n_pairs:
             corners = sorted(corners)[: self.dim - self._n_pairs]
+        bent = False
         if near or corners:
-            self._put(rows, np.array(near + corners), len(near), of_velocity)
+            moving = self._put(rows, room, np.array(near + corners), len(near))
+            bent = of_velocity and self._bend(moving, dt or 0.0)
+        return self._growth if bent or twists is not None else None
 
-    def _put(self, rows: Array, values: Array, n_near: int, of_velocity: bool) -> None:
-        """Fill the rows of some pairs and, behind them, of some corners.
-
-        Of velocities the curvature of the way counts: what it takes from distances at the speed of the last step.
+    def _put(self, rows: Array, room: Array, values: Array, n_near: int) -> Array:
+        """Fill the rows of some pairs and, behind them, of some corners, and return them.
 
         With J the Jacobians of the joints at the origin of the world, a pair with the normal n from a point p₁ of the
         first body to a point p₂ of the second has the row [n, p₂ × n]·J over the joints that carry the second, less
@@ -454,17 +456,21 @@ class CollisionLimit(Barrier):
         filled = pairs.copy()
         filled[n_near:] = self._n_pairs + np.arange(len(pairs) - n_near)
         self._owners[filled], self._near = pairs, (filled, pairs, values)
-        self._room[1, filled], self._growth[filled] = values[:, 2], values[:, 3]
+        room[1, filled], self._growth[filled] = values[:, 2], values[:, 3]
         moving = values[:, 4:10].dot(self._robot.joint_jacobians)
         moving *= self._moves[pairs]
         rows[filled] = moving = moving if self._leaders is None else moving.dot(self._leaders)
-        if of_velocity:
-            robot, half = self._robot, 0.5 * self._per_time
-            closing = (moving.dot(robot.v) + values[:, 3] < -half * values[:, 2] - SLOW).nonzero()[0]
-            if closing.size:
-                pin.forwardKinematics(robot.model, robot.data, robot.q, robot.v, np.zeros(robot.nv))
-                self._growth += 0.5 * self._dt * np.minimum(self._drift(closing), 0.0)
-                self._others = self._growth
+        return np.asarray(moving)
+
+    def _bend(self, moving: Array, dt: float) -> bool:
+        """Add what the curvature of the way takes from distances in a period at the speed of the last step, if any."""
+        robot, (_, _, values) = self._robot, self._near
+        closing = moving.dot(robot.v) + values[:, 3] < -0.5 / self._time * values[:, 2] - SLOW
+        chosen = closing.nonzero()[0]
+        if chosen.size:
+            pin.forwardKinematics(robot.model, robot.data, robot.q, robot.v, np.zeros(robot.nv))
+            self._growth += 0.5 * dt * np.minimum(self._drift(chosen), 0.0)
+        return bool(chosen.size)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', rows={self.dim})"

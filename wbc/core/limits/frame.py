@@ -186,15 +186,15 @@ class FrameSpeedLimit(FrameLimit):
         """Return the accelerations of the components; see `Barrier.drift`."""
         return self._acceleration()
 
-    def _final_speeds(self, room: Array, speed: Array, dt: float) -> Array:
-        self._bound[:] = self.speed
-        return self._bound
+    def _final_speeds(self, room: Array, speed: Array, out: Array) -> Array:
+        out[:] = self.speed
+        return out
 
-    def _least_accelerations(self, room: Array) -> Array:
+    def _least_accelerations(self, room: Array, out: Array) -> Array:
         return _BACK
 
-    def _allowed_speeds(self, room: Array, dt: float) -> Array:
-        return self._final_speeds(room, room, dt)
+    def _allowed_speeds(self, room: Array, out: Array) -> Array:
+        return self._final_speeds(room, room, out)
 
 
 class AxisConeLimit(FrameLimit):

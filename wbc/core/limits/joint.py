@@ -168,6 +168,7 @@ class JointLimits(Barrier):
         self._time, self._back = RECOVERY_TIME, 0.0  # which the laws of joints do not need
         super().bind(robot)
         self._rows: Array | None = None  # that have been filled
+        self._dt = 0.0
         self._most_acceleration = np.full(na, np.inf)
         inertia = np.diag(robot.mass_matrix)[robot.base_dof :]
         # Row 0 is for the upper bounds, which negative torques keep, row 1 for the lower ones.
@@ -198,6 +199,7 @@ class JointLimits(Barrier):
         kept = limited & self._use_position
         self._low, self._high = np.where(kept, self._lower, -np.inf), np.where(kept, self._upper, np.inf)
         self._most = np.tile(np.where(limited & self._use_velocity, self._fastest, np.inf), (2, 1))
+        self._most_back = -self._most[0]
         self._braked = np.where(self._brakes > 0.0, -self._brakes, np.inf)
         self._greatest = np.tile(np.where(limited, self._most_acceleration, np.inf), (2, 1))
         self._accelerates = bool(np.isfinite(self._greatest).any())
@@ -221,30 +223,29 @@ class JointLimits(Barrier):
 
     def _take_period(self, dt: float) -> None:
         super()._take_period(dt)
-        self._law = BrakingLaw(self._brakes, dt, self._most)
+        self._law, self._dt, self._per_dt = BrakingLaw(self._brakes, dt, self._most), dt, scalar(1.0 / dt)
 
-    def _final_speeds(self, room: Array, speed: Array, dt: float) -> Array:
+    def _final_speeds(self, room: Array, speed: Array, out: Array) -> Array:
         bound = self._law(room, speed)
         np.minimum(bound, self._most, out=bound)
-        return np.minimum(bound, speed + dt * self._greatest, out=bound) if self._accelerates else bound
+        return np.minimum(bound, speed + self._dt * self._greatest, out=bound) if self._accelerates else bound
 
-    def _least_accelerations(self, room: Array) -> Array:
+    def _least_accelerations(self, room: Array, out: Array) -> Array:
         return self._braked
 
-    def _allowed_speeds(self, room: Array, dt: float) -> Array:
+    def _allowed_speeds(self, room: Array, out: Array) -> Array:
         """Return velocities that keep the next position, q + v dt, within its bounds."""
-        bound = np.multiply(room, self._per_period, out=self._bound)
+        bound, dt, left = np.multiply(room, self._per_dt, out=out), self._dt, room.reshape(-1)
         if self._stop is not None:
             bound[:] = np.where(
                 room < np.inf, stopping_velocity(np.maximum(room, _ZERO), self._stop, dt), np.inf
             )
-        if not self._flat[self._flat.argmin()] >= 0.0:
+        if not left[left.argmin()] >= 0.0:
             back = np.maximum(room / max(dt, RECOVERY_TIME), -self._most)
             np.copyto(bound, back, where=room < 0.0)
         np.minimum(bound, self._most, out=bound)
         if self._stop is not None:
-            speed, change = self._speed, dt * self._greatest
-            speed[0], speed[1] = self._velocities, -self._velocities
+            speed, change = np.array([self._velocities, -self._velocities]), dt * self._greatest
             np.clip(bound, speed - change, speed + change, out=bound)
         return bound
 
@@ -252,6 +253,19 @@ class JointLimits(Barrier):
         """Take the middle of bounds that cross."""
         crossed = upper < lower
         lower[crossed] = upper[crossed] = 0.5 * (lower[crossed] + upper[crossed])
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the velocity interval of every joint, rad/s, in less time where all are inside of their bounds."""
+        if self._stop is None and dt == self._dt and rows is self._rows:
+            np.subtract(self._high, self._positions, out=upper)
+            np.subtract(self._low, self._positions, out=lower)
+            if upper[upper.argmin()] >= 0.0 >= lower[lower.argmax()]:
+                upper *= self._per_dt
+                lower *= self._per_dt
+                np.minimum(upper, self._most[0], out=upper)
+                np.maximum(lower, self._most_back, out=lower)
+                return
+        super().write_velocity(dt, rows, lower, upper)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the distances to the position bounds, rad; see `Limit.write_step`."""
