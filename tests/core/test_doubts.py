@@ -19,7 +19,8 @@ from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.estimation.turning import TurnComparison
-from wbc.core.robot import GRAVITY
+from wbc.core.estimation.wrenches import FORCE_STD, MOMENT_STD, TORQUE_STD, WRENCH_STD, WrenchEstimator
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import SIGNALS
 from wbc.robots import load
 
@@ -394,3 +395,16 @@ def test_an_observer_refuses_signals_of_another_shape_and_numbers_that_are_none(
         with pytest.raises(MeasurementError, match="must be finite and rise"):
             observer.update(replace(rest, time=time))
     observer.update(replace(rest, time=1.1))
+
+
+def test_errors_of_torques_and_moments_are_those_of_a_light_robot_and_of_forces_go_with_the_weight(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Robot, "force_scale", 0.25)
+    estimator, weight = WrenchEstimator(ROBOT, DT), ROBOT.mass * GRAVITY
+    legs = sum(len(ROBOT.joints_between(sole.frame, ROBOT.base_frame)) for sole in ROBOT.soles)
+    std = [FORCE_STD * weight] * 3 + [0.25 * MOMENT_STD] * 3 + [0.25 * TORQUE_STD] * legs
+    np.testing.assert_allclose(1.0 / estimator._scale, std)
+    expected = WRENCH_STD * weight * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1] * 2)
+    np.testing.assert_allclose(estimator._prior, np.diag(expected**-2.0))
+    np.testing.assert_allclose(estimator.wrench[:, 2], 0.5 * weight)

@@ -15,9 +15,10 @@ from standing_hands import AHEAD, DOWN, held_hand, hold, standing, turned, wrenc
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.trajectories import Follower
+from wbc.robots import load
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.task import StabilizerTask
-from wbc.walking import HandSettings
+from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.frames import carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.source import Reference
@@ -392,3 +393,14 @@ def test_a_tick_of_the_stabilizer_that_has_failed_is_followed_by_good_ones(
         walking.command(at_rest(walking.controller.robot, 0.005 * tick))
         assert walking.control.failing == (tick == 0)
     assert balance.output is not None
+
+
+def test_a_small_robot_has_its_share_of_the_bias_that_is_believed() -> None:
+    usual = standing()[0].balance
+    robot = load("hrp4_class").robot()
+    robot.length_scale = 0.5
+    small = WalkingControl(robot, FootstepPlan.standing(robot), 0.005).balance
+    assert usual is not None and small is not None and usual.bias is not None and small.bias is not None
+    settings = WalkingControlSettings().bias
+    assert settings is not None
+    assert small.bias.settings == settings.sized(0.5) != usual.bias.settings
