@@ -388,6 +388,41 @@ def test_a_ball_joint_that_nothing_drives_is_fixed_as_other_passive_joints_are()
         RobotDescription.from_mjcf(swings.replace("</mujoco>", tie))
 
 
+SEVERAL = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.80665"/><worldbody>
+<body name="base" pos=".1 0 1">
+<joint name="lift" type="slide" axis="0 0 1"/><geom size=".1"/><body name="arm" pos=".2 .1 0" euler=".3 -.2 .5">
+<joint name="one" axis="1 0 1" pos=".05 0 .1" ref=".2"/><joint name="two" type="slide" axis="0 1 1" ref="-.1"/>
+<joint name="three" axis="0 1 0" pos="0 .1 -.1"/><geom type="capsule" fromto="0 0 0 .3 0 .1" size=".03"/>
+<body name="hand" pos=".3 0 0"><joint name="four" axis="0 0 1" pos="-.02 0 0"/><geom size=".05"/></body></body></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("held", ["", "one", "two", "three", "one two", "two three", "one two three", "four"])
+def test_any_joints_of_a_body_with_several_may_be_locked(held: str) -> None:
+    """Anchors, references, hinges and slides: places of bodies, mass matrix and bias are MuJoCo's."""
+    model, lock = mujoco.MjModel.from_xml_string(SEVERAL), {name: 0.1 * len(name) for name in held.split()}
+    every = [model.joint(i).name for i in range(model.njnt)]
+    limits = dict.fromkeys((name for name in every if name not in lock), 9.0)
+    description = RobotDescription.from_mjcf(SEVERAL, base="fixed", lock=lock, torque_limits=limits)
+    assert list(description.joint_names) == [*limits]
+    robot, data, rng = description.robot(), mujoco.MjData(model), np.random.default_rng(2)
+    free = [int(model.joint(name).dofadr[0]) for name in description.joint_names]
+    for name, value in lock.items():
+        data.joint(name).qpos = value
+    for _ in range(3):
+        data.qpos[free], data.qvel[free] = rng.normal(size=(2, len(free)))
+        mujoco.mj_forward(model, data)
+        robot.update(data.qpos[free], data.qvel[free])
+        full = np.zeros((model.nv, model.nv))
+        mujoco.mj_fullM(model, data, full)
+        np.testing.assert_allclose(robot.mass_matrix, full[np.ix_(free, free)], atol=1e-11)
+        np.testing.assert_allclose(robot.bias, data.qfrc_bias[free], atol=1e-10)
+        for link in ("base", "arm", "hand"):
+            place = robot.placement(link)
+            np.testing.assert_allclose(place.translation, data.body(link).xpos, atol=1e-12)
+            np.testing.assert_allclose(place.rotation.ravel(), data.body(link).xmat, atol=1e-12)
+
+
 # ---- closed chains --------------------------------------------------------------------------------------------------
 
 BIPED = (EXAMPLES / "biped.xml").read_text(encoding="utf-8")
