@@ -33,7 +33,7 @@ class DescriptionOptions(TypedDict, total=False):
         passive: Joints without a drive, whose torque is zero, such as those of rods.
         turn_root: True or None to turn a root whose x axis does not point forward, by a link above it; False to refuse
             it.
-        repair: Clamp inertias that no body can have instead of refusing them; False by default.
+        repair: Clamp inertias of a URDF that no body can have instead of refusing them; False by default.
         height: Standing height with straight legs, m; unknown when None.
         licence: Licence of the model; "unknown" by default.
     """

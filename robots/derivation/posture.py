@@ -306,7 +306,8 @@ def _solve(
     low, high = lower[free], upper[free]
     margin = 1e-6 * np.nan_to_num(high - low, posinf=1.0)
     first = np.clip(q[solved_for], low + margin, high - margin)
-    middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
+    with np.errstate(invalid="ignore"):  # of joints that turn without end
+        middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
     starts = (first, np.clip(middle, low + margin, high - margin))
     best: tuple[float, Array, Array] | None = None
     for width, x0 in itertools.product(dict.fromkeys(widths), starts):

@@ -70,13 +70,7 @@ def sole_rectangle(
                 clouds += [] if cloud is None else [cloud]
         if not clouds:
             continue
-        points = np.concatenate(clouds)
-        low = float(points[:, 2].min())
-        touching = points[points[:, 2] < low + SLICE]
-        lower, upper = touching.min(axis=0), touching.max(axis=0)
-        length, width = (upper - lower)[:2].tolist()
-        centre = 0.5 * (lower + upper)
-        centre[2] = low
+        centre, length, width = footprint(np.concatenate(clouds))
         if not plausible(length, width, float(np.linalg.norm(here.translation))):
             other = other or (centre, length, width)
         elif width <= length:
@@ -84,6 +78,18 @@ def sole_rectangle(
         else:
             wide = wide or (centre, length, width)
     return wide or other
+
+
+def footprint(points: Array) -> tuple[Array, float, float]:
+    """Return the rectangle around the points that touch the ground: centre, shape (3,), length and width, m.
+
+    The points have the axes of the sole, shape (n, 3).
+    """
+    lowest = points[:, 2].min()
+    touching = points[points[:, 2] < lowest + SLICE]
+    low, high = touching.min(axis=0), touching.max(axis=0)
+    length, width = (high - low)[:2].tolist()
+    return np.array([*(0.5 * (low + high))[:2], lowest]), length, width
 
 
 def plausible(length: float, width: float, leg: float = np.inf) -> bool:

@@ -15,8 +15,9 @@ from scipy.spatial import ConvexHull, QhullError
 from wbc.base.errors import ModelError, unknown_name
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.frames import Sole
-from wbc.robots.derivation.soles import SLICE, no_sole, plausible, points_of
+from wbc.robots.derivation.soles import SLICE, footprint, no_sole, plausible, points_of
 from wbc.robots.frames import SoleName, frame_at
+from wbc.robots.readers.shapes_mjcf import kind_of, vertices_of
 from wbc.robots.readers.tree_mjcf import FREE, Tree
 
 FLAT = np.cos(np.radians(1.0))
@@ -144,11 +145,8 @@ class _Finder:
         body = pin.SE3(data.xmat[foot.body].reshape(3, 3), data.xpos[foot.body])
         centre, sides = np.zeros(3), size
         if foot.geoms:
-            local = points @ axes
-            touching = local[local[:, 2] < local[:, 2].min() + SLICE]
-            low, high = touching.min(axis=0), touching.max(axis=0)
-            centre = axes @ np.array([*(0.5 * (low + high))[:2], low[2]])
-            sides = sides or self._sides(name, foot, *(high - low)[:2].tolist())
+            middle, length, width = footprint(points @ axes)
+            centre, sides = axes @ middle, size or self._sides(name, foot, length, width)
         assert sides is not None
         if foot.origin is not None:
             centre = body.act(foot.origin)
@@ -166,7 +164,7 @@ class _Finder:
                 f"{name}, body '{link}': {no_sole(length, width)}; give sole_size. A humanoid needs two feet; "
                 "feet=False describes a robot without, such as a quadruped"
             )
-        kinds = Counter(_kind(self.model, geom) for geom in foot.geoms)
+        kinds = Counter(kind_of(self.model, geom) for geom in foot.geoms)
         plural = {"box": "boxes", "mesh": "meshes"}
         said = " and ".join(
             f"a {kind}" if count == 1 else f"{count} {plural.get(kind, f'{kind}s')}"
@@ -223,11 +221,9 @@ class _Finder:
         model, clouds = self.model, [np.zeros((0, 3))]
         for geom in geoms:
             rotation = self.data.geom_xmat[geom].reshape(3, 3)
-            local = points_of(_kind(model, geom), np.array(model.geom_size[geom]), rotation.T @ up)
+            local = points_of(kind_of(model, geom), np.array(model.geom_size[geom]), rotation.T @ up)
             if int(model.geom_type[geom]) == mujoco.mjtGeom.mjGEOM_MESH:
-                mesh = int(model.geom_dataid[geom])
-                start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
-                local = np.array(model.mesh_vert[start : start + count], dtype=np.float64)
+                local = vertices_of(model, int(model.geom_dataid[geom]))
             if local is not None:
                 clouds.append(self.data.geom_xpos[geom] + local @ rotation.T)
         return np.concatenate(clouds)
@@ -248,10 +244,6 @@ def _touch_ground(model: mujoco.MjModel) -> NDArray[np.bool_]:
         for one, other in (pair, pair[::-1]):
             touches[one] |= bodies[other] == 0
     return touches
-
-
-def _kind(model: mujoco.MjModel, geom: int) -> str:
-    return str(mujoco.mjtGeom(int(model.geom_type[geom])).name).removeprefix("mjGEOM_").lower()
 
 
 def _flat_side(points: Array, up: Array) -> Array | None:

@@ -8,9 +8,9 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 
-from wbc.robots.readers.source_mjcf import SHOWN, Mjcf, along, placement_of, text
+from wbc.base.numbers import Array
+from wbc.robots.readers.source_mjcf import SHOWN, Mjcf, along, placed, placement_of, text
 from wbc.robots.readers.tree_mjcf import Tree
 from wbc.robots.report import listed
 from wbc.robots.source import Element
@@ -73,34 +73,42 @@ def add_shapes(source: Mjcf, tree: Tree, moved: Collection[str] = ()) -> None:
         tree.notes.append(f"shapes of MuJoCo alone are the boxes around them: {listed([*boxed])}")
 
 
+def kind_of(model: mujoco.MjModel, geom: int) -> str:
+    """Return the kind of a geom as an MJCF names it."""
+    return str(mujoco.mjtGeom(int(model.geom_type[geom])).name).removeprefix("mjGEOM_").lower()
+
+
+def vertices_of(model: mujoco.MjModel, mesh: int) -> Array:
+    """Return the vertices of a mesh in the frame that the compiler gave it, shape (n, 3), m."""
+    start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    return np.array(model.mesh_vert[start : start + count], dtype=np.float64)
+
+
 def _geom(
     model: mujoco.MjModel, geom: int, files: Mapping[int, str], boxed: dict[str, None]
 ) -> Element | None:
     """Return a geom as a box, sphere, cylinder, capsule or mesh of a file; None for one that is none of them."""
-    kinds, kind = mujoco.mjtGeom, int(model.geom_type[geom])
-    word, size, mesh = kinds(kind).name.removeprefix("mjGEOM_").lower(), np.array(model.geom_size[geom]), ""
+    kind, size, mesh = kind_of(model, geom), np.array(model.geom_size[geom]), ""
     place = placement_of(model.geom_pos[geom], model.geom_quat[geom])
     name = str(model.geom(geom).name) or f"geom_{geom}"
-    if kind in (kinds.mjGEOM_MESH, kinds.mjGEOM_SDF) and (number := int(model.geom_dataid[geom])) >= 0:
+    if kind in ("mesh", "sdf") and (number := int(model.geom_dataid[geom])) >= 0:
         if number in files:
             # The compiler has moved the mesh to its centre of mass and principal axes.
             place = place * placement_of(model.mesh_pos[number], model.mesh_quat[number]).inverse()
-            word, mesh = "mesh", f"mesh_{number}"
+            kind, mesh = "mesh", f"mesh_{number}"
         else:
-            start, count = int(model.mesh_vertadr[number]), int(model.mesh_vertnum[number])
-            vertices = np.array(model.mesh_vert[start : start + count], dtype=np.float64)
+            vertices = vertices_of(model, number)
             low, high = vertices.min(axis=0), vertices.max(axis=0)
-            place, size, word = place * along(0.5 * (low + high)), 0.5 * (high - low), "box"
+            place, size, kind = place * along(0.5 * (low + high)), 0.5 * (high - low), "box"
             boxed[f"mesh '{model.mesh(number).name or number}' without a file that has it so"] = None
-    elif kind == kinds.mjGEOM_ELLIPSOID:
-        word = "box"
+    elif kind == "ellipsoid":
+        kind = "box"
         boxed[f"ellipsoid '{name}'"] = None
-    elif word not in SIZES:
-        boxed[f"{word} '{name}', left out"] = None
+    elif kind not in SIZES:
+        boxed[f"{kind} '{name}', left out"] = None
         return None
-    made = ElementTree.Element("geom", type=word, pos=text(place.translation))
-    made.set("quat", text(pin.Quaternion(place.rotation).coeffs()[[3, 0, 1, 2]]))
-    made.attrib.update({"mesh": mesh} if mesh else {"size": text(size[: SIZES[word]])})
+    made = ElementTree.Element("geom", {"type": kind, **placed(place)})
+    made.attrib.update({"mesh": mesh} if mesh else {"size": text(size[: SIZES[kind]])})
     material = int(model.geom_matid[geom])
     made.set("rgba", text(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]))
     return made

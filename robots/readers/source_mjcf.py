@@ -186,6 +186,14 @@ def along(vector: Array) -> pin.SE3:
     return pin.SE3(np.eye(3), np.array(vector, dtype=np.float64))
 
 
+def placed(place: pin.SE3) -> dict[str, str]:
+    """Return a placement as attributes of an element."""
+    return {
+        "pos": text(place.translation),
+        "quat": text(pin.Quaternion(place.rotation).coeffs()[[3, 0, 1, 2]]),
+    }
+
+
 def text(values: Any) -> str:
     """Return numbers as an attribute that reads back exactly."""
     return " ".join(repr(float(value)) for value in values)

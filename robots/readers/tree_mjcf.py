@@ -140,6 +140,7 @@ def _find_couplings(tree: Tree, known: Mapping[str, int]) -> None:
             del waiting[i]
             leading.add(follower)
             tree.ties.append(i)
+            found = True
             if leader in tree.locked:
                 tree.locked[follower] = factor * tree.locked[leader] + shift
                 continue
@@ -147,7 +148,6 @@ def _find_couplings(tree: Tree, known: Mapping[str, int]) -> None:
             tree.coupled[names[follower]] = Coupling(
                 above.leader, factor * above.ratio, factor * above.offset + shift
             )
-            found = True
 
 
 def _hangs_on(model: mujoco.MjModel, joint: int, other: int) -> bool:

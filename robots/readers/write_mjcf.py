@@ -12,7 +12,7 @@ from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
 from wbc.core.robot import Closure
 from wbc.robots.readers.chains_mjcf import Chain
-from wbc.robots.readers.source_mjcf import SLIDE, Mjcf, along, motion, placement_of, text
+from wbc.robots.readers.source_mjcf import SLIDE, Mjcf, along, motion, placed, placement_of, text
 from wbc.robots.readers.tree_mjcf import Tree
 from wbc.robots.source import Element
 
@@ -115,5 +115,4 @@ def _reference(tree: Tree, joint: str) -> float:
 
 def _element(tag: str, parent: Element, name: str, place: pin.SE3) -> Element:
     """Add a body or a site to a body."""
-    quaternion = pin.Quaternion(place.rotation).coeffs()[[3, 0, 1, 2]]
-    return ElementTree.SubElement(parent, tag, name=name, pos=text(place.translation), quat=text(quaternion))
+    return ElementTree.SubElement(parent, tag, {"name": name, **placed(place)})

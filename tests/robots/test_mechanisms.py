@@ -215,6 +215,21 @@ def test_a_joint_that_would_lead_what_carries_it_is_passive_and_named() -> None:
     assert any("left_shoulder" in line and "passive" in line for line in description.doubts())
 
 
+def test_what_a_locked_joint_leads_is_locked_with_it_in_any_order_of_the_file() -> None:
+    ties = (
+        '<joint joint1="left_shoulder_out" joint2="right_shoulder" polycoef="0 2 0 0 0"/>',
+        '<joint joint1="right_shoulder" joint2="left_shoulder" polycoef="0.1 0.5 0 0 0"/>',
+    )
+    for order in (ties, ties[::-1]):
+        xml = biped(extra=f"<equality>{''.join(order)}</equality>")
+        for follower in ("right_shoulder", "left_shoulder_out"):
+            xml = xml.replace(f'<motor joint="{follower}"/>', "")
+        locked = RobotDescription.from_mjcf(xml, lock={"left_shoulder": 0.2}).locked
+        assert locked == pytest.approx(
+            {"left_shoulder": 0.2, "right_shoulder": 0.2, "left_shoulder_out": 0.4}
+        )
+
+
 def test_an_equality_of_a_higher_degree_or_between_two_drives_is_named() -> None:
     for extra in (GEAR.format(ratio=0.5), GEAR.format(ratio=0.5).replace("0 0 0", "0.1 0 0")):
         description = RobotDescription.from_mjcf(biped(extra=extra))
