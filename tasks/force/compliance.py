@@ -300,10 +300,10 @@ class ComplianceTask(FrameTask):
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, local).vector
         self._fed = True
         if self._still:
-            self._rows.velocity[:], self._rows.acceleration[:] = self._target_rates
+            self._numbers.velocity[:], self._numbers.acceleration[:] = self._target_rates
             return
         # From the axes of the reference, in which the frame yields, to those of the frame as it stands now.
-        motion, rows = self._motion, self._rows
+        motion, rows = self._motion, self._numbers
         for yields, rate, row in (
             (self._velocity, self._target_rates[0], rows.velocity),
             (self._acceleration, self._target_rates[1], rows.acceleration),

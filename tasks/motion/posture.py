@@ -69,7 +69,7 @@ class PostureTask(JointTask, SelectionTask):
         if self._slides is None:
             self._slides = robot.slides[columns - robot.base_dof]
             if self._usual:
-                self._rows.bound[self._slides] = ERROR_BOUNDS["m"]
+                self._numbers.bound[self._slides] = ERROR_BOUNDS["m"]
                 self.revision += 1
         if self._factor is None:
             factor = np.ones(self.dim)
@@ -121,8 +121,8 @@ class PostureTask(JointTask, SelectionTask):
         """Write the weight that acts, with the factors of the joints."""
         super()._act()
         if self._factor is not None:
-            self._rows.weight *= self._factor
-            self.idle = not (self._hard or self._rows.weight.any())
+            self._numbers.weight *= self._factor
+            self.idle = not (self._hard or self._numbers.weight.any())
 
     def _usual_bound(self) -> ArrayLike:
         self._usual = True

@@ -77,7 +77,7 @@ class VelocityAssembly(RowStore):
         self.lower: list[Level] = []
         for rows in consecutive(p.target.size, *(rows_in(level) for level in levels[1:]))[1:]:
             matrix = self._lower_matrix[rows.start - p.target.size : rows.stop - p.target.size]
-            weight, cost = self._rows.weight[rows], self._cost[rows]
+            weight, cost = self._numbers.weight[rows], self._cost[rows]
             self.lower.append(Level(matrix, self.targets[rows], weight, rows, cost, regularisation))
         self._soft = slice(p.n_eq, p.target.size)  # rows whose errors damp
         self._soft_error, self._soft_cost = self._error[self._soft], self._cost[self._soft]
@@ -107,7 +107,7 @@ class VelocityAssembly(RowStore):
         if error is not self._error:
             soft_error = error[self._soft]
         np.multiply(self._gain, error, out=targets)
-        targets += self._rows.velocity
+        targets += self._numbers.velocity
         for jacobian, momentum, lacking in self._momenta:
             np.add(lacking, jacobian.dot(self._robot.v), out=momentum)
             lacking.fill(0.0)  # it is no distance, and damps nothing
@@ -127,7 +127,7 @@ class VelocityAssembly(RowStore):
     def _take_gains(self) -> None:
         """Compute what follows from rates, weights and bounds."""
         super()._take_gains()
-        np.minimum(self._rows.rate, 1.0 / self._dt, out=self._gain)
+        np.minimum(self._numbers.rate, 1.0 / self._dt, out=self._gain)
 
     def write_step(self) -> float:
         """Fill the QP of a step towards all targets; return the cost of the present configuration."""
@@ -147,7 +147,7 @@ class VelocityAssembly(RowStore):
 
     def _cost_of(self, error: Array, values: Array) -> float:
         """Return the cost of the errors of all rows, and of limits that the values of their rows violate."""
-        p, cost = self.problem, np.multiply(self._rows.weight, error, out=self._cost)
+        p, cost = self.problem, np.multiply(self._numbers.weight, error, out=self._cost)
         cost[: p.n_eq] = HARD * error[: p.n_eq]
         for number, level in enumerate(self.lower, 1):
             cost[level.rows] *= LOWER**number
@@ -180,7 +180,7 @@ class VelocityAssembly(RowStore):
         A contact counts as if each of its rows had a weight of one.
         """
         task = isinstance(block.item, Task)
-        weighted = block.error * self._rows.weight[block.place] if task else block.error
+        weighted = block.error * self._numbers.weight[block.place] if task else block.error
         if isinstance(block.item, SelectionTask):
             return float(np.linalg.norm(weighted)), 1.0
         most = float(np.linalg.norm(block.jacobian, 2) * np.linalg.norm(weighted))

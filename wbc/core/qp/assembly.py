@@ -203,7 +203,7 @@ class Assembly(RowStore):
 
     def _write_references(self) -> None:
         """Write the reference accelerations: feed-forward, PD on error and velocity, minus drift."""
-        v, rows, velocity, out = self._robot.v, self._rows, self._velocity, self._references
+        v, rows, velocity, out = self._robot.v, self._numbers, self._velocity, self._references
         self._matrix.dot(v, out=self._stored_velocity)
         # With the default mode NumPy writes into a buffer first.
         v.take(self._columns, out=self._selected_velocity, mode="clip")

@@ -17,7 +17,7 @@ from wbc.base.numbers import Array
 from wbc.base.vectors import add_cross
 from wbc.core.frames import frame_jacobian
 from wbc.core.qp.contact import NORMAL, USUAL_WEIGHTS, Contact, ContactOptions, HeldFrame
-from wbc.core.qp.motion import Rows
+from wbc.core.qp.motion import RowNumbers
 from wbc.core.robot import GRAVITY, Robot
 
 LEVER = 1.0
@@ -136,7 +136,7 @@ class LoopClosure(Contact):
 
     def _resize(self, directions: Array) -> None:
         """Take other directions over, with the gains and weights that were given for them."""
-        numbers = np.vstack([self._rows.values, self._wrench_weight])
+        numbers = np.vstack([self._numbers.values, self._wrench_weight])
         same = np.abs(directions.dot(self.directions.T)) > 1.0 - FREE  # rows along rows that were there
         if (numbers == numbers[:, :1]).all():
             kept = np.zeros(len(directions), dtype=np.intp)
@@ -149,7 +149,7 @@ class LoopClosure(Contact):
             )
         self.dim, self.directions = len(directions), directions
         self._lines, self._spins = (np.ascontiguousarray(part) for part in np.hsplit(directions, [3]))
-        self._rows, self._wrench_weight = Rows(numbers[:-1, kept]), numbers[-1, kept]
+        self._numbers, self._wrench_weight = RowNumbers(numbers[:-1, kept]), numbers[-1, kept]
         self.cone = np.zeros((0, self.dim))
         self.revision += 1
 

@@ -191,7 +191,7 @@ class Contact(Motion):
     @property
     def motion_weight(self) -> Array | None:
         """See `ContactOptions`; shape (dim,), read-only."""
-        return read_only(self._rows.weight) if self._yields else None
+        return read_only(self._numbers.weight) if self._yields else None
 
     @motion_weight.setter
     def motion_weight(self, value: ArrayLike | None) -> None:
@@ -201,7 +201,7 @@ class Contact(Motion):
                 "when the contact is made"
             )
         if value is not None:
-            self._rows.weight[:] = self._checked_gain("motion weight", value, most=FIRMEST)
+            self._numbers.weight[:] = self._checked_gain("motion weight", value, most=FIRMEST)
             self.revision += 1
 
     @property
@@ -266,7 +266,7 @@ class Contact(Motion):
     def hold(self) -> None:
         """Take the present placement of the frame as the place of the contact, at rest."""
         self._target = pin.SE3(self._placement)
-        self._rows.velocity[:] = 0.0
+        self._numbers.velocity[:] = 0.0
 
     @property
     def target(self) -> pin.SE3:
@@ -285,17 +285,17 @@ class Contact(Motion):
     @property
     def velocity(self) -> Array:
         """Velocity at which the held frame should move, in the contact frame, shape (dim,), m/s, rad/s; read-only."""
-        return read_only(self._rows.velocity)
+        return read_only(self._numbers.velocity)
 
     @velocity.setter
     def velocity(self, value: ArrayLike) -> None:
-        self._rows.velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
+        self._numbers.velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
         self._fed = True
 
     def follow(self, target: pin.SE3, velocity: Array) -> None:
         """Set `target`, not copied, and `velocity`, shape (dim,), for one tick; without a check, for the tick."""
         self._target, self._fed = target, True
-        self._rows.velocity[:] = velocity
+        self._numbers.velocity[:] = velocity
 
     def advance(self, dt: float) -> None:
         """Advance the force ramp by one control period, s."""
@@ -351,7 +351,7 @@ class Contact(Motion):
     def _set_load(self, load: float) -> None:
         self._load = load
         if load == 0.0:
-            self._rows.velocity[:] = 0.0
+            self._numbers.velocity[:] = 0.0
         if self._active or load == 0.0:
             self._carried = None
         self.revision += 1
@@ -507,7 +507,7 @@ class SoleContact(HeldFrame):
         change[3:, 3:] = rotation.T
         jacobian[:] = change.dot(frame_jacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED))
         error[:] = 0.0
-        if largest(self._rows.stiffness) > 0.0:
+        if largest(self._numbers.stiffness) > 0.0:
             target = self._target
             error[:3] = change[:3, :3].dot(target.act(self._centre) - self._placement.act(self._centre))
             error[3:] = pin.log3(rotation.T.dot(target.rotation))

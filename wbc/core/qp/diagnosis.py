@@ -82,7 +82,7 @@ def held_back(
     p = rows.problem
     pulls: dict[str, Array] = {}
     for task in tasks:
-        cost = task._rows.weight * residuals[task.name]
+        cost = task._numbers.weight * residuals[task.name]
         if isinstance(task, SelectionTask):
             pulls[task.name] = np.zeros(p.diagonal.size)
             pulls[task.name][np.arange(p.diagonal.size)[task.columns]] = cost

@@ -31,7 +31,7 @@ class SelectionTask(Task):
 
     def saturate(self, error: Array) -> None:
         """Clip each component of an error, shape (dim,), `unit`, to its bound."""
-        bound = self._rows.bound
+        bound = self._numbers.bound
         np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
 
     def _sizes(self, rows: Array) -> list[float]:

@@ -19,10 +19,10 @@ RATE = 10.0
 """Velocity per error in inverse kinematics where none is given, 1/s: an error is gone to a third in 0.1 s."""
 
 NONE = np.array([[0.0]] * 6 + [[np.inf]])
-"""Numbers of a row that asks for nothing; see `Rows`."""
+"""Numbers of a row that asks for nothing; see `RowNumbers`."""
 
 
-class Rows:
+class RowNumbers:
     """Numbers of rows that do not depend on the state: one for each row, of shape (dim,).
 
     Attributes:
@@ -45,13 +45,13 @@ class Rows:
         self.rate, self.weight, self.bound = values[4:]
 
     @staticmethod
-    def zeros(dim: int) -> Rows:
+    def zeros(dim: int) -> RowNumbers:
         """Return rows of zeros, whose error has no bound."""
-        return Rows(np.repeat(NONE, dim, axis=1))
+        return RowNumbers(np.repeat(NONE, dim, axis=1))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the array; the names follow."""
-        return Rows, (self.values,)
+        return RowNumbers, (self.values,)
 
 
 class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
@@ -63,7 +63,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         revision: Number that changes with gains, weights and bounds.
     """
 
-    __slots__ = ("_critical", "_fed", "_owner", "_robot", "_rows", "name", "revision")
+    __slots__ = ("_critical", "_fed", "_numbers", "_owner", "_robot", "name", "revision")
 
     _kind: ClassVar[str] = "task"
     _choice: Choice | None = None  # of axes and joints; None for all
@@ -76,11 +76,11 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         self._fed = (
             False  # the target has had a velocity or an acceleration, which may be another in every tick
         )
-        self._rows = Rows.zeros(self.dim)
+        self._numbers = RowNumbers.zeros(self.dim)
         self._robot: Robot | None = None
         self._owner = None
         self._critical = True
-        self._rows.rate.fill(RATE)
+        self._numbers.rate.fill(RATE)
         self.stiffness = stiffness
         if damping is not None:
             self.damping = damping
@@ -145,14 +145,14 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     @property
     def stiffness(self) -> Array:
         """Acceleration per error, 1/s², shape (dim,), read-only; assigning one makes an unset damping critical."""
-        return read_only(self._rows.stiffness)
+        return read_only(self._numbers.stiffness)
 
     @stiffness.setter
     def stiffness(self, value: ArrayLike) -> None:
         stiffness = self._checked_gain("stiffness (1/s²)", value)
         if self._critical:
             self._set_damping(self._critical_damping(stiffness))
-        self._rows.stiffness[:] = stiffness
+        self._numbers.stiffness[:] = stiffness
         self.revision += 1
 
     @property
@@ -161,13 +161,13 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
 
         A critical damping that is read and assigned stays critical.
         """
-        return read_only(self._rows.damping)
+        return read_only(self._numbers.damping)
 
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:
-        itself = value is not None and np.may_share_memory(value, self._rows.damping)
+        itself = value is not None and np.may_share_memory(value, self._numbers.damping)
         if value is None:
-            self._set_damping(self._critical_damping(self._rows.stiffness))
+            self._set_damping(self._critical_damping(self._numbers.stiffness))
         else:
             self._set_damping(self._checked_gain("damping (1/s)", value))
         self._critical = value is None or (self._critical and itself)
@@ -176,11 +176,11 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     @property
     def rate(self) -> Array:
         """Velocity per error in inverse kinematics, 1/s, shape (dim,), read-only; assign a scalar or an array."""
-        return read_only(self._rows.rate)
+        return read_only(self._numbers.rate)
 
     @rate.setter
     def rate(self, value: ArrayLike) -> None:
-        self._rows.rate[:] = self._checked_gain("rate (1/s)", value)
+        self._numbers.rate[:] = self._checked_gain("rate (1/s)", value)
         self.revision += 1
 
     def _critical_damping(self, stiffness: Array) -> Array:
@@ -189,7 +189,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
 
     def _set_damping(self, damping: Array) -> None:
         """Take a damping over, 1/s, scalar or shape (dim,)."""
-        self._rows.damping[:] = damping
+        self._numbers.damping[:] = damping
 
     def _checked_gain(
         self, what: str, value: ArrayLike, *, most: float = np.inf, above_zero: bool = False
@@ -258,7 +258,7 @@ class Block:
     def trim(self) -> None:
         """Take the rows that the task has chosen; see `Choice`."""
         item = self.item
-        item._choice.trim(self._rows, self.full, item._rows.damping, item.robot.v)
+        item._choice.trim(self._rows, self.full, item._numbers.damping, item.robot.v)
 
     def take(self) -> None:
         """Note that the numbers of the item as they are now have been taken."""

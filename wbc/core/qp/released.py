@@ -153,7 +153,7 @@ class ReleasedJoints(SelectionTask):
                 known[:] = self._driven(q, torque, accelerations)
         self._before = velocity
         np.maximum(known, -self._most, out=known)
-        np.minimum(known, self._most, out=self._rows.acceleration)
+        np.minimum(known, self._most, out=self._numbers.acceleration)
         self._fed = True
 
     def _driven(self, q: Array, torque: Array, accelerations: Array) -> Array:

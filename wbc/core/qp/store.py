@@ -28,7 +28,7 @@ from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.kinds import SelectionTask, VariableTask
-from wbc.core.qp.motion import NONE, Block, Motion, Rows
+from wbc.core.qp.motion import NONE, Block, Motion, RowNumbers
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot
@@ -111,11 +111,10 @@ class RowStore:
         p.target, self._selected_target = self.targets[qp], self.targets[selected]
         self._lower_matrix = np.zeros((rows_in(lower), nv))
         n = selected.stop - self._start
-        self._numbers = np.repeat(NONE, n, axis=1)
-        self._rows = Rows(self._numbers)
+        self._numbers = RowNumbers.zeros(n)
         self._error, self._drift = np.zeros(n), np.zeros(n)
         self._scratch, self._per_bound = np.zeros(n), np.zeros(n)
-        p.soft_weight = self._rows.weight[n_eq - self._start : qp.stop - self._start]
+        p.soft_weight = self._numbers.weight[n_eq - self._start : qp.stop - self._start]
 
         self.places: dict[str, slice] = {}
         self._contacts: list[Block] = []
@@ -192,7 +191,7 @@ class RowStore:
             [coordinates[:0], *(coordinates[task.columns] for task in tasks)]
         )
         self._diagonal, self._linear = p.diagonal[: coordinates.size], p.linear[: coordinates.size]
-        self._selected_weight = self._rows.weight[self._error.size - self._columns.size :]
+        self._selected_weight = self._numbers.weight[self._error.size - self._columns.size :]
         self._selected_cost: Array = np.zeros(coordinates.size)  # sum of their weights at each coordinate
         # A single selection of consecutive coordinates, such as a posture, is the usual case.
         alone = len(tasks) == 1 and isinstance(tasks[0].columns, slice)
@@ -215,7 +214,7 @@ class RowStore:
 
     def _fill(self) -> None:
         """Fill Jacobians, errors and drifts at the present state, and take numbers over that have changed."""
-        numbers = self._numbers
+        numbers = self._numbers.values
         for block in self._contacts:
             contact = block.item
             engaged = contact.engaged
@@ -224,7 +223,7 @@ class RowStore:
             if engaged:
                 block.evaluate(*block.full)
                 if contact._fed:
-                    numbers[:2, block.place] = contact._rows.values[:2]
+                    numbers[:2, block.place] = contact._numbers.values[:2]
         for block in self._tasks:
             task = block.item
             if task.revision != block.revision:
@@ -234,7 +233,7 @@ class RowStore:
                 if block.trims:
                     block.trim()
                 if task._fed:
-                    numbers[:2, block.place] = task._rows.values[:2]
+                    numbers[:2, block.place] = task._numbers.values[:2]
         if self._changed:
             self._take_gains()
             self._changed = False
@@ -242,7 +241,7 @@ class RowStore:
     def _take(self, block: Block) -> None:
         """Take the numbers of a task over."""
         block.take()
-        self._numbers[:, block.place], self._changed = block.item._rows.values, True
+        self._numbers.values[:, block.place], self._changed = block.item._numbers.values, True
 
     def _take_contact(self, block: Block, engaged: bool) -> None:
         """Take the numbers of a contact over, or empty the rows of one that is off."""
@@ -256,11 +255,11 @@ class RowStore:
                 self.problem.set_empty(block.reserved, np.full(contact.dim, empty))
         self._take(block)
         if not engaged:
-            self._numbers[:, block.place] = NONE
+            self._numbers.values[:, block.place] = NONE
 
     def _take_gains(self) -> None:
         """Compute what follows from weights and bounds."""
-        np.divide(1.0, self._rows.bound, out=self._per_bound)
+        np.divide(1.0, self._numbers.bound, out=self._per_bound)
         self._selected_cost[:] = np.bincount(self._columns, self._selected_weight, self._robot.nv)
 
     def _bounded_error(self) -> Array:
@@ -270,7 +269,7 @@ class RowStore:
         if share.dot(share) <= 1.0:  # so none is beyond its bound
             return error
         beyond = np.abs(error, out=share)
-        beyond -= self._rows.bound
+        beyond -= self._numbers.bound
         if not largest(beyond) > 0.0:
             return error
         error = error.copy()

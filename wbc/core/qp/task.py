@@ -24,7 +24,7 @@ from wbc.base.checked import checked as checked_arguments
 from wbc.base.errors import InputError, WbcError, shown, unknown_name
 from wbc.base.numbers import Array, finite_array, read_only
 from wbc.core.frames import FixedPose
-from wbc.core.qp.motion import RATE, Block, Motion, Rows
+from wbc.core.qp.motion import RATE, Block, Motion, RowNumbers
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, Target, coordinates
 from wbc.core.qp.options import Choice, MotionOptions
 from wbc.core.robot import Reads, Robot
@@ -125,7 +125,7 @@ class Task(Motion):
         if not isinstance(value, (bool, np.bool_)):
             raise InputError(f"hard of task '{self.name}' must be true or false, got {shown(value)}")
         self._hard = bool(value)
-        self.idle = not (self._hard or self._rows.weight.any())
+        self.idle = not (self._hard or self._numbers.weight.any())
 
     @property
     def weight(self) -> Array:
@@ -163,9 +163,9 @@ class Task(Motion):
 
     def _act(self) -> None:
         """Write the weight that acts."""
-        np.multiply(self._weight, self._scale, out=self._rows.weight)
+        np.multiply(self._weight, self._scale, out=self._numbers.weight)
         self.revision += 1
-        self.idle = not (self._hard or self._rows.weight.any())
+        self.idle = not (self._hard or self._numbers.weight.any())
 
     def _used_joints(self, robot: Robot) -> Sequence[str] | None:
         """Return the joints that the task may use; None for all."""
@@ -206,7 +206,7 @@ class Task(Motion):
     @property
     def error_bound(self) -> Array:
         """Bound of each component of the error, `unit`, shape (dim,), read-only; assign one, or inf for no bound."""
-        return read_only(self._rows.bound)
+        return read_only(self._numbers.bound)
 
     @error_bound.setter
     def error_bound(self, value: ArrayLike) -> None:
@@ -219,7 +219,7 @@ class Task(Motion):
             ) from None
         if not (bound > 0.0).all():
             raise InputError(f"{what} must be above zero, got {shown(value)}")
-        self._rows.bound[:] = bound
+        self._numbers.bound[:] = bound
         self.revision += 1
 
     def _usual_bound(self) -> ArrayLike:
@@ -242,7 +242,7 @@ class Task(Motion):
 
         The parts of position and rotation are shortened separately.
         """
-        bound = self._rows.bound
+        bound = self._numbers.bound
         for _, part in self._parts():
             over = float((abs(error[part]) / bound[part]).max())
             if over > 1.0:
@@ -405,7 +405,7 @@ class Task(Motion):
 
     def _feedforward(self) -> tuple[Array, Array]:
         """Return the arrays of velocity and acceleration of the target, each of shape (dim,)."""
-        return self._rows.velocity, self._rows.acceleration
+        return self._numbers.velocity, self._numbers.acceleration
 
     def _take_over(self) -> None:
         """End a move, or refuse a target that another part sets."""
@@ -561,12 +561,12 @@ class Task(Motion):
         """Change the number of rows of a task without a choice of axes, whose numbers are the same for all rows."""
         if dim == self.dim:
             return
-        values = self._rows.values
+        values = self._numbers.values
         if (values != values[:, :1]).any():
             raise InputError(
                 f"gains and weights of task '{self.name}' must be scalars or have shape ({dim},)"
             )
-        self._rows = Rows(np.repeat(values[:, :1], dim, axis=1))
+        self._numbers = RowNumbers(np.repeat(values[:, :1], dim, axis=1))
         self._weight, self._scale = np.resize(self._weight, dim), np.resize(self._scale, dim)
         self.dim = self._choice.dim = self._choice.n_rows = dim
 
