@@ -32,6 +32,7 @@ from wbc.app.plot.style import (
     COLOURS,
     LEGEND_ROW,
     STYLES,
+    labels,
     legend,
     mark_events,
     mark_states,
@@ -417,6 +418,10 @@ def test_signals_share_a_panel_with_those_of_their_unit_and_texts_have_their_own
     assert figure.axes[-1].get_xlabel() == "time (s)"
     two = draw_signals([log, log], ["state"])
     np.testing.assert_allclose(two.axes[0].get_lines()[1].get_ydata(), [0.08, 1.08, np.nan] * 2)
+    assert [line.get_label() for line in two.axes[0].get_lines()] == labels([log, log])
+    assert str(texts.get_label()).startswith("_"), "of one log nothing is to be told apart"
+    assert [label.get_text() for label in figure.axes[3].get_yticklabels()] == ["up", "down"]
+    assert figure.axes[3].get_ylim() == (-0.5, 1.5)
 
 
 def test_lines_are_told_apart_by_colour_and_style(tmp_path: Path) -> None:

@@ -350,6 +350,44 @@ def test_as_many_steps_of_a_planner_are_checked_as_it_asks_for() -> None:
         next_steps(Fixed(plan, None), shifted)
 
 
+def test_times_of_a_gait_are_whole_periods_and_what_was_rounded_is_told() -> None:
+    """To the nearest one, and the time on one foot up where take-off and landing need it."""
+    gait, notes = Gait(single_support=0.803, double_support=0.301, swing_height=0.05).on_grid(0.005)
+    assert (gait.single_support, gait.double_support) == pytest.approx((0.805, 0.3))
+    assert notes == (
+        "single_support of 0.803 s rounded to 0.805 s, a multiple of the control period",
+        "double_support of 0.301 s rounded to 0.3 s, a multiple of the control period",
+    )
+    same = Gait(single_support=0.8, double_support=0.3)
+    assert same.on_grid(0.005) == (same, ())
+    short = Gait(single_support=0.301, takeoff_time=0.05, landing_time=0.1)
+    assert short.on_grid(0.02)[0].single_support == pytest.approx(0.3), "half of it is take-off and landing"
+    long = Gait(single_support=0.305, takeoff_time=0.05, landing_time=0.102)
+    assert long.on_grid(0.02)[0].single_support == pytest.approx(0.32)
+    swing = Gait(single_support=0.251, takeoff_time=0.05, landing_time=0.07)
+    assert swing.full.swing.shortest == pytest.approx(0.22)
+    assert Gait(double_support=0.0126).on_grid(0.005)[0].double_support == pytest.approx(0.015)
+    with pytest.raises(InputError, match="must span two control periods of 0.005 s"):
+        Gait(double_support=0.007).on_grid(0.005)
+    assert Gait(double_support=0.0076).on_grid(0.005)[0].double_support == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(("take_off", "fits"), [(0.05, True), (0.0502, False)])
+def test_take_off_and_landing_are_half_of_the_time_on_one_foot_at_most(
+    take_off: float, *, fits: bool
+) -> None:
+    if fits:
+        assert Gait(single_support=0.3, takeoff_time=take_off, landing_time=0.1).full.cycle == pytest.approx(
+            0.6
+        )
+        Gait(single_support=0.2, takeoff_time=0.05, landing_time=0.05)
+        return
+    with pytest.raises(InputError, match="half of the single support, 0.15 s, got 0.1502 s"):
+        Gait(single_support=0.3, takeoff_time=take_off, landing_time=0.1)
+    with pytest.raises(InputError, match="at least 0.12 s for take-off, swing and landing, got 0.119 s"):
+        Gait(single_support=0.119, takeoff_time=0.01, landing_time=0.01)
+
+
 def test_a_footstep_is_seen_from_another_one_in_its_heading() -> None:
     for yaw in (0.0, 3.0, -2.2):
         stance = Footstep("right", 1.0, -2.0, 0.1, yaw)

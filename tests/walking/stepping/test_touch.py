@@ -13,6 +13,7 @@ from point_mass import SCALE
 from wbc.core.robot import GRAVITY
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.stepping.felt import BodyState, Felt
 from wbc.walking.stepping.law import Divergent, Orbit, takes_over, viability
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
 from wbc.walking.stepping.touch import SwingStep, SwingTouch
@@ -207,3 +208,55 @@ def test_viability_is_the_lesser_ratio_of_offsets() -> None:
         assert orbit.closing == pytest.approx(0.2 / (1.0 + growth) + drift)
         assert orbit.ahead == pytest.approx(0.3 * 0.5 / (paced - 1.0))
         assert orbit.forward == pytest.approx(paced * orbit.ahead)
+
+
+# ---- what is felt ---------------------------------------------------------------------------------------------------
+
+
+def feeling(wrenches: list[list[float]], **state: Any) -> Felt:
+    eye = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    felt = Felt(SCALE, LAW, DT)
+    places = ((0.0, 0.11, 0.0), (0.0, -0.11, 0.0))
+    felt.state = BodyState((0.0, 0.0, SCALE.height), POINT, POINT, places, (eye, eye), wrenches, 0.0, **state)
+    return felt
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_foot_is_kicked_away_where_it_is_fast_carries_nothing_and_the_other_one_holds(side: int) -> None:
+    for load, other, speed, kicked in (
+        (0.99 * LAW.lost, 1.01 * LAW.held, 1.01 * LAW.kicked, True),
+        (1.01 * LAW.lost, 1.01 * LAW.held, 1.01 * LAW.kicked, False),
+        (0.99 * LAW.lost, 0.99 * LAW.held, 1.01 * LAW.kicked, False),
+        (0.99 * LAW.lost, 1.01 * LAW.held, 0.99 * LAW.kicked, False),
+    ):
+        loads, speeds = [load, other], [(0.6 * speed, 0.0, -0.8 * speed), POINT]
+        if side:
+            loads, speeds = loads[::-1], speeds[::-1]
+        felt = feeling(loaded(*loads), speeds=tuple(speeds))
+        assert felt.kicked() == (side if kicked else None)
+
+
+def test_a_contact_point_is_low_passed_and_the_dcm_on_both_feet_is_that_of_the_com_over_it() -> None:
+    felt = feeling(loaded(300.0, 100.0))
+    felt.begin(None, 0.0)
+    felt.follow()
+    assert felt.contact == pytest.approx((0.0, 0.055, 0.0)), "by the shares of the load"
+    state = felt.state._replace(wrenches=loaded(0.0, 400.0), velocity=(0.2, -0.1, 0.3))
+    for tick in range(1, 20):
+        felt.take(state)
+        left = math.exp(-tick * DT / LAW.cop_lag)
+        assert felt.contact == pytest.approx((0.0, -0.11 + 0.165 * left, 0.0))
+    assert felt.dcm == pytest.approx((0.2 / OMEGA, -0.1 / OMEGA, OMEGA))
+    low = felt.state._replace(com=(0.0, 0.0, 0.1 * SCALE.height))
+    felt.take(low)
+    assert felt.dcm.omega == pytest.approx(math.sqrt(GRAVITY / (0.5 * SCALE.height))), (
+        "half of the height at least"
+    )
+    felt.begin(1, 0.02)
+    felt.take(state)
+    assert felt.contact == pytest.approx((0.0, -0.11, 0.0)), "on one foot it begins anew"
+    assert felt.carrying_point(1) == pytest.approx((0.02, -0.11, 0.0))
+    assert felt.centre_of_pressure(0) == pytest.approx((0.02, 0.11, 0.0)), "where it would carry"
+    assert feeling(loaded(0.0, 0.0)).contact_point() == pytest.approx((0.0, 0.0, 0.0)), (
+        "in the air, the middle"
+    )
