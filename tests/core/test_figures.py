@@ -119,17 +119,17 @@ def test_what_is_told_of_released_joints_is_followed_like_a_critically_damped_ma
         expected = push + 2.0 * rate * (velocity - v[6 + index]) + rate**2 * np.array([0.001, -0.002])
         most = 2.0 * robot.torque_limit[index] / np.diag(robot.mass_matrix)[6 + index]
         assert (np.abs(expected) < most).all()
-        np.testing.assert_allclose(released._rows.acceleration, expected)
+        np.testing.assert_allclose(released.feedforward_acceleration, expected)
     released.tell(q[7 + index] + (9.0, -9.0))
     released.update(q, v, DT)
-    np.testing.assert_allclose(released._rows.acceleration, most * (1.0, -1.0))
+    np.testing.assert_allclose(released.feedforward_acceleration, most * (1.0, -1.0))
     for bad in (0.3, np.zeros(3), np.array([0.0, math.nan])):
         with pytest.raises(InputError, match="position told"):
             released.tell(bad)
     released.response = 2.0 * RESPONSE
     released.tell(q[7 + index] + (0.001, 0.0), v[6 + index])
     released.update(q, v, DT)
-    np.testing.assert_allclose(released._rows.acceleration, (0.25 * rate**2 * 0.001, 0.0), atol=1e-9)
+    np.testing.assert_allclose(released.feedforward_acceleration, (0.25 * rate**2 * 0.001, 0.0), atol=1e-9)
 
 
 def test_released_joints_that_nobody_tells_of_go_on_as_they_are_measured() -> None:
@@ -141,7 +141,7 @@ def test_released_joints_that_nobody_tells_of_go_on_as_they_are_measured() -> No
         v[6 + index] += DT * push
         gone = (tick - 1) * DT
         expected = push * (1.0 - math.exp(-gone / LAG))
-        np.testing.assert_allclose(released._rows.acceleration, expected, atol=1e-9)
+        np.testing.assert_allclose(released.feedforward_acceleration, expected, atol=1e-9)
 
 
 # ---- paths -----------------------------------------------------------------------------------------------------------
