@@ -125,6 +125,10 @@ def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
     # The importer would weld the feet's force sensors into the ankles and drop visual geoms.
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
+    for site in list(
+        spec.sites
+    ):  # frames of the description, whose names may be those of the plant's own sites
+        spec.delete(site)
     if not (base := spec.worldbody.first_body()).joints:
         base.add_freejoint()
     return spec

@@ -83,6 +83,18 @@ def test_joints_have_the_order_of_the_file_and_sites_are_frames() -> None:
         np.testing.assert_allclose(place.rotation.ravel(), data.site(site).xmat, atol=1e-9)
 
 
+def test_a_site_may_have_any_name_in_the_plant() -> None:
+    """Also those of the plant's own sites."""
+    names = {"imu_here": "imu_site", "left_load_cell": "left_hand site"}
+    xml = biped()
+    for old, new in names.items():
+        xml = xml.replace(f'"{old}"', f'"{new}"')
+    description = RobotDescription.from_mjcf(xml, hands={"left_hand": "left_arm", "right_hand": "right_arm"})
+    plant = Plant(description, scene="<mujoco/>")
+    assert plant.model.site("imu_site").id >= 0 and description.robot().frame_id("left_hand site")
+    plant.step(plant.hold())
+
+
 def test_an_mjcf_is_a_urdf_for_other_engines() -> None:
     """The same dynamics and the same places of links and sites; joints of one link get a link each."""
     own, again = (
