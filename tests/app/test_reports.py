@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from wbc.app import live
-from wbc.app.cli import RAN, main
+from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.app.commands import foot as foot_command
 from wbc.app.commands import motion as motion_command
 from wbc.app.commands import stand as stand_command
@@ -587,6 +587,27 @@ def test_the_text_of_a_sweep_names_the_first_failures(
     )
     assert main([*words, "--json"]) == RAN
     assert json.loads(capsys.readouterr().out)["without_result"] == failed
+
+
+def test_a_key_of_a_journal_is_given_as_far_as_it_is_the_only_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
+) -> None:
+    trials = list(Study.from_json(PLAIN | {"seeds": list(range(30))}).trials())
+    entries = [Entry(trial.spec.to_json(), "done", {}, None, None, {}) for trial in trials]
+    journal = tmp_path / "j.jsonl"
+    journal.write_bytes(b"".join(entry.line() for entry in entries))
+    outcome = SimpleNamespace(status="done", result={}, error=None, clock=None)
+    monkeypatch.setattr(run_command, "run_trial", lambda *_: outcome)
+    first = [entry.key[0] for entry in entries]
+    common = next(letter for letter in first if first.count(letter) > 1)
+    words = ["study", "run", "--journal", str(journal), "--key"]
+    assert main([*words, common]) == BAD_INPUT
+    assert f"{first.count(common)} keys of the journal begin with '{common}'" in capsys.readouterr().err
+    entry = entries[first.index(common)]
+    assert main([*words, entry.key]) == RAN
+    assert f"{entry.key}: done, the same as in the journal (done)" in capsys.readouterr().out
+    assert main([*words, "none"]) == BAD_INPUT
+    assert "key of the journal" in capsys.readouterr().err
 
 
 def test_a_trial_is_the_same_when_status_and_result_are(
