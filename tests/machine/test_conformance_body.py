@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from made_machines import DESCRIPTION, Recorded, healthy
+from made_machines import DESCRIPTION, PERIOD, Light, Recorded, healthy
 
-from wbc import Measurement
+from wbc import Command, Measurement
 from wbc.core.robot import GRAVITY
 from wbc.machine import conformance
 from wbc.machine.conformance import Check
@@ -191,3 +191,71 @@ def test_soles_that_encoders_tilt_are_told_by_height_and_degrees() -> None:
         check = checks_of(joint_position=lambda q, off=off: q + off)["soles"]
         assert numbers(check)[0] == pytest.approx(1e3 * (heights[0] - heights[1]), abs=0.2)
         assert abs(numbers(check)[0]) > 6.0 and check.state == "wrong"
+
+
+def sent_to(loop: Light) -> list[Command]:
+    """Return the commands that the checks send to a robot that hangs."""
+    sent: list[Command] = []
+    step = loop.step
+
+    def keep(command: Command) -> None:
+        sent.append(command)
+        step(command)
+
+    loop.step = keep  # type: ignore[method-assign]
+    conformance(loop)
+    return sent
+
+
+def test_motions_of_the_checks_are_small_smooth_and_one_joint_at_a_time() -> None:
+    """Each joint goes 20 mrad towards the middle of its range and back; velocity references are those of the way."""
+    robot, reference = DESCRIPTION.robot(), np.array(ROBOT.half_sitting[7:])
+    sent = sent_to(Light())
+    way = np.array([command.joint_position - reference for command in sent])
+    rate = np.array([command.joint_velocity for command in sent])
+    moving = np.flatnonzero(np.abs(way).max(axis=1) > 1e-12)
+    assert np.abs(way).max() == pytest.approx(0.02) and (np.count_nonzero(way, axis=1) <= 1).all()
+    middle = 0.5 * (robot.position_lower + robot.position_upper)
+    order = []
+    for k in range(robot.na):
+        (own,) = np.nonzero(np.abs(way[:, k]) > 1e-12)
+        order.append(own[0])
+        # Ten ticks of the way there, ten at rest, ten back less the last, which has arrived.
+        assert len(own) == 29 and (np.diff(own) == 1).all()
+        there = way[own, k]
+        assert np.sign(there[-1]) == (1.0 if middle[k] >= reference[k] else -1.0)
+        u = np.arange(1, 11) / 10.0
+        shape = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+        assert np.abs(there[:10]) == pytest.approx(0.02 * shape, abs=1e-12)
+        assert np.abs(there[10:20]) == pytest.approx(0.02) and np.abs(there[20:]) == pytest.approx(
+            0.02 * (1.0 - shape[:9]), abs=1e-12
+        )
+        slope = 30.0 * u**2 * (1.0 - u) ** 2 / (10 * PERIOD)
+        assert rate[own[:10], k] == pytest.approx(0.02 * np.sign(there[-1]) * slope, abs=1e-9)
+        assert rate[own[20:], k] == pytest.approx(-0.02 * np.sign(there[-1]) * slope[:9], abs=1e-9)
+    assert order == sorted(order) and len(moving) == 29 * robot.na
+
+
+def test_torques_of_the_checks_move_joints_beside_the_legs_alone() -> None:
+    """Pulses of a tenth of their limits for 40 ms, of alternating signs; then what bends the servos by 20 mrad."""
+    robot = DESCRIPTION.robot()
+    legs = {name for leg in DESCRIPTION.legs for name in leg}
+    free = np.array([name not in legs for name in NAMES])
+    sent = sent_to(Light())
+    torque = np.array([command.joint_torque for command in sent])
+    assert not torque[:, ~free].any()
+    jolt = 0.1 * robot.torque_limit
+    pulses = [row for row in torque if np.allclose(np.abs(row[free]), jolt[free])]
+    assert [np.sign(row[free][0]) for row in pulses] == [
+        sign for sign in (1.0, -1.0, -1.0, 1.0) for _ in range(8)
+    ]
+    bend = np.where(free, np.clip(0.02 * np.array(DESCRIPTION.kp), 0.0, 1.5 * jolt), 0.0)
+    assert sum(np.allclose(row, bend) for row in torque) == 2 * 50  # a quarter of a second, with two gains
+    drag = np.where(free, np.clip(0.02 * np.array(DESCRIPTION.kp) / np.array(DESCRIPTION.kd), 0.0, 1.0), 0.0)
+    rate = np.array([command.joint_velocity for command in sent])
+    assert sum(np.allclose(row, drag) for row in rate) == 2 * 50
+    soft = [command for command in sent if command.kp is not None]
+    assert len(soft) == 40 + 50 + 40 + 50  # the rest after them is on the machine's own gains
+    assert soft[0].kp[free] == pytest.approx(0.5 * np.array(DESCRIPTION.kp)[free], rel=0.02)
+    assert soft[0].kd[free] == pytest.approx(0.5 * np.array(DESCRIPTION.kd)[free], rel=0.05)
+    assert soft[0].kp[~free].tolist() == np.array(DESCRIPTION.kp)[~free].tolist()
