@@ -397,3 +397,26 @@ def test_a_topic_is_waited_for_up_to_its_time_and_its_newest_message_counts(time
         found = topics.read(LOW_STATE, timeout)
         assert (None if found is None else int(found["tick"])) == tick
         assert waited == ([] if now or not timeout else [250_000_000])  # ns
+
+
+def test_a_motor_that_is_beyond_a_turn_is_nowhere() -> None:
+    """One without a joint in the description is held within 2π of its zero, and damped otherwise."""
+    made = UnitreeDriver(DESCRIPTION)
+    made._hold(np.array([6.28, -6.28, 6.29, -6.29, np.nan, 0.0]))
+    assert made._held_at is not None
+    np.testing.assert_array_equal(made._held_at, [6.28, -6.28, np.nan, np.nan, np.nan, 0.0])
+
+
+def test_states_whose_tick_nobody_counts_have_the_time_since_the_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [100.0]
+    monkeypatch.setattr(driver, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    made, times = UnitreeDriver(DESCRIPTION), []
+    for passed in (0.0, 0.004, 0.006):
+        now[0] += passed
+        times.append(made._time(0))
+    assert times == pytest.approx([0.0, 0.004, 0.01])
+    assert made._time(20) == pytest.approx(0.02) and made._time(0) == pytest.approx(
+        0.0
+    )  # counted from now on

@@ -24,6 +24,7 @@ from wbc.robots import RobotDescription, load
 from wbc.sim import Machine, PhysicsSettings, Plant
 from wbc.sim.plant.model import _max_pairs, drawing_model
 from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.terrain.render import FLOOR
 from wbc.sim.terrain.spec import terrain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -392,6 +393,18 @@ def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
             assert place[2] - size[2] == pytest.approx(robot.placement(sole.frame).translation[2], abs=1e-6)
     assert seen[kinds.mjGEOM_BOX] == 2 and seen[kinds.mjGEOM_SPHERE] == robot.model.njoints - 1
     assert seen[kinds.mjGEOM_CYLINDER] >= 15
+
+
+def test_a_stage_has_a_lamp_that_shines_down_from_beside_the_robot_and_tiles_on_its_floor() -> None:
+    description = load("hrp4_class")
+    model = drawing_model(description, description.robot(), terrain("flat"))
+    assert model.nlight == 1 and model.light_pos[0].tolist() == [0.0, -3.0, 6.0]
+    down = model.light_dir[0] / np.linalg.norm(model.light_dir[0])
+    assert down[2] < -0.9 and down[1] > 0.3 and model.light_castshadow[0]
+    assert model.mat(int(model.geom(FLOOR).matid[0])).name == "tiles"
+    light = model.vis.headlight
+    assert (light.ambient + light.diffuse + model.light_diffuse[0]).tolist() == pytest.approx([1.25] * 3)
+    assert (model.geom_rgba[:, 3] > 0.0).all() and model.vis.map.zfar == 40.0
 
 
 def test_links_are_drawn_by_their_visuals_else_by_their_collisions_else_as_sticks() -> None:
