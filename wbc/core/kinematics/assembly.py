@@ -81,6 +81,7 @@ class VelocityAssembly(RowStore):
             self.lower.append(Level(matrix, self.targets[rows], weight, rows, cost, regularisation))
         self._soft = slice(p.n_eq, p.target.size)  # rows whose errors damp
         self._soft_error, self._soft_cost = self._error[self._soft], self._cost[self._soft]
+        self._soft_weight, self._velocity = p.soft_weight, self._numbers.velocity
         # Tasks on a velocity: momenta with Jacobian, target and error, selections with columns and targets.
         on_velocity = [block for block in self._tasks if block.item.of_velocity]
         self._momenta = [
@@ -107,13 +108,13 @@ class VelocityAssembly(RowStore):
         if error is not self._error:
             soft_error = error[self._soft]
         np.multiply(self._gain, error, out=targets)
-        targets += self._numbers.velocity
+        targets += self._velocity
         for jacobian, momentum, lacking in self._momenta:
             np.add(lacking, jacobian.dot(self._robot.v), out=momentum)
             lacking.fill(0.0)  # it is no distance, and damps nothing
         for columns, kept in self._kept:
             kept[:] = self._robot.v[columns]
-        cost = np.multiply(self.problem.soft_weight, soft_error, out=self._soft_cost)
+        cost = np.multiply(self._soft_weight, soft_error, out=self._soft_cost)
         self.damp(self._regularisation + self._per_error * float(cost.dot(soft_error)))
         for level in self.lower:
             left = error[level.rows]
