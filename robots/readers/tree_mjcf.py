@@ -10,6 +10,7 @@ import mujoco
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import finite_scalar
 from wbc.core.robot import Coupling
+from wbc.robots.frames import SOLE_NAMES
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
@@ -55,9 +56,12 @@ class Tree:
         )
 
     def sites(self) -> dict[str, int]:
-        """Return the named sites of the robot by the names of their frames, of which a link or a joint may have one."""
+        """Return the named sites of the robot by the names of their frames.
+
+        The name of a link, a joint or a sole means these: a site that is called so has `_site` behind its name.
+        """
         model, found = self.model, {}
-        taken = {*map(self.body_name, self.bodies), *self.joints}
+        taken = {*map(self.body_name, self.bodies), *self.joints, *SOLE_NAMES}
         for site in range(model.nsite):
             if int(model.site_bodyid[site]) in self.carrier and (name := str(model.site(site).name)):
                 found[f"{name}_site" if name in taken else name] = site

@@ -93,6 +93,13 @@ def test_a_site_may_have_any_name_in_the_plant() -> None:
     plant = Plant(description, scene="<mujoco/>")
     assert plant.model.site("imu_site").id >= 0 and description.robot().frame_id("left_hand site")
     plant.step(plant.hold())
+    feet = RobotDescription.from_mjcf(
+        biped().replace('"left_foot"', '"foot"').replace("left_load_cell", "left_foot")
+    )
+    robot = feet.robot()
+    assert (
+        robot.frame_id("left_foot") == robot.frame_id(feet.soles[0].frame) != robot.frame_id("left_foot_site")
+    )
 
 
 def test_an_mjcf_is_a_urdf_for_other_engines() -> None:
