@@ -47,25 +47,19 @@ SAME, MOVED = 1e-6, 1e-4
 SLID = 1e-2
 """Share by which the placement of two shapes against each other changes until their corners are looked for again."""
 
-SPARE = 5e-3
-"""Change of the distance up to which corners count until they are looked for again, m."""
-
 Corner = tuple[float, float, float, float, float, float, float, float, float, float]
 """Distance of a corner, normal from the first shape to the second, its moment, and the point of the first shape."""
 
-_Faces = tuple[pin.SE3, float, Array, Array]
-"""Placement of the second shape of a pair against the first one and distance, m, for which corners were found.
+_Faces = tuple[pin.SE3, Array, Array]
+"""Placement of the second shape of a pair against the first one for which corners were found, and these.
 
 Corners of the first shape with the crossings, and those of the second shape, are in the frames of the shapes, (n, 3).
 """
 
 _NO_POINTS = np.zeros((0, 3))
 
-Face = Callable[[Array, Array, float], Array]
-"""Corners of the face of a shape that looks along a unit vector, of its rotation and the unit vector in its frame.
-
-Those may be left out that are less far along the unit vector than the last argument, m. All are in its frame.
-"""
+Face = Callable[[Array, Array], Array]
+"""Corners of the face of a shape that looks along a unit vector, of its rotation and the unit vector; in its frame."""
 
 
 class Facing:
@@ -123,9 +117,9 @@ class Facing:
         first, second = self._pairs[pair]
         one, other = self._data.oMg[first], self._data.oMg[second]
         faces, place = self._found[pair], one.actInv(other)
-        if faces is None or abs(within - faces[1]) > SPARE or not place.isApprox(faces[0], SLID):
-            faces = self._found[pair] = self._find(pair, place, distance, normal, nearest, within)
-        _, _, points, others = faces
+        if faces is None or not place.isApprox(faces[0], SLID):
+            faces = self._found[pair] = self._find(pair, place, normal)
+        _, points, others = faces
         # The other shape lies behind the plane through its nearest point: what is far from this plane is far from it.
         height, slack = float(normal.dot(nearest)), within - distance
         points, ground = points.dot(one.rotation.T) + one.translation, self._grounds[pair]
@@ -152,23 +146,18 @@ class Facing:
         far = [c for c in found if max(abs(c[7] - x), abs(c[8] - y), abs(c[9] - z)) > SAME]
         return sorted(far)[:CORNERS]
 
-    def _find(
-        self, pair: int, place: pin.SE3, distance: float, normal: Array, nearest: Array, within: float
-    ) -> _Faces:
-        """Find the corners of the faces of a pair; the arguments are those of `corners`, and the relative placement."""
+    def _find(self, pair: int, place: pin.SE3, normal: Array) -> _Faces:
+        """Find the corners of the faces of a pair, of the placement of its second shape against the first one."""
         first, second = self._pairs[pair]
-        one, other = self._data.oMg[first], self._data.oMg[second]
-        along, slack = normal.dot(one.rotation), within - distance + SPARE
-        least = along.dot(one.actInv(nearest)) - self._radii[first] - slack
-        points, others = self._faces[first](one.rotation, along, least), _NO_POINTS
+        one, other = self._data.oMg[first].rotation, self._data.oMg[second].rotation
+        along = normal.dot(one)
+        points, others = self._faces[first](one, along), _NO_POINTS
         if self._grounds[pair] is None:
-            back = -normal.dot(other.rotation)
-            least = back.dot(other.actInv(nearest + distance * normal)) - self._radii[second] - slack
-            others = self._faces[second](other.rotation, back, least)
+            others = self._faces[second](other, -normal.dot(other))
             if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
                 crossings = _crossings(points, others.dot(place.rotation.T) + place.translation, along)
                 points = np.concatenate((points, crossings)) if crossings else points
-        return place, within, points, others
+        return place, points, others
 
     def _earlier(
         self, pair: int, normal: Array, nearest: Array, distance: float
@@ -230,20 +219,20 @@ def _face_of(shape: coal.CollisionGeometry) -> Face:
     """Return what finds the corners of the faces of a shape; of one without an end there are none."""
     if isinstance(shape, coal.Capsule):
         ends = float(shape.halfLength) * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
-        return lambda rotation, normal, least: ends
+        return lambda rotation, normal: ends
     if isinstance(shape, coal.Cylinder):
         return _of_cylinder(float(shape.radius), float(shape.halfLength))
     if isinstance(shape, coal.Box):
         return _of_box(np.array(shape.halfSide).ravel())
     if isinstance(shape, coal.ConvexBase):
         return _of_hull(np.array(shape.points()))
-    return lambda rotation, normal, least: _NO_POINTS
+    return lambda rotation, normal: _NO_POINTS
 
 
 def _of_box(half: Array) -> Face:
     around = np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
 
-    def face(rotation: Array, normal: Array, least: float) -> Array:
+    def face(rotation: Array, normal: Array) -> Array:
         axis = int(np.abs(normal).argmax())
         return np.insert(around, axis, math.copysign(1.0, normal[axis]), axis=1) * half
 
@@ -251,7 +240,7 @@ def _of_box(half: Array) -> Face:
 
 
 def _of_cylinder(radius: float, half: float) -> Face:
-    def face(rotation: Array, normal: Array, least: float) -> Array:
+    def face(rotation: Array, normal: Array) -> Array:
         x, y, z = normal.tolist()
         if abs(z) < STANDS:
             aside = radius / math.hypot(x, y)
@@ -265,14 +254,11 @@ def _of_cylinder(radius: float, half: float) -> Face:
 
 
 def _of_hull(vertices: Array) -> Face:
-    def face(rotation: Array, normal: Array, least: float) -> Array:
-        corners = vertices[vertices.dot(normal) >= least]
-        if len(corners) > 1:
-            tilted = _across(normal).dot(CONE)
-            tilted += normal[:, None]
-            outermost = corners.dot(tilted).argmax(axis=0).tolist()
-            corners = corners[list(dict.fromkeys(outermost))]
-        return np.asarray(corners)
+    def face(rotation: Array, normal: Array) -> Array:
+        tilted = _across(normal).dot(CONE)
+        tilted += normal[:, None]
+        outermost = vertices.dot(tilted).argmax(axis=0).tolist()
+        return np.asarray(vertices[list(dict.fromkeys(outermost))])
 
     return face
 
