@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -328,6 +329,28 @@ def test_height_fields_and_meshes_are_those_of_their_geoms() -> None:
         assert mesh is not None and len(mesh.faces) == 4 and len(mesh.vertices) == 12, "edges are sharp"
         a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
         assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0 == pytest.approx(size**3 / 6.0)
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "box"])
+def test_faces_that_meet_at_a_sharp_edge_have_corners_of_their_own(kind: str) -> None:
+    """So that no view shades over the edge; each face is flat, or goes around the side."""
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><worldbody><geom type="{kind}" size="0.1 0.3 0.2"/></worldbody></mujoco>'
+    )
+    mesh = geom_mesh(model, 0)
+    assert mesh is not None
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    sides: dict[tuple[int, ...], set[int]] = {}
+    for normal, face in zip(normals, mesh.faces, strict=True):
+        flat = kind == "box" or abs(normal[2]) > 0.5
+        side = tuple(np.round(normal).astype(int).tolist()) if flat else (9,)
+        sides.setdefault(side, set()).update(face.tolist())
+    assert len(sides) == (6 if kind == "box" else 3)
+    for one, other in itertools.combinations(sides.values(), 2):
+        assert not one & other
+    assert (np.einsum("ij,ij->i", normals, a) > 0.0).all(), "they look outwards"
 
 
 def test_merged_meshes_keep_their_triangles() -> None:
