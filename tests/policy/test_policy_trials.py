@@ -99,15 +99,36 @@ def test_a_page_steers_and_pushes_a_policy(standing: Path) -> None:
     assert policy.velocity is None
 
 
-def test_an_environment_steers_a_policy(standing: Path) -> None:
+@pytest.mark.parametrize("guarded", [False, True])
+def test_an_environment_steers_a_policy(standing: Path, guarded: bool) -> None:
     environment = pytest.importorskip("wbc.sim.environment")
-    env = environment.WbcEnv(robot="g1", trained=str(standing), noise="none", seconds=0.5)
+    env = environment.WbcEnv(robot="g1", trained=str(standing), guarded=guarded, noise="none", seconds=0.5)
     observation, _ = env.reset(seed=0)
     for _ in range(3):
         observation, _, terminated, _, _ = env.step([0.3, 0.0, 0.1])
     assert env.trial.control.velocity == (0.3, 0.0, 0.1) and not terminated and np.isfinite(observation).all()
     with pytest.raises(InputError, match="trained"):
         environment.WbcEnv("stand", robot="g1", trained=str(standing))
+
+
+def test_a_policy_that_sees_the_ground_walks_with_a_camera_alone(tmp_path: Path) -> None:
+    """Its network stands; what it sees of the floor is level, once the camera has seen it."""
+    n, points = len(G1.joint_names), 17 * 11
+    file = write_network(
+        tmp_path / "seeing.onnx",
+        np.zeros((n, points)),
+        standing_metadata() | {"observation_names": "height_scan"},
+    )
+    with pytest.raises(InputError, match="eyes"):
+        WalkSpec(robot="g1", trained=str(file))
+    plan = WalkPlan(drive=((0.1, 0.0, 0.0, 0.0),))
+    trial = WalkTrial(WalkSpec(robot="g1", trained=str(file), eyes="depth", noise="none", plan=plan))
+    assert trial.run().outcome == "completed"
+    policy = trial.control
+    seen = policy._observation
+    height = policy.observer.robot.placement("pelvis").translation[2]
+    assert policy.ground.version > 0 and len(seen) == points
+    np.testing.assert_allclose(seen, height - 0.5, atol=0.01)
 
 
 def test_steps_of_a_policy_are_counted_by_the_loads_of_its_feet() -> None:
