@@ -42,13 +42,16 @@ class Drives:
     def read(self, command: Command) -> Targets:
         """Return the targets of a command, whose arrays the next one overwrites, or raise an `InputError`."""
         position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
+        kp, kd, shape = command.kp, command.kd, self._servo_part.shape
         gains: Gains | None = None
-        parts = [part for part in (position, velocity, command.kp, command.kd) if part is not None]
-        if any(getattr(part, "shape", None) != self._servo_part.shape for part in (torque, *parts)):
+        wrong = getattr(torque, "shape", None) != shape
+        for part in (position, velocity, kp, kd):
+            wrong = wrong or (part is not None and getattr(part, "shape", None) != shape)
+        if wrong:
             command.check(self._joint_names)
             raise InputError(f"parts of a command must be NumPy arrays, got {shown(command)}")
         if position is None:
-            if parts:
+            if velocity is not None or kp is not None or kd is not None:
                 raise InputError(
                     "a command with a velocity reference or gains needs a position reference, too"
                 )

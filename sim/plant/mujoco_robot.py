@@ -162,10 +162,10 @@ class MujocoRobot(Simulation):
 
     def _begin_signals(self) -> None:
         self._signals.begin(self.data)
-        self._sample_torques()
+        self._sample()
 
     def _act(self) -> None:
-        if self._pushes or self._pushed:
+        if self._pushes.active or self._pushed:
             self._release_pushes()
             for body, force, point in self._pushes.advance(self.timestep):
                 wrench = self._pushed.setdefault(body, np.zeros(6))
@@ -191,9 +191,6 @@ class MujocoRobot(Simulation):
 
     def _sample(self) -> None:
         self._signals.sample(self.data)
-        self._sample_torques()
-
-    def _sample_torques(self) -> None:
         if self.machine.torque_sensors:
             self._signals.joint_torque[:] = self.joint_torque
 

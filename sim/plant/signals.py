@@ -106,7 +106,6 @@ class MujocoSignals(Signals):
         self._contacts.capture(data)
         self.record(data, self.window[0])
         self.window[:] = self.window[0]
-        self.sample(data)
 
     def record(self, data: mujoco.MjData, row: Array) -> None:
         """Store the forces of the physics step that has just ended in a row of `window`; contacts are captured."""

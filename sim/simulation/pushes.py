@@ -23,19 +23,19 @@ class _Push:
 
 
 class Pushes:
-    """All pushes that act now; any number at a time, also on one body."""
+    """All pushes that act now; any number at a time, also on one body.
+
+    Attributes:
+        active: The pushes; empty while none acts.
+    """
 
     def __init__(self) -> None:
-        self._active: list[_Push] = []
-
-    def __bool__(self) -> bool:
-        """True while a push acts."""
-        return bool(self._active)
+        self.active: list[_Push] = []
 
     def add(self, body: Any, frame: pin.SE3, force: ArrayLike, duration: float, at: ArrayLike | None) -> None:
         """Begin a push with the next physics step, at a point of a frame of a body, m; None for its centre of mass."""
         point = None if at is None else frame.act(finite_array("point of attack (m)", at, (3,)))
-        self._active.append(
+        self.active.append(
             _Push(
                 body,
                 finite_array("force of the push (N)", force, (3,)),
@@ -46,7 +46,7 @@ class Pushes:
 
     def clear(self) -> None:
         """Stop all pushes."""
-        self._active.clear()
+        self.active.clear()
 
     def advance(self, timestep: float) -> list[tuple[Any, Array, Array | None]]:
         """Return body, force (N) and point (m) of each push in the coming physics step, s.
@@ -54,8 +54,8 @@ class Pushes:
         A push that ends within the step acts with the share of its force that gives the same impulse.
         """
         forces = []
-        for push in self._active:
+        for push in self.active:
             forces.append((push.body, min(1.0, push.remaining / timestep) * push.force, push.point))
             push.remaining -= timestep
-        self._active = [push for push in self._active if push.remaining > _OVER]
+        self.active = [push for push in self.active if push.remaining > _OVER]
         return forces

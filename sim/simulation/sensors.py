@@ -122,7 +122,7 @@ class Signals:
         """Lay out the vector."""
         torques = joints if machine.torque_sensors else 0
         self._ends = np.cumsum([joints, joints, 3, 3, 6 * soles, torques, 6 * hands])[:-1].tolist()
-        self._machine = machine
+        self._has_soles, self._has_torques, self._has_hands = machine.force_sensors, torques > 0, hands > 0
         self.values = np.zeros(self._ends[-1] + 6 * hands)
         parts = np.split(self.values, self._ends)
         self.joint_position, self.joint_velocity, self.angular_velocity, self.specific_force = parts[:4]
@@ -150,11 +150,11 @@ class Signals:
             reading[q:v],
             reading[v:gyro],
             reading[gyro:accelerometer],
-            reading[accelerometer:soles].reshape(-1, 6) if self._machine.force_sensors else None,
+            reading[accelerometer:soles].reshape(-1, 6) if self._has_soles else None,
             ranges,
             stiffness,
-            reading[soles:torques] if self._machine.torque_sensors else None,
-            hand_wrenches=reading[torques:].reshape(-1, 6) if torques < reading.size else None,
+            reading[soles:torques] if self._has_torques else None,
+            hand_wrenches=reading[torques:].reshape(-1, 6) if self._has_hands else None,
         )
 
 

@@ -359,8 +359,7 @@ def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> 
     Forces are recorded in each physics step. The rest is brought up to date at the end, and before that where sensors
     are read, which have a latency then, or pushes act.
     """
-    orders = [robot._checked(command) for robot, command in zip(robots, commands, strict=True)]
-    for robot, order in zip(robots, orders, strict=True):
+    for robot, order in zip(robots, list(map(Simulation._checked, robots, commands)), strict=True):
         robot._take(order)
     first = robots[0]
     for left in range(first.steps - 1, -1, -1):
@@ -372,7 +371,7 @@ def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> 
         ready = left == 0
         for robot in robots:
             robot._record(left)
-            ready = ready or robot._chain.newest <= left <= robot._chain.oldest or bool(robot._pushes)
+            ready = ready or robot._chain.newest <= left <= robot._chain.oldest or bool(robot._pushes.active)
         if first.diverged is not None:
             break
         if ready:
