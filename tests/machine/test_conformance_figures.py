@@ -16,6 +16,7 @@ from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
 from wbc.machine import conformance
 from wbc.machine.conformance import Check
+from wbc.machine.conformance.causes import CAUSES
 from wbc.machine.conformance.joints import PULSES
 
 NAMES = DESCRIPTION.joint_names
@@ -309,3 +310,27 @@ def test_joints_that_go_to_and_fro_are_counted_and_the_fastest_is_named() -> Non
     assert check.found == (f"{NAMES[7]} at 1.50 rad/s goes nowhere; so do 2 joints: {NAMES[4]}, {NAMES[7]}")
     shaken.clear()
     assert checks_of(Hung(fault))["rest"].found == f"{NAMES[0]} at 0.00 rad/s"
+
+
+@pytest.mark.parametrize(("angle", "reversed_"), [(0.9, False), (2.33, False), (2.37, True), (3.0, True)])
+def test_an_accelerometer_that_points_down_is_told_from_an_imu_that_is_turned(
+    angle: float, reversed_: bool
+) -> None:
+    """By a cosine of −0.7 to the vertical; the sign is told before the frame, of which nothing is known then."""
+    up = DESCRIPTION.robot().placement(DESCRIPTION.robot().imu_frame).rotation
+    turn = up.T @ pin.rpy.rpyToMatrix(0.0, angle, 0.0) @ up
+    found = checks_of(Hung(lambda m, tick: replace(m, specific_force=turn @ m.specific_force)))
+    assert found["accelerometer"].state == ("wrong" if reversed_ else "ok")
+    assert found["IMU frame"].state == ("unknown" if reversed_ else "wrong")
+    assert ("reversed" in found["accelerometer"].cause) == reversed_
+    if not reversed_:
+        assert numbers(found["IMU frame"])[0] == pytest.approx(np.cos(angle), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("size", "cause"), [(1.0 / GRAVITY, 0), (1.15 / GRAVITY, 0), (1.9 / GRAVITY, 1), (2.1 / GRAVITY, 3)]
+)
+def test_an_accelerometer_in_another_unit_is_told_by_its_size(size: float, cause: int) -> None:
+    """In g within a fifth; below 2 m/s² it feels no gravity; else it is off by half a metre per second squared."""
+    found = checks_of(Hung(lambda m, tick: replace(m, specific_force=size * m.specific_force)))
+    assert found["accelerometer"].cause == CAUSES["accelerometer"][cause]
