@@ -491,8 +491,10 @@ class RobotDescription:
 
     @property
     def urdf(self) -> str:
-        """The robot as a URDF, that of an MJCF without shapes."""
-        return self.xml if isinstance(self._source, Urdf) else self.urdf_without_geometry()
+        """The robot as a URDF: the one that was read, or one of an MJCF, for other engines."""
+        if isinstance(self._source, Urdf):
+            return self.xml
+        return moving.add_shapes(self.urdf_without_geometry(), self._source)
 
     @cached_property
     def _source(self) -> Source:

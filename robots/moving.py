@@ -95,6 +95,27 @@ def moving_links(
     return ElementTree.tostring(robot, encoding="unicode")
 
 
+def add_shapes(xml: str, source: Source) -> str:
+    """Return a URDF that has all links of a robot with the shapes of these links."""
+    robot = ElementTree.fromstring(xml)
+    links = {link.get("name"): link for link in robot.findall("link")}
+    for shape in source.shapes():
+        element = ElementTree.SubElement(links[shape.link], shape.role)
+        _origin(element, shape.place.translation, shape.place.rotation)
+        sizes = {
+            "box": {"size": _text(2.0 * shape.size)},
+            "mesh": {"filename": shape.file, "scale": _text(shape.size)},
+            "sphere": {"radius": _text(shape.size)},
+        }
+        long = {"radius": _text(shape.size[:1]), "length": _text(2.0 * shape.size[-1:])}
+        geometry = ElementTree.SubElement(element, "geometry")
+        ElementTree.SubElement(geometry, shape.kind, sizes.get(shape.kind, long))
+        if shape.colour is not None:
+            material = ElementTree.SubElement(element, "material", name="")
+            ElementTree.SubElement(material, "color", rgba=_text(np.array(shape.colour)))
+    return ElementTree.tostring(robot, encoding="unicode")
+
+
 def _link(name: str, mass: float, lever: Array, inertia: Array) -> Element:
     """Return a link with its mass (kg), centre of mass (m) and inertia about it (kg m²), both in its frame."""
     link = Element("link", name=name)

@@ -1,7 +1,7 @@
 """A robot as XML, whichever format it has, and its Pinocchio model.
 
-There are two sources, a URDF (`wbc.robots.urdf`) and an MJCF (`wbc.robots.readers.source_mjcf`). Each reads its own
-format; what follows from a robot that was read, such as coupled joints, is the same for both.
+There are two sources, a URDF (`wbc.robots.source_urdf`) and an MJCF (`wbc.robots.readers.source_mjcf`). Each reads its
+own format; what follows from a robot that was read, such as coupled joints, is the same for both.
 """
 
 from __future__ import annotations

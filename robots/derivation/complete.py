@@ -37,7 +37,7 @@ def from_geometry(
     size: tuple[float, float] | None,
     package_dirs: tuple[str, ...],
 ) -> SoleFinder:
-    """Return the finder of given soles from the geometry of a URDF; see `complete_sole`."""
+    """Return the finder of given soles from the shapes of a source; see `complete_sole`."""
 
     def find(source: Source, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
         one, other = (

@@ -1,4 +1,4 @@
-"""Defaults of a robot description, derived from its URDF and sole frames.
+"""Defaults of a robot description, derived from its model, its shapes and sole frames.
 
 Sole rectangle   from the collision (else visual) geometry of the foot, within 5 mm of its lowest point; without
                  geometry 0.287 × 0.104 of the hip height (foot length and breadth 0.152 and 0.055 of stature, hip

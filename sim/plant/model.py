@@ -218,14 +218,14 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
     if robot.closures:
         names = ", ".join(closure.name for closure in robot.closures)
         raise ModelError(
-            f"'{robot.name}' has closed chains ({names}), which a plant made of its URDF would leave open: "
+            f"'{robot.name}' has closed chains ({names}), which a plant made of its links would leave open: "
             "wbc.sim.MujocoLoop takes its own MuJoCo model"
         )
     joints = {joint.name: joint for joint in spec.joints if joint.type != mujoco.mjtJoint.mjJNT_FREE}
     described = {
         *robot.joint_names,
         *robot.couplings,
-    }  # those that are coupled move by an equality of the URDF
+    }  # those that are coupled move by an equality
     if set(joints) != described:
         odd = sorted(set(joints) ^ described)
         raise ModelError(f"Pinocchio and MuJoCo read different joints for '{robot.name}': {', '.join(odd)}")
@@ -242,8 +242,8 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
         actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
         actuator.biasprm[1], actuator.biasprm[2] = -robot.kp[i], -robot.kd[i]
         actuator.ctrllimited = False
-        # The URDF importer clamps in the joint as well. Both clamps are set to one value, so that what the actuator
-        # reports is what the joint gets.
+        # Joints of the links are clamped as well. Both clamps are set to one value, so that what the actuator reports
+        # is what the joint gets.
         limit = float(robot.torque_limit[i])
         least, most = robot.torque_ranges.get(name, (-limit, limit))
         joint.actfrclimited, actuator.forcelimited = True, True

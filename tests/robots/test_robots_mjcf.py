@@ -103,11 +103,14 @@ def test_a_site_may_have_any_name_in_the_plant() -> None:
 
 
 def test_an_mjcf_is_a_urdf_for_other_engines() -> None:
-    """The same dynamics and the same places of links and sites; joints of one link get a link each."""
-    own, again = (
-        plain().robot(),
-        RobotDescription.from_urdf(plain().urdf, armature=dict(plain().armature)).robot(),
-    )
+    """The same dynamics, shapes, and places of links and sites; joints of one link get a link each."""
+    urdf = RobotDescription.from_urdf(plain().urdf, armature=dict(plain().armature))
+    own, again = plain().robot(), urdf.robot()
+    shapes = [each.collision_shapes() for each in (plain(), urdf)]
+    assert set(shapes[0]) == set(shapes[1])
+    for link in shapes[0]:
+        for one, other in zip(shapes[0][link], shapes[1][link], strict=True):
+            assert type(one) is type(other) and one.radius == pytest.approx(other.radius)
     rng = np.random.default_rng(4)
     values, speeds = ({name: rng.uniform(-0.3, 0.3) for name in own.joint_names} for _ in range(2))
     for robot in (own, again):
