@@ -427,12 +427,12 @@ def test_no_row_holds_the_spin_of_a_cylinder_about_its_axis() -> None:
         )  # the last joint turns the hand about its z axis
 
 
-def check(outcomes: list[Outcome], deep: float = 0.0) -> None:
-    """In no period shapes come closer by more than 3/2 θ² ℓ, a share deep by 1 mm in all, and they come to rest."""
+def check(outcomes: list[Outcome]) -> None:
+    """In no period shapes come closer by more than 3/2 θ² ℓ, by less than 1 mm in all, and they come to rest."""
     assert len(outcomes) > 20 and not any(outcome.unsolved for outcome in outcomes)
     assert max(outcome.steepest for outcome in outcomes) < 1.5
-    worst = sorted(outcomes, key=lambda outcome: -outcome.deepest)[: 1 + int(deep * len(outcomes))]
-    assert worst[-1].deepest < 1e-3 and worst[0].deepest < 2e-3, worst
+    worst = max(outcomes, key=lambda outcome: outcome.deepest)
+    assert worst.deepest < 1e-3, worst
     assert np.mean([outcome.jump < 0.05 for outcome in outcomes]) > 0.9
 
 
@@ -469,8 +469,7 @@ def test_flat_sides_come_to_rest_beside_a_ball(seed: int) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("control", CONTROLS)
 def test_shapes_of_any_kind_keep_the_margin_in_ten_thousand_layouts(control: str) -> None:
-    """One in a thousand is deeper than 1 mm at most: round shapes that turn about each other add up many periods."""
-    check([outcome for seed in range(1000, 11000) if (outcome := run(seed, control)) is not None], deep=1e-3)
+    check([outcome for seed in range(1000, 11000) if (outcome := run(seed, control)) is not None])
 
 
 @pytest.mark.parametrize(
