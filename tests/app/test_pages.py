@@ -975,6 +975,43 @@ def test_a_replay_plays_at_its_speed_and_begins_again_after_its_end(
     assert seen == shown and hours.slept == pytest.approx([0.1] * 3)
 
 
+def test_a_replay_has_a_slider_over_its_times_and_shows_each_tick_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """To a hundredth of a second, from the first tick on; the space bar plays and pauses."""
+    page, drawn, calls = MagicMock(), [], []
+    page.url = "http://here/"
+    monkeypatch.setattr(player, "ViserPage", lambda port, title: calls.append((port, title)) or page)
+    monkeypatch.setattr(player, "free_port", lambda port: (port or 7000) + 1)
+    gui, pressed = page.server.gui, []
+    gui.add_checkbox = lambda label, value: SimpleNamespace(value=value)
+    monkeypatch.setattr(player, "when", lambda event, call: pressed.append(call))
+    replay: Any = SimpleNamespace(
+        log=SimpleNamespace(time=np.array([0.504, 1.0, 2.0, 3.456])),
+        title="walk",
+        picture=lambda tick: drawn.append(tick) or tick,
+    )
+    made = Player.__new__(Player)
+    Player.__init__.__wrapped__(made, replay, 7100)  # type: ignore[attr-defined] - the replay is not checked
+    assert calls == [(7101, "walk")] and made.url == page.url and drawn == [0]
+    page.build.assert_called_once_with(replay)
+    gui.add_slider.assert_called_once_with("time (s)", 0.5, 3.46, 0.01, 0.5)
+    gui.add_dropdown.assert_called_once_with("speed", tuple(player.SPEEDS), initial_value="1")
+    assert all(float(name) == speed for name, speed in player.SPEEDS.items())
+    made.show(0)
+    made.show(3)
+    made.show(3)
+    made.show(1)
+    assert drawn == [0, 3, 1] and page.speak.call_count == 3
+    assert made._playing.value
+    for playing in (False, True):
+        pressed[0](None)
+        assert made._playing.value is playing
+    assert made._repr_html_().startswith('<iframe src="http://here/"')
+    made.close()
+    page.close.assert_called_once_with()
+
+
 def test_a_replay_stops_playing_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     Clock(monkeypatch, player)
 
