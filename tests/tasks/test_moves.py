@@ -183,6 +183,27 @@ def test_a_move_goes_on_from_where_the_target_is_and_how_it_moves() -> None:
     assert not com.moving
 
 
+def test_the_target_of_a_task_that_is_removed_waits_and_moves_on_in_the_controller_that_gets_the_task() -> (
+    None
+):
+    controller = standing("hrp4_class", dt=DT)
+    com = controller.add(CoMTask(name="centre"))
+    goal = com.target - [0.0, 0.0, 0.05]
+    com.move_to(goal, duration=0.2)
+    for _ in range(10):
+        controller.solve()
+    controller.remove(com)
+    waits = com.target.copy()
+    controller.solve()
+    np.testing.assert_array_equal(com.target, waits)
+    assert goal[2] < waits[2] < goal[2] + 0.05
+    controller.add(com)
+    for _ in range(50):
+        controller.solve()
+    assert not com.moving
+    np.testing.assert_allclose(com.target, goal, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("axes", "off", "reached"),
     [

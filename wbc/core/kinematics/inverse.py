@@ -188,8 +188,7 @@ class InverseKinematics(Items):
         """
         if self._dirty:
             self._rebuild()
-        if self._moving:
-            self._moving = [task for task in self._moving if task.move_on(self._dt)]
+        self._move_targets()
         assembly, solver = self._assembly, self._solver
         self._write()
         velocities, multipliers, status = self._solve()
@@ -200,13 +199,9 @@ class InverseKinematics(Items):
         self._asked = True
         return velocities
 
-    def _engage(self) -> None:
-        """Hold or let go of contacts that have been switched at once: there is no force to ramp."""
-        for contact in self._contacts:
-            contact.advance(np.inf)
-
     def _write(self) -> None:
-        self._engage()
+        for contact in self._contacts:
+            contact.advance(np.inf)  # held, or let go, at once: there is no force to ramp
         self._assembly.write(self._dt)
 
     def _solve(self) -> tuple[Array, Array, Status]:
@@ -272,12 +267,12 @@ class InverseKinematics(Items):
         before, velocity, asked = robot.q.copy(), robot.v.copy(), self._asked
         tasks = [task for task in self._tasks if not task.of_velocity]
         robot.v[:] = 0.0
-        self._engage()
         if self._dirty or len(tasks) < len(self._tasks):
             self._rebuild(tasks)
         elif self._reads_all:
             self._refresh()
         try:
+            self._write()
             found = Search(robot, tasks, self._assembly, self._solve, self._move, tolerance)
             return found.run(iterations, starts, seed)
         finally:

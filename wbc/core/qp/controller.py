@@ -155,8 +155,7 @@ class Controller(Items):
         start = perf_counter()
         if self._dirty:
             self._rebuild()
-        if self._moving:
-            self._moving = [task for task in self._moving if task.move_on(self._dt)]
+        self._move_targets()
         self._before, self._differed = self._commanded, self._commanded is not self._torques
         assembly, solver = self._assembly, self._solver
         for task in assembly.listening:

@@ -49,7 +49,6 @@ class Items:
         self._tasks: list[Task] = []
         self._contacts: list[Contact] = []
         self._limits: list[Limit] = []
-        self._moving: list[Task] = []  # tasks whose targets are on their way
         self._dirty = True  # the layout of the QP is not that of the items
 
     @property
@@ -183,7 +182,6 @@ class Items:
                 item.let_go()
             of_kind = self._list_of(item)
             of_kind[:] = [other for other in of_kind if other is not item]
-            self._moving = [other for other in self._moving if other is not item]
             item._owner = None
         self._changed()
 
@@ -223,10 +221,11 @@ class Items:
         """Return the error of a task at the last tick, shape (dim,), a copy; zero before its first one."""
         return self._assembly.error_of(task)
 
-    def move(self, task: Task) -> None:
-        """Advance the target of one of the tasks at every tick until it has arrived; its `move_to` calls this."""
-        if not any(task is other for other in self._moving):
-            self._moving.append(task)
+    def _move_targets(self) -> None:
+        """Move all targets that are on their way on by one tick."""
+        for task in self._tasks:
+            if task._target.move is not None:
+                task.move_on(self._dt)
 
     def __repr__(self) -> str:
         lists: dict[str, Sequence[Item]] = {

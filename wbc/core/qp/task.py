@@ -452,8 +452,7 @@ class Task(Motion):
 
         A rotation between two of the targets is the shorter turn.
         """
-        owner = self.owner
-        if owner is None:
+        if self.owner is None:
             raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
         if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
             raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
@@ -468,7 +467,6 @@ class Task(Motion):
             speed = self._usual_speed()
         limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
         self._target.move = Move(self._coordinates(), targets, rates, **limits)
-        owner.move(self)
 
     def _usual_speed(self) -> ArrayLike | None:
         """Return the greatest speed of a target where none is given, of each part of its coordinates."""
@@ -491,30 +489,25 @@ class Task(Motion):
         Args:
             before: That task, which rests then.
         """
-        owner = self.owner
-        if owner is None:
+        if self.owner is None:
             raise InputError(
                 f"task '{self.name}' goes on from another one once a controller has it: add it first"
             )
         self.follow(before.target, before.feedforward_velocity, before.feedforward_acceleration)
         self._target.move, before._target.move = before._target.move, None
-        if self._target.move is not None:
-            owner.move(self)
 
     @property
     def moving(self) -> bool:
         """True while the target moves."""
         return self._target.move is not None
 
-    def move_on(self, dt: float) -> bool:
-        """Move a target that is on its way on by one tick of dt, s; return True if it is still on its way."""
+    def move_on(self, dt: float) -> None:
+        """Move a target that is on its way on by one tick of dt, s."""
         move = self._target.move
-        if move is None:
-            return False
-        self._put(*move.now())
-        if not move.advance(dt):
-            self._target.move = None
-        return self._target.move is not None
+        if move is not None:
+            self._put(*move.now())
+            if not move.advance(dt):
+                self._target.move = None
 
     def _stop(self) -> None:
         """End a move, if there is one, where the target is."""
