@@ -366,3 +366,35 @@ def test_slopes_and_loads_of_a_sole_are_the_same_to_both_sides() -> None:
 def test_a_name_that_the_room_has_not_is_told_with_the_one_that_is_meant() -> None:
     with pytest.raises(AttributeError, match="'wbc.ground' has no attribute 'HeightMaps'.*HeightMap"):
         getattr(wbc.ground, "HeightMaps")  # noqa: B009 - the type checker knows that it is not there
+
+
+@pytest.mark.parametrize(("std", "counts"), [(1.39 * 0.015, True), (1.41 * 0.015, False), (0.002, True)])
+def test_cells_that_are_known_to_some_extent_move_the_map(std: float, counts: bool) -> None:
+    """Up to 1.4 times the deviation from which on a height is unknown."""
+    settings = HeightMapSettings(follow=1.0)
+    assert settings.known == 0.015
+    world, x = HeightMap(settings), 0.01 + 0.02 * np.arange(120) - 1.0
+    points = np.stack([x, 0.0 * x + 0.01, 0.1 * x], axis=1)
+    world.add(points, np.full(120, std), 0.0)
+    points[:, 2] += 0.005
+    shift = world.add(points, np.full(120, 0.002), 0.0)
+    assert shift == (pytest.approx(0.005) if counts else None)
+
+
+@pytest.mark.parametrize("place", [(0.0, 3.0), (-2.0, -4.0), (5.0, 0.5)])
+def test_points_near_the_feet_are_taken_wherever_the_robot_stands(place: tuple[float, float]) -> None:
+    """Within 45 % of 2.56 m along x and along y from the middle of the soles; others are too far away."""
+    robot = DESCRIPTION.robot()
+    q = ROBOT.half_sitting.copy()
+    q[:2] += place
+    robot.update(q, np.zeros(robot.nv))
+    middle = np.mean([robot.placement(sole.frame).translation for sole in robot.soles], axis=0)
+    half = 0.45 * 2.56
+    for way in ([1.0, 0.2], [-1.0, 0.2], [0.2, 1.0], [0.2, -1.0]):
+        for share, taken in ((0.99, True), (1.01, False)):
+            ground = KnownGround(robot)
+            ground.update(robot, 1.0)
+            ground.add(PointCloud([middle + [*(share * half * np.array(way)), 0.01]], 1.0, "world"))
+            ground.update(robot, 1.0 + FUSED)
+            assert len(ground.map.known()[0]) == taken
+            assert (f"{share * half:.4g} m away" in ground.status) == (not taken)
