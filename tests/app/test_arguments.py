@@ -381,7 +381,7 @@ def test_names_of_set_are_those_of_the_spec_its_parts_or_its_settings() -> None:
     assert place_of("stairs") == "plan.stairs" and place_of("single_support") == "gait.single_support"
     with pytest.raises(InputError, match=r"plan\.distance or ground\.footprint\.distance"):
         place_of("distance")
-    assert place_of("dcm_p") == "changes.dcm_p" and place_of("gains.dcm_p") == "changes.gains.dcm_p"
+    assert place_of("dcm_p") == "changes.gains.dcm_p" and place_of("gains.dcm_p") == "changes.gains.dcm_p"
     assert place_of("foot_changes.phalanges") == "foot_changes.phalanges"
     with pytest.raises(InputError, match="dcm_p"):
         place_of("dcm_q")

@@ -98,7 +98,7 @@ def _leaves(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield prefix + field.name, value
 
 
-def _full_name(names: tuple[str, ...], name: str) -> str:
+def full_name(names: tuple[str, ...], name: str) -> str:
     """Return the full name of a setting, gains.dcm_p, of which the last part, or the last parts, are given."""
     if name in names:
         return name
@@ -141,7 +141,7 @@ def _changed(settings: Any, changes: Mapping[str, Any] | Changes) -> tuple[Any, 
     named: list[tuple[str, Any]] = []
     tree: dict[str, Any] = {}
     for name, value in pairs:
-        path = _full_name(setting_names(settings), name)
+        path = full_name(setting_names(settings), name)
         named.append((path, value))
         *parents, last = path.split(".")
         if value is True and not isinstance(_value(settings, path), bool):

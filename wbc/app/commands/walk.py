@@ -20,8 +20,8 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.output import Output, Report, reports
 from wbc.app.repeat import RepeatWalk, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
-from wbc.base.changes import read_changes, setting_names
-from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.changes import full_name, read_changes, setting_names
+from wbc.base.errors import InputError, shown
 from wbc.base.files import check_target, read_toml
 from wbc.base.numbers import finite_scalar
 from wbc.base.registry import allow_code
@@ -231,20 +231,10 @@ def place_of(name: str) -> str:
     own = [each.name for each in fields(WalkSpec)]
     for kind in ("plan", "machine", "gait"):
         own += [f"{kind}.{each.name}" for each in fields(nested_settings(WalkSpec, kind))]
-    if name in own or name.partition(".")[0] in PAIRS:
+    if name.partition(".")[0] in PAIRS:
         return name
-    found = [path for path in own if path.endswith(f".{name}")]
-    known = setting_names(WalkTrialSettings())
-    others = [path for path in known if path == name or path.endswith(f".{name}")]
-    if found and len(others) == 1:
-        raise InputError(f"setting '{name}' could be {found[0]} or {others[0]}; give more of its name")
-    if found:
-        return found[0]
-    if not others:
-        unknown_name(
-            "setting", name, {part for path in (*known, *own) for part in (path, path.rpartition(".")[2])}
-        )
-    return f"changes.{name}"
+    path = full_name((*own, *setting_names(WalkTrialSettings())), name)
+    return path if path in own else f"changes.{path}"
 
 
 def read_spec(name: str) -> Mapping[str, Any]:
