@@ -28,7 +28,16 @@ from wbc.app.commands.robots import RobotFileOptions
 from wbc.app.commands.study import run as run_command
 from wbc.app.commands.terrain import TerrainOptions, describe_terrain, list_terrains
 from wbc.app.commands.view_log import ViewOptions
-from wbc.app.commands.walk import DRIVE_TIME, WalkOptions, place_of, read_spec, walk_spec
+from wbc.app.commands.walk import (
+    DRIVE_TIME,
+    PLANT,
+    WALK_PRESETS,
+    WalkOptions,
+    _usual,
+    place_of,
+    read_spec,
+    walk_spec,
+)
 from wbc.app.live import ended_by_interrupt
 from wbc.base.errors import InputError, WbcError
 from wbc.base.settings import Positive
@@ -588,3 +597,16 @@ def test_streams_that_are_no_terminals_are_left_alone(monkeypatch: pytest.Monkey
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     assert main(["settings", "nothing_of_this_name"]) == BAD_INPUT
     assert typing.get_args(Positive) and np.isfinite(DRIVE_TIME)
+
+
+def test_the_preset_of_the_command_is_that_of_a_plant_and_of_no_trained_policy() -> None:
+    usual = WALK_PRESETS[USUAL]
+    for given, has in (
+        ({}, True),
+        ({"loop": PLANT}, True),
+        ({"loop": "mujoco"}, False),
+        ({"trained": "a.onnx"}, False),
+        ({"loop": PLANT, "trained": "a.onnx"}, False),
+        ({"loop": "mujoco", "trained": "a.onnx"}, False),
+    ):
+        assert _usual(given) == (usual if has else {})

@@ -795,7 +795,14 @@ def test_the_panel_has_the_settings_of_the_tasks_as_they_are() -> None:
     view, orders = Workbench.__new__(Workbench), list[Any]()
     gizmos: list[str] = []
     view._gui, view._gizmos, view._shown, view._room = Gui(), [], [], None
-    scene = SimpleNamespace(add_transform_controls=lambda name, **how: gizmos.append(name) or Handle(**how))
+    sizes: list[float] = []
+
+    def add(name: str, **how: Any) -> Any:
+        gizmos.append(name)
+        sizes.append(how["scale"])
+        return Handle(**how)
+
+    scene = SimpleNamespace(add_transform_controls=add)
     view._page = SimpleNamespace(server=SimpleNamespace(scene=scene), checkbox=lambda *_: None)  # type: ignore[assignment]
     view.stage = SimpleNamespace(scale=Scale(0.8, 400.0))  # type: ignore[assignment]
     view.controls = LiveControls(None, None, controller)
@@ -804,6 +811,7 @@ def test_the_panel_has_the_settings_of_the_tasks_as_they_are() -> None:
     shown = list(view._shown)
     assert shown == list(view.controls.settings) and "task com" in view._gui.made
     assert any("com" in name for name in gizmos) and not any("posture" in name for name in gizmos)
+    assert sizes == pytest.approx([0.2] * len(gizmos)), "a quarter of the height of the CoM"
     number = view._gui.made["weight"]
     number.value = 3.0
     number.fire()
