@@ -66,7 +66,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     __slots__ = ("_critical", "_fed", "_numbers", "_owner", "_robot", "name", "revision")
 
     _kind: ClassVar[str] = "task"
-    _choice: Choice | None = None  # of axes and joints; None for all
+    _choice = Choice("all rows", 1, None, None)
     dim: int
     _owner: weakref.ref[Any] | None
 
@@ -240,14 +240,13 @@ class Block:
         self.force: Any = None
         self._rows: tuple[Array, ...] = (jacobian, error, drift)
         self.full: tuple[Array, ...] = self._rows
-        choice: Choice | None = item._choice
-        if choice is not None and choice.keep is not ...:
-            n = choice.n_rows
+        if item._choice.keep is not ...:
+            n = item._choice.n_rows
             self.full = np.zeros((n, jacobian.shape[1])), np.zeros(n), np.zeros(n)
         self.evaluate = item.evaluate
         if order == 1 and type(item).evaluate is Motion.evaluate:
             self._rows, self.full, self.evaluate = self._rows[:2], self.full[:2], item.measure
-        self.trims = choice is not None and choice.trims
+        self.trims = item._choice.trims
 
     def fill(self) -> None:
         """Fill the rows at the present state of the robot."""
@@ -262,8 +261,7 @@ class Block:
 
     def take(self) -> None:
         """Note that the numbers of the item as they are now have been taken."""
-        self.revision, choice = self.item.revision, self.item._choice
-        self.trims = choice is not None and choice.trims
+        self.revision, self.trims = self.item.revision, self.item._choice.trims
 
     def clear(self) -> None:
         """Set all rows to zero."""

@@ -125,7 +125,7 @@ class Task(Motion):
         if not isinstance(value, (bool, np.bool_)):
             raise InputError(f"hard of task '{self.name}' must be true or false, got {shown(value)}")
         self._hard = bool(value)
-        self.idle = not (self._hard or self._numbers.weight.any())
+        self._act()
 
     @property
     def weight(self) -> Array:
