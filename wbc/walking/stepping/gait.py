@@ -104,6 +104,7 @@ class SteppingWalk(StandingWalk):
             self.steering.direction,
             self._orbit(steps),
             self.elapsed,
+            self.duration,
             self._touch,
             max(self._longest, self._waits),
             haste,
@@ -279,9 +280,7 @@ class SteppingWalk(StandingWalk):
         if self.swing is None:
             return ()
         if self.met is None:
-            late = self.elapsed > self.constants.early * self.duration
-            met = late and self.touch.presses(self.stance, self.time)
-            if self._touches(met and not self.touch.rubs(self._now(steps), self.swing.landing)):
+            if self._touches(self.touch.meets(self._now(steps), self.swing.landing, self.time)):
                 self.met = self.elapsed
                 soon = 0.05 * self.settings.step_time
                 return (touch_down(self.elapsed - self._touch, soon, soon),)

@@ -26,6 +26,7 @@ class SwingStep(NamedTuple):
         direction: Cosine and sine of the heading.
         orbit: Orbit of the steps that are asked for.
         elapsed: Time since lift-off, s.
+        duration: Time of the step, s.
         touch: Time at which the foot meets the expected ground, s.
         longest: Time since lift-off from which on a foot in contact waits no longer, s.
         haste: Share from 0 to 1 by which the walk is a fast one.
@@ -36,6 +37,7 @@ class SwingStep(NamedTuple):
     direction: Point
     orbit: Orbit
     elapsed: float
+    duration: float
     touch: float
     longest: float
     haste: float
@@ -118,10 +120,13 @@ class SwingTouch:
         )
         return moved if math.hypot(*asked) > self._c.swing_push else None
 
-    def presses(self, stance: int, time: float) -> bool:
-        """Return True if the swing foot bears the load of a contact in this tick, low enough for the ground."""
-        c, state = self._c, self._felt.state
-        return state.wrenches[1 - stance][2] > c.met and not self.is_hurled(time) and self._is_low(stance)
+    def meets(self, step: SwingStep, landing: Footstep, time: float) -> bool:
+        """Return True if the swing foot bears the load of a contact in this tick."""
+        c, side = self._c, 1 - step.stance
+        may = step.elapsed > c.early * step.duration and not self.is_hurled(time)
+        if not (may and self._felt.state.wrenches[side][2] > c.met and self._is_low(step.stance)):
+            return False
+        return not self.rubs(step, landing)
 
     def loses(self, stance: int, since: float, time: float) -> bool:
         """Return True if a foot that has been in contact since some time, s, has lost the ground again."""
