@@ -427,6 +427,26 @@ def test_no_row_holds_the_spin_of_a_cylinder_about_its_axis() -> None:
         )  # the last joint turns the hand about its z axis
 
 
+def test_corners_follow_the_edge_of_a_floor_whose_origin_is_far_away() -> None:
+    """A tilted box slides over the edge: its corners and crossings are those of a limit that has just been made."""
+    robot, tilt = panda().robot(), pin.exp3(np.array([0.04, -0.06, 0.3]))
+    here = robot.placement("panda_hand") * pin.SE3(tilt, np.array([0.0, 0.0, 0.05 + 0.04]))
+    floor = wbc.Obstacle("floor", wbc.CollisionBox((20.0, 20.0, 0.1)))
+    box = {"panda_hand": wbc.CollisionBox((0.1, 0.2, 0.1))}
+
+    def made() -> wbc.CollisionLimit:
+        limit = wbc.CollisionLimit(obstacles=[floor], against=["panda_hand"], shapes=box)
+        limit.bind(robot)
+        return limit
+
+    kept: wbc.CollisionLimit | None = None
+    for way in np.arange(0.0, 0.06, 0.004):
+        floor.placement = here * pin.SE3(np.eye(3), np.array([10.0 - 0.04 + way, 0.0, 0.05]))
+        kept = kept or made()
+        found, fresh = (np.sort(step_rows(limit, robot)[1]) for limit in (kept, made()))
+        assert found.size == fresh.size > 3 and found == pytest.approx(fresh, abs=3e-4)
+
+
 def check(outcomes: list[Outcome]) -> None:
     """In no period shapes come closer by more than 3/2 θ² ℓ, by less than 1 mm in all, and they come to rest."""
     assert len(outcomes) > 20 and not any(outcome.unsolved for outcome in outcomes)

@@ -45,13 +45,16 @@ SAME, MOVED = 1e-6, 1e-4
 """Distance up to which points are one, and from which on a nearest point is another one, m."""
 
 SLID = 1e-2
-"""Share by which the placement of two shapes against each other changes until their corners are looked for again."""
+"""Change of the placement of two shapes against each other until their corners are looked for again, rad.
+
+Of the distance of their origins it is a share: of this distance, or of the smaller diameter if that is less.
+"""
 
 Corner = tuple[float, float, float, float, float, float, float, float, float, float]
 """Distance of a corner, normal from the first shape to the second, its moment, and the point of the first shape."""
 
-_Faces = tuple[pin.SE3, Array, Array]
-"""Placement of the second shape of a pair against the first one for which corners were found, and these.
+_Faces = tuple[pin.SE3, float, Array, Array]
+"""Placement of the second shape of a pair against the first one for which corners were found, its change, and these.
 
 Corners of the first shape with the crossings, and those of the second shape, are in the frames of the shapes, (n, 3).
 """
@@ -95,10 +98,9 @@ class Facing:
             not (balls[i] or balls[k]) or (ground is None and (flat[i] or flat[k]))
             for (i, k), ground in zip(self._pairs, grounds, strict=True)
         ]
+        self._diameters = [2.0 * min(shapes[i].aabb_radius, shapes[k].aabb_radius) for i, k in self._pairs]
         self._point, self._at = coal.Sphere(0.0), coal.Transform3s()
-        self._ask = [
-            coal.ComputeDistance(self._point, shape) for shape in shapes
-        ]  # which keeps no shape alive
+        self._ask = [coal.ComputeDistance(self._point, shape) for shape in shapes]  # they keep no shape alive
         self._request, self._result = coal.DistanceRequest(True, True), coal.DistanceResult()
 
     def corners(
@@ -117,9 +119,9 @@ class Facing:
         first, second = self._pairs[pair]
         one, other = self._data.oMg[first], self._data.oMg[second]
         faces, place = self._found[pair], one.actInv(other)
-        if faces is None or not place.isApprox(faces[0], SLID):
+        if faces is None or not place.isApprox(faces[0], faces[1]):
             faces = self._found[pair] = self._find(pair, place, normal)
-        _, points, others = faces
+        _, _, points, others = faces
         # The other shape lies behind the plane through its nearest point: what is far from this plane is far from it.
         height, slack = float(normal.dot(nearest)), within - distance
         points, ground = points.dot(one.rotation.T) + one.translation, self._grounds[pair]
@@ -157,7 +159,8 @@ class Facing:
             if len(points) > 1 and len(others) > 1 and len(points) + len(others) > 4:
                 crossings = _crossings(points, others.dot(place.rotation.T) + place.translation, along)
                 points = np.concatenate((points, crossings)) if crossings else points
-        return place, points, others
+        apart = float(np.linalg.norm(place.translation))
+        return place, SLID * min(1.0, self._diameters[pair] / max(apart, SAME)), points, others
 
     def _earlier(
         self, pair: int, normal: Array, nearest: Array, distance: float
