@@ -29,7 +29,7 @@ from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu
-from wbc.sim.simulation.machine import Machine, Step, steps_per_tick
+from wbc.sim.simulation.machine import Machine, Step
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
 
 logger = logging.getLogger(__name__)
@@ -99,7 +99,6 @@ class MujocoLoop(MujocoRobot):
         machine.check_loop("a MujocoLoop")
         description = as_description(description)
         description.needs_feet("a loop with sensors of a humanoid")
-        steps_per_tick(control_period, float(model.opt.timestep))
         robot = description.robot()
         places = RobotPlaces(model, robot, joints, prefix, locked=description.locked)
         self.actuators = JointActuators(places, description)

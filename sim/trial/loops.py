@@ -96,11 +96,6 @@ class LoopKind:
     factory: LoopFactory
     takes: frozenset[str] | None
 
-    @property
-    def is_plant(self) -> bool:
-        """True for MuJoCo's plant, which has everything that a trial can ask for."""
-        return isinstance(self.factory, type) and issubclass(self.factory, Plant)
-
     def check(self, machine: Machine, wanted: Mapping[str, object]) -> None:
         """Refuse what a trial wants beyond a robot on its own soles on a floor, if the loop has no option for it.
 
@@ -114,7 +109,7 @@ class LoopKind:
                     f"loop '{self.name}' has a robot on its own soles on a floor, and no option '{option}': it cannot "
                     f"have {shown(value)}; leave that out, or take loop '{PLANT}'"
                 )
-        if not self.is_plant:
+        if not (isinstance(self.factory, type) and issubclass(self.factory, Plant)):
             machine.check_loop(f"loop '{self.name}'")
 
     def make(self, description: RobotDescription, **options: Any) -> Any:
