@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.limits.facing import _across, _crossings, _face_of, _have_corners, _of_hull
+from wbc.core.limits.facing import Facing, _across, _crossings, _face_of, _of_hull
 
 
 def directions(count: int = 30) -> np.ndarray:
@@ -30,7 +30,7 @@ def test_a_box_looks_along_a_direction_with_the_face_whose_normal_is_nearest() -
     face = _face_of(coal.Box(*(2.0 * half)))
     for normal in directions():
         axis = int(np.abs(normal).argmax())
-        found = {tuple(np.round(corner, 9)) for corner in face(np.eye(3), normal, 0.0).tolist()}
+        found = {tuple(np.round(corner, 9)) for corner in face(np.eye(3), normal).tolist()}
         signs = [s for s in itertools.product((-1.0, 1.0), repeat=3) if s[axis] == np.sign(normal[axis])]
         assert found == {tuple(np.round(half * s, 9)) for s in signs} and len(found) == 4
 
@@ -39,35 +39,34 @@ def test_a_cylinder_looks_with_an_edge_of_its_side_or_with_its_rim_that_does_not
     face = _face_of(coal.Cylinder(0.1, 0.6))
     for angle in (0.3, 2.0, -1.2):
         aside = np.array([math.cos(angle), math.sin(angle), 0.0])
-        line = face(np.eye(3), aside, 0.0)
+        line = face(np.eye(3), aside)
         np.testing.assert_allclose(line, [0.1 * aside - (0, 0, 0.3), 0.1 * aside + (0, 0, 0.3)], atol=1e-12)
     turn = pin.exp3(np.array([0.4, -0.3, 0.2]))
     for sign in (1.0, -1.0):
         normal = np.array([0.1, -0.05, sign])
-        rim = face(turn, normal / np.linalg.norm(normal), 0.0)
+        rim = face(turn, normal / np.linalg.norm(normal))
         np.testing.assert_allclose(np.hypot(rim[:, 0], rim[:, 1]), 0.1)
         np.testing.assert_allclose(rim[:, 2], sign * 0.3)
-        spun = face(turn @ pin.utils.rotate("z", 0.7), normal / np.linalg.norm(normal), 0.0)
+        spun = face(turn @ pin.utils.rotate("z", 0.7), normal / np.linalg.norm(normal))
         ends = [np.round((turn @ rim.T).T, 9), np.round((turn @ pin.utils.rotate("z", 0.7) @ spun.T).T, 9)]
         np.testing.assert_allclose(*ends, atol=1e-8)
 
 
 def test_a_capsule_has_the_ends_of_its_axis_and_a_ball_has_none() -> None:
-    ends = _face_of(coal.Capsule(0.05, 0.4))(np.eye(3), np.array([1.0, 0.0, 0.0]), 0.0)
+    ends = _face_of(coal.Capsule(0.05, 0.4))(np.eye(3), np.array([1.0, 0.0, 0.0]))
     np.testing.assert_allclose(ends, [[0.0, 0.0, -0.2], [0.0, 0.0, 0.2]])
-    assert len(_face_of(coal.Sphere(0.1))(np.eye(3), np.array([1.0, 0.0, 0.0]), 0.0)) == 0
+    assert len(_face_of(coal.Sphere(0.1))(np.eye(3), np.array([1.0, 0.0, 0.0]))) == 0
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_hull_looks_with_its_vertices_beyond_a_plane_that_are_outermost(axis: int) -> None:
+def test_a_hull_looks_with_its_vertices_that_are_outermost_after_a_small_turn(axis: int) -> None:
     half = np.array([0.1, 0.2, 0.3])
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
-    inner = np.vstack((corners, 0.5 * half * (axis == np.arange(3)) * 1.9))  # below the face
-    face = _of_hull(inner)
-    normal = np.eye(3)[axis]
-    found = {tuple(corner) for corner in face(np.eye(3), normal, 0.9 * half[axis]).tolist()}
+    below = 0.95 * half * (axis == np.arange(3))  # within the hull
+    found = {
+        tuple(corner) for corner in _of_hull(np.vstack((corners, below)))(np.eye(3), np.eye(3)[axis]).tolist()
+    }
     assert found == {tuple(corner) for corner in corners.tolist() if corner[axis] > 0.0}
-    assert len(face(np.eye(3), normal, 1.01 * half[axis])) == 0
 
 
 @pytest.mark.parametrize(
@@ -77,16 +76,17 @@ def test_a_hull_looks_with_its_vertices_beyond_a_plane_that_are_outermost(axis: 
         (coal.Sphere(0.1), coal.Cylinder(0.1, 1.0), False),
         (coal.Capsule(0.1, 1.0), coal.Sphere(0.1), False),
         (coal.Capsule(0.1, 1.0), coal.Cylinder(0.1, 1.0), True),
-        (coal.Sphere(0.1), None, False),
-        (coal.Cylinder(0.1, 1.0), None, True),
     ],
 )
 def test_a_ball_at_what_has_no_flat_side_has_no_corners(
-    one: coal.CollisionGeometry, other: coal.CollisionGeometry | None, *, have: bool
+    one: coal.CollisionGeometry, other: coal.CollisionGeometry, *, have: bool
 ) -> None:
-    assert _have_corners(one, other) == have
-    if other is not None:
-        assert _have_corners(other, one) == have
+    for shapes in ((one, other), (other, one)):
+        geometry = pin.GeometryModel()
+        for name, shape in zip("ab", shapes, strict=True):
+            geometry.addGeometryObject(pin.GeometryObject(name, 0, pin.SE3.Identity(), shape))
+        geometry.addCollisionPair(pin.CollisionPair(0, 1))
+        assert Facing(geometry, geometry.createData(), [None]).has_corners == [have]
 
 
 def edges(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
