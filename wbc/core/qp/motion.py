@@ -27,6 +27,7 @@ class RowNumbers:
 
     Attributes:
         values: All of them, shape (7, dim); the others are views of it.
+        feed: Velocity and acceleration of the target, shape (2, dim).
         velocity: Velocity of the target.
         acceleration: Acceleration of the target.
         stiffness: Acceleration per error.
@@ -36,11 +37,14 @@ class RowNumbers:
         bound: Largest error that acts.
     """
 
-    __slots__ = ("acceleration", "bound", "damping", "rate", "stiffness", "values", "velocity", "weight")
+    __slots__ = (
+        "acceleration", "bound", "damping", "feed", "rate", "stiffness", "values", "velocity", "weight",
+    )  # fmt: skip
 
     def __init__(self, values: Array) -> None:
         """Name the rows of an array, shape (7, dim)."""
         self.values: Array = values
+        self.feed: Array = values[:2]
         self.velocity, self.acceleration, self.stiffness, self.damping = values[:4]
         self.rate, self.weight, self.bound = values[4:]
 
@@ -221,12 +225,13 @@ class Block:
         engaged: True while a contact holds its frame; None before the first tick.
         reserved: Equalities of a contact: its motion, or, where that is a cost, its force while it is off; those of a
             hard task on variables of the QP.
+        feed: View of the velocities and accelerations of targets, shape (2, dim).
         force: Numbers of a contact's force in the QP.
     """
 
     __slots__ = (
-        "_rows", "engaged", "error", "evaluate", "force", "full", "item", "jacobian", "place", "reserved", "revision",
-        "trims",
+        "_rows", "engaged", "error", "evaluate", "feed", "force", "full", "item", "jacobian", "place", "reserved",
+        "revision", "trims",
     )  # fmt: skip
 
     def __init__(
@@ -237,6 +242,7 @@ class Block:
         self.revision = -1
         self.engaged: bool | None = None
         self.reserved: slice | None = None
+        self.feed: Array = np.zeros((2, 0))
         self.force: Any = None
         self._rows: tuple[Array, ...] = (jacobian, error, drift)
         self.full: tuple[Array, ...] = self._rows

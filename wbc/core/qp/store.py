@@ -182,7 +182,9 @@ class RowStore:
 
     def _block(self, item: Task | Contact, rows: slice, jacobian: Array) -> Block:
         inside = slice(rows.start - self._start, rows.stop - self._start)
-        return Block(item, inside, jacobian, self._error[inside], self._drift[inside], self._order)
+        block = Block(item, inside, jacobian, self._error[inside], self._drift[inside], self._order)
+        block.feed = self._numbers.feed[:, inside]
+        return block
 
     def _place_selections(self, tasks: Sequence[SelectionTask]) -> None:
         """Find the coordinates of soft selections, and the places of their costs."""
@@ -214,7 +216,6 @@ class RowStore:
 
     def _fill(self) -> None:
         """Fill Jacobians, errors and drifts at the present state, and take numbers over that have changed."""
-        numbers = self._numbers.values
         for block in self._contacts:
             contact = block.item
             engaged = contact.engaged
@@ -223,7 +224,7 @@ class RowStore:
             if engaged:
                 block.evaluate(*block.full)
                 if contact._fed:
-                    numbers[:2, block.place] = contact._numbers.values[:2]
+                    block.feed[:] = contact._numbers.feed
         for block in self._tasks:
             task = block.item
             if task.revision != block.revision:
@@ -233,7 +234,7 @@ class RowStore:
                 if block.trims:
                     block.trim()
                 if task._fed:
-                    numbers[:2, block.place] = task._numbers.values[:2]
+                    block.feed[:] = task._numbers.feed
         if self._changed:
             self._take_gains()
             self._changed = False
