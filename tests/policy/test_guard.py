@@ -101,6 +101,20 @@ def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tm
     assert not guard.relieved and len(network.seen) - seen == 10 and guard.fallen is None
 
 
+def test_joints_that_somebody_else_moves_are_no_reason_to_relieve_a_policy() -> None:
+    """The other one holds an elbow far from where the policy wants it."""
+    plant, guard, network = guarded()
+    elbow = G1.joint_names.index("left_elbow_joint")
+    network.action[elbow] = 50.0
+    guard.policy.release([G1.joint_names[elbow]])
+    guard.walking.release([G1.joint_names[elbow]])
+    run_guard(plant, guard, 0.1)
+    assert not guard.relieved
+    guard.policy.release([])
+    run_guard(plant, guard, 0.05)
+    assert "left_elbow_joint" in guard.relieved
+
+
 def test_a_robot_of_a_file_is_taken_over_and_walks_on() -> None:
     description = wbc.RobotDescription.from_mjcf(Path(__file__).parents[2] / "examples" / "biped.xml")
     robot, plant = description.robot(), wbc.Plant(description, control_period=DT, noise="realistic")

@@ -160,6 +160,7 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
 
     plant, policy = filtered(wish, limits(), reaction=1e6)
     filters, robot = policy._arms, policy.controller.robot
+    filters._stop = lambda *limits: None  # type: ignore[method-assign]  # which brakes harder
     whole = PolicyArms(wbc.Controller(robot, DT, regularisation=1e-10), ARMS)
     weight = 1.0 / np.square(robot.torque_limit[15:])
     cost = whole.controller.add(JointTorqueTask(joints=list(ARMS), weight=weight))
@@ -247,7 +248,7 @@ def test_an_arm_that_is_too_fast_for_its_usual_braking_stops_before_its_stop(upp
     elbow, speed = G1.joint_names.index("left_elbow_joint"), 6.0 if upper else -6.0
     stop = (robot.position_upper if upper else robot.position_lower)[elbow]
     q, v = np.array(robot.q), np.zeros(robot.nv)
-    q[7 + elbow], v[6 + elbow] = stop - np.sign(speed) * 0.06, speed
+    q[7 + elbow], v[6 + elbow] = stop - np.sign(speed) * 0.2, speed
     robot.update(q, v)
     filters._wish = wish = np.zeros(14)
     made = filters._solve(plant.measure())
@@ -255,7 +256,7 @@ def test_an_arm_that_is_too_fast_for_its_usual_braking_stops_before_its_stop(upp
     inertia = robot.mass_matrix[np.ix_(columns, columns)]
     acceleration = filters._acceleration[columns] + np.linalg.solve(inertia, made - wish)
     braking = -np.sign(speed) * acceleration[elbow - 15]
-    assert 0.06 > speed**2 / (2.0 * braking) > 0.05
+    assert 0.2 - 0.02 * 6.0 > speed**2 / (2.0 * braking) > 0.06
 
 
 def test_arms_are_of_the_qp_or_filtered() -> None:

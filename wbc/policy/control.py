@@ -486,9 +486,11 @@ class PolicyControl(TorqueControl):
         return feed, target, velocity
 
     def asked(self, measurement: Measurement) -> Array:
-        """Return the torques that the policy asks for where the joints are now, shape (na,), Nm."""
+        """Return the torques that the policy asks for where its joints are now, shape (na,), Nm; zeros for others."""
         torque: Array = self._kp * (self._target - measurement.joint_position)
         torque -= self._kd * measurement.joint_velocity
+        if self._arms is None and (released := self.controller.released) is not None:
+            torque[released.index] = 0.0
         return torque
 
     @property

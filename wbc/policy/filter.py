@@ -49,8 +49,9 @@ Ns/kg have 0.5, arms that are thrown about have 3."""
 RELAXED = 1e-2
 """Violation from which on limits count as relaxed, rad/s²."""
 
-SPARED = 5e-3
-"""Distance from its stop at which an arm comes to rest that was too fast, rad."""
+SPARED, LATE = 5e-3, 0.02
+"""Distance from its stop at which an arm comes to rest that was too fast, rad, and time by which it brakes early, s:
+what is known of the motion of the trunk lags behind."""
 
 REACH, AHEAD = 0.1, 0.05
 """Distance d from a stop of legs and waist at which they are braked, rad, and time t that they look ahead, s."""
@@ -174,7 +175,7 @@ class FilteredArms(PolicyArms):
         robot, arms = self.controller.robot, self.index
         q, v = robot.q[robot.base_nq :][arms], robot.v[self._columns]
         room = np.where(v > 0.0, robot.position_upper[arms] - q, q - robot.position_lower[arms])
-        needed = 0.5 * v * v / np.maximum(room - SPARED, SPARED)
+        needed = 0.5 * v * v / np.maximum(room - SPARED - LATE * np.abs(v), SPARED)
         fast = needed > limits.braking[arms]
         if fast.any():
             up, down = fast & (v > 0.0), fast & (v < 0.0)
