@@ -10,10 +10,11 @@ import pytest
 from task_factory import make_robot
 
 from wbc.base.errors import InputError, UnknownNameError
+from wbc.base.numbers import Array
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
-from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.contact import Contact, SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
 from wbc.tasks import (
@@ -33,7 +34,23 @@ from wbc.tasks import (
 SKEWED = pin.SE3(np.eye(3), np.zeros(3))
 SKEWED.rotation = np.diag([1.0, 1.0, -1.0])
 
+
+class Driftless(Task):
+    """A task without a drift."""
+
+    def measure(self, jacobian: Array, error: Array) -> None:
+        jacobian[:], error[:] = 1.0, 0.0
+
+
+class Rowless(Contact):
+    """A contact without rows."""
+
+    dim = 3
+
+
 WRONG_VALUES: dict[str, Callable[[], object]] = {
+    "task: no drift": lambda: Driftless("driftless", 1),
+    "contact: no rows": lambda: Rowless("rowless", "left_hand", np.zeros((0, 3))),
     "com: shape": lambda: CoMTask([0.0, 0.0]),
     "com: bound of zero": lambda: CoMTask(error_bound=0.0),
     "com: axis twice": lambda: CoMTask(axes=("x", "x")),

@@ -76,6 +76,11 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
 
     def __init__(self, name: str, stiffness: ArrayLike, damping: ArrayLike | None) -> None:
         """Allocate `dim` rows, and set their gains; see the properties."""
+        kind = type(self)
+        if kind.evaluate is Motion.evaluate and (
+            kind.measure is Motion.measure or kind.drift is Motion.drift
+        ):
+            raise InputError(f"{kind.__name__} needs a method `evaluate`, or `measure` and `drift`")
         self.name, self.revision = name, 0
         self._fed = (
             False  # the target has had a velocity or an acceleration, which may be another in every tick
@@ -140,11 +145,11 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
 
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill Jacobian and error; with `drift` in place of `evaluate`, which spares inverse kinematics the drift."""
-        raise NotImplementedError(f"{type(self).__name__} has no `evaluate`")
+        raise NotImplementedError
 
     def drift(self) -> Array:
         """Return the drift of the rows, shape (rows,); `measure` was called before."""
-        raise NotImplementedError(f"{type(self).__name__} has no `evaluate`")
+        raise NotImplementedError
 
     @property
     def stiffness(self) -> Array:
