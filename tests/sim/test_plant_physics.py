@@ -21,7 +21,9 @@ from wbc.feet.soles.common_mjcf import VISUAL_GROUP
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
+from wbc.robots.derivation.shapes import link_shapes
 from wbc.sim import Machine, PhysicsSettings, Plant
+from wbc.sim.plant.link_geoms import SHAPE_GROUP
 from wbc.sim.plant.model import _max_pairs, drawing_model
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.terrain.render import FLOOR
@@ -505,3 +507,21 @@ def test_an_axis_or_a_place_of_a_joint_that_differs_is_refused_from_a_bound_on(a
                 RobotPlaces(model, robot)
         else:
             RobotPlaces(model, robot)
+
+
+def test_all_links_but_the_feet_touch_things() -> None:
+    """The soles touch by themselves."""
+    scene = '<mujoco><worldbody><geom type="box" size="0.1 0.1 0.1" pos="3 0 0.1"/></worldbody></mujoco>'
+    description = load("hrp4_class")
+    plant = Plant(description, scene=scene, visuals=False)
+    model = plant.model
+    shaped = {
+        model.body(int(model.geom_bodyid[i])).name for i in np.flatnonzero(model.geom_group == SHAPE_GROUP)
+    }
+    feet = {description.attachment(sole.frame)[0] for sole in description.soles}
+    links = {shape.link for shape in link_shapes(description.xml, description.package_dirs)}
+    assert len(feet) == 2 and feet <= links
+    assert {name for name in links if description.attachment(name)[0] in feet}.isdisjoint(shaped)
+    assert {name for name in links if description.attachment(name)[0] not in feet} <= shaped
+    touching = model.geom_group == SHAPE_GROUP
+    assert (model.geom_conaffinity[touching] == 1).all() and not model.geom_contype[touching].any()
