@@ -65,7 +65,7 @@ class TrialTick:
     measurement: Measurement
     command: Command
 
-    walking = renamed("control")
+    walking = renamed("walking", "control")
 
 
 class TrialHook:
@@ -111,7 +111,7 @@ class Trial:
         loop_time: Wall time of `run` without the time in `hooks`, s.
     """
 
-    walking = renamed("control")
+    walking = renamed("walking", "control")
     _started = False
 
     @checked

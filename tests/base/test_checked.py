@@ -219,14 +219,14 @@ def test_attributes_that_are_fixed_or_results_are_not_assigned() -> None:
 
 def test_the_old_name_of_an_attribute_says_the_new_one() -> None:
     class Trial:
-        walking = renamed("control")
+        walking = renamed("walking", "control")
 
         def __init__(self) -> None:
             self.control = 3
 
     trial = Trial()
     assert trial.control == 3 and not hasattr(trial, "walking")
-    with pytest.raises(AttributeError, match="'walking' of Trial is 'control' now"):
+    with pytest.raises(AttributeError, match="'walking' is called 'control' now"):
         _ = trial.walking
-    with pytest.raises(AttributeError, match="'control' now"):
+    with pytest.raises(AttributeError, match="called 'control' now"):
         trial.walking = 4

@@ -16,7 +16,7 @@ import inspect
 import types
 import typing
 from collections.abc import Callable, Iterator
-from typing import Annotated, Any, Literal, TypeVar, Unpack
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, Unpack
 
 import numpy as np
 from pydantic import BeforeValidator, PlainValidator, TypeAdapter, ValidationError
@@ -131,31 +131,13 @@ def result(source: str, instead: str) -> Any:
     return Result(source, instead)
 
 
-class Renamed:
-    """Attribute that has another name now: whoever uses the old one is told the new one."""
-
-    def __init__(self, now: str) -> None:
-        """Take the name of today."""
-        self._now = now
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        """Take the old name."""
-        self._was = name
-
-    def __get__(self, of: Any, owner: type) -> Any:
-        """Raise an `AttributeError`."""
-        if of is None:
-            return self
-        raise AttributeError(f"'{self._was}' of {owner.__name__} is '{self._now}' now")
-
-    def __set__(self, of: Any, value: Any) -> None:
-        """Raise an `AttributeError`."""
-        self.__get__(of, type(of))
-
-
-def renamed(now: str) -> Any:
+def renamed(was: str, now: str) -> Any:
     """Return an attribute of which an error says what it is called now."""
-    return Renamed(now)
+
+    def tell(*_: Any) -> NoReturn:
+        raise AttributeError(f"'{was}' is called '{now}' now")
+
+    return property(tell, tell)
 
 
 def _not_assigned(name: str, of: Any, instead: str) -> InputError:
