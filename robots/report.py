@@ -171,7 +171,9 @@ def doubts(robot: Any) -> tuple[str, ...]:
         f"speed limits above {FASTEST:g} rad/s, in another unit or none?": [
             n for n, *_, v in limits if v > FASTEST
         ],
-        "no position limits (±π taken)": [n for n, low, high, _ in limits if _is_taken(low, high)],
+        "no position limits (±π taken)": [
+            n for n, low, high, _ in limits if max(abs(low + TAKEN_RANGE), abs(high - TAKEN_RANGE)) < 1e-6
+        ],
         "position limits of more than two turns, in degrees?": [
             n for n, low, high, _ in limits if MOST_RANGE < high - low < math.inf
         ],
@@ -262,11 +264,6 @@ def _legs(robot: Any) -> list[str]:
             f"damping takes the whole torque of leg joints at the speeds of a step: {listed(braked)}"
         )
     return found
-
-
-def _is_taken(low: float, high: float) -> bool:
-    """Return True for the range of a joint that was given none."""
-    return bool(abs(low + TAKEN_RANGE) < 1e-6 and abs(high - TAKEN_RANGE) < 1e-6)
 
 
 def listed(names: list[str]) -> str:

@@ -10,13 +10,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import ModelError
+from wbc.base.errors import ModelError, shown
 from wbc.base.numbers import Array
 from wbc.core.robot import Coupling
 from wbc.robots import tidying, urdf
 from wbc.robots.derivation import inertia
 from wbc.robots.source import Element, Geometry, Source
-from wbc.robots.urdf import ENDLESS, MOVING
+from wbc.robots.urdf import ENDLESS, MOVING, triple
 
 Colour = tuple[float, float, float, float]
 
@@ -28,6 +28,7 @@ class Urdf(Source):
         self, fixed: bool, lock: Mapping[str, float], repair: bool
     ) -> tuple[dict[str, float], list[str]]:
         """See `Source.tidy`."""
+        self.shapes()  # whose numbers are checked so
         notes = tidying.tidy(self.root, fixed)
         locked = urdf.lock(self.root, lock)
         return locked, notes + inertia.settle(self.root, fixed, repair)
@@ -108,33 +109,32 @@ def _bare(root: Element) -> Element:
 
 def _shape(link: Element, element: Element, named: Mapping[str, Colour]) -> Geometry | None:
     """Return the shape of a <visual> or <collision>; None for one of another kind."""
-    geometry = element.find("geometry")
+    what, origin = f"link '{link.get('name')}': {{}} of a {element.tag}", element.find("origin")
+    place = {} if origin is None else origin.attrib
+    rpy, xyz = (triple(what.format(key), place.get(key, "0 0 0")) for key in ("rpy", "xyz"))
+    geometry, colour = element.find("geometry"), None
     if geometry is None or not len(geometry):
         return None
-    shape, origin, colour = geometry[0], element.find("origin"), None
-    place = {} if origin is None else origin.attrib
-    rpy, xyz = (_numbers(place.get(key, "0 0 0")) for key in ("rpy", "xyz"))
+    shape = geometry[0]
     if shape.tag == "box":
-        size = 0.5 * _numbers(shape.get("size", "0 0 0"))
-    elif shape.tag == "sphere":
-        size = _numbers(shape.get("radius", "0"))
-    elif shape.tag in ("cylinder", "capsule"):
-        size = np.array([float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))])
+        size = 0.5 * triple(what.format("size of a box"), shape.get("size", ""))
+    elif shape.tag in ("sphere", "cylinder", "capsule"):
+        keys = ("radius",) if shape.tag == "sphere" else ("radius", "length")
+        radius, *length = (
+            triple(what.format(f"{key} of a {shape.tag}"), shape.get(key, "0"), (1,)) for key in keys
+        )
+        size = np.concatenate([radius, *(0.5 * each for each in length)])
     elif shape.tag == "mesh":
-        size = _numbers(shape.get("scale", "1 1 1"))
+        size = triple(what.format("scale of a mesh"), scale := shape.get("scale", "1 1 1"), (1, 3))
+        if not size.all():
+            raise ModelError(f"{what.format('scale of a mesh')} must not be zero, got {shown(scale)}")
     else:
         return None
     if (material := element.find("material")) is not None:
         colour = _colour(material) or named.get(str(material.get("name")))
-    return Geometry(
-        str(link.get("name")),
-        element.tag,
-        shape.tag,
-        size,
-        pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz),
-        shape.get("filename", ""),
-        colour,
-    )
+    pose = pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
+    file = shape.get("filename", "")
+    return Geometry(str(link.get("name")), element.tag, shape.tag, size, pose, file, colour)
 
 
 def _colour(material: Element) -> Colour | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree
 
-from wbc.base.errors import ModelError, choose, shown
+from wbc.base.errors import ModelError, choose
 from wbc.core.robot import UNLIMITED
 from wbc.robots.source import Element
 from wbc.robots.urdf import (
@@ -51,7 +51,7 @@ def tidy(root: Element, fixed: bool = False) -> list[str]:
     """
     notes = _drop_world(root, fixed)
     _check_tree(root)
-    notes += _rename_world(root) + _settle_shapes(root)
+    notes += _rename_world(root) + _settle_scales(root)
     for name, joint in joints(root).items():
         kind = joint.get("type")
         if kind not in (*MOVING, "fixed"):
@@ -109,32 +109,16 @@ def _settle_range(name: str, joint: Element) -> list[str]:
     return [f"joint '{name}': {given}, no limit on this side"]
 
 
-def _settle_shapes(root: Element) -> list[str]:
-    """Check the numbers of all shapes and their placements; a mesh with one number as its scale gets it in all axes."""
+def _settle_scales(root: Element) -> list[str]:
+    """Give a mesh with one number as its scale this number in all axes."""
     notes = []
     for link in root.findall("link"):
-        for each in [*link.findall("visual"), *link.findall("collision")]:
-            what = f"link '{link.get('name')}': {{}} of a {each.tag}"
-            for origin in each.findall("origin"):
-                for key in ("xyz", "rpy"):
-                    triple(what.format(key), origin.get(key, "0 0 0"))
-            for shape in each.findall("geometry/*"):
-                if shape.tag == "box":
-                    triple(what.format("size of a box"), shape.get("size", ""))
-                elif shape.tag == "mesh":
-                    scale = shape.get("scale", "1 1 1")
-                    factors = triple(what.format("scale of a mesh"), scale, (1, 3))
-                    if not factors.all():
-                        raise ModelError(
-                            f"{what.format('scale of a mesh')} must not be zero, got {shown(scale)}"
-                        )
-                    if len(factors) == 1:
-                        shape.set("scale", " ".join(3 * scale.split()))
-                        notes.append(
-                            f"link '{link.get('name')}': scale '{scale}' of a mesh is that of all three axes"
-                        )
-                for key in ("radius", "length") if shape.tag in ("sphere", "cylinder", "capsule") else ():
-                    triple(what.format(f"{key} of a {shape.tag}"), shape.get(key, "0"), (1,))
+        for mesh in link.iter("mesh"):
+            if len((scale := mesh.get("scale", "")).split()) == 1:
+                mesh.set("scale", " ".join(3 * scale.split()))
+                notes.append(
+                    f"link '{link.get('name')}': scale '{scale}' of a mesh is that of all three axes"
+                )
     return notes
 
 
