@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -18,7 +19,7 @@ from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.walking.control import WalkingControl
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, Place, mean_heading, moved
+from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, Place, mean_heading, moved
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
@@ -93,6 +94,13 @@ class WalkPlan:
                 raise InputError("the side of the motion steps first; leave the first side out")
         if self.footsteps is not None and self.first is not None:
             raise InputError("footsteps have their sides; leave the first side out")
+
+    @property
+    def climbs(self) -> bool:
+        """True for stairs, and for footsteps on them."""
+        heights = [0.0, *(step.z for step in self.footsteps or ())]
+        high = any(abs(b - a) >= LEAST_STAIR for a, b in itertools.pairwise(heights))
+        return self.stairs is not None or high
 
     def build(self, start: FootstepPlan, terrain: Terrain) -> FootstepPlan:
         """Return the footsteps, from two feet that stand.

@@ -101,7 +101,7 @@ def prepare(
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
     given = plan.footsteps is not None or plan.stairs is not None
-    free = "free" in settings.kinds
+    free = "free" in settings.kinds and not ("planned" in settings.kinds and plan.climbs)
     walked = steps if given or not free else replace(steps, steps=())
     try:
         if plan.velocity is not None and not free:

@@ -145,7 +145,7 @@ class WalkSpec(TrialSpec):
         store("changes", checked_changes(self.gains, self.changes))
         trial = self.settings()
         check_read(self.changes, trial)
-        store("_free", "free" in trial.kinds)
+        store("_free", "free" in trial.kinds and not ("planned" in trial.kinds and self.plan.climbs))
         ground = self.ground()
         store("terrain_params", _as_used(ground, self.terrain_params))
         if self.scene is None and self.scene_params:

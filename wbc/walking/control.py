@@ -12,7 +12,7 @@ its way. Places and times of *free* steps are decided as the robot goes, and the
 drives and from what is asked for:
 
     position control              planned steps
-    torque and hybrid control     free steps; planned ones for hands that press or grip, and for loads
+    torque and hybrid control     free steps; planned ones on stairs, for hands that press or grip, and for loads
 
 It changes between two ticks while the robot stands. Both kinds share robot, controller, drives, estimate, arms and
 body; source, tasks and balance are exchanged. docs/measured_pushes.md says what was tried in the middle of a step.
@@ -148,7 +148,8 @@ class WalkingControl:
             controller.add(limit)
         self.arms = Arms(controller, dt, s.arms)
         self._kinds = steps_of(self.control, self.arms, source, s, extent)
-        first: Kind = "free" if "free" in self._kinds else "planned"
+        plan = source if isinstance(source, FootstepPlan) and source.steps else None
+        first = self._kind_for(plan)
         steps = self._kinds[first]
         self.body = Body(
             controller,
@@ -166,8 +167,8 @@ class WalkingControl:
         self.reference: Reference | None = None
         self.stopped = False
         self._before = 0  # steps done by steps of the other kind before
-        if first == "free" and isinstance(source, FootstepPlan) and source.steps:
-            self.follow(source)
+        if first == "free" and plan is not None:
+            self.follow(plan)
 
     def __repr__(self) -> str:
         robot, source, now = self.controller.robot, type(self.source).__name__, self.progress
@@ -327,16 +328,21 @@ class WalkingControl:
         walked = isinstance(planner, PlanSource) and self.source.finished
         return None if walked or isinstance(planner, SteeredSteps) else planner
 
-    def _make_ready(self) -> None:
-        """Make ready for an order: free steps walk it, if the robot has them and no hand is at work.
+    def _kind_for(self, plan: FootstepPlan | None) -> Kind:
+        """Return the kind of steps for an order: planned ones for stairs, on which no landing may move."""
+        if "free" not in self._kinds or (plan is not None and plan.climbs and "planned" in self._kinds):
+            return "planned"
+        return "free"
+
+    def _make_ready(self, plan: FootstepPlan | None = None) -> None:
+        """Make ready for an order: a robot that stands takes the kind of steps for it, if no hand is at work.
 
         Raises:
             InputError: A body that is set too low to lift a foot.
         """
-        changes = "free" in self._kinds and self._idle and not self._at_hand
-        self._check_body("free" if changes else self._kind)
-        if changes:
-            self._change("free")
+        kind = self._kind_for(plan) if self._idle and not self._at_hand else self._kind
+        self._check_body(kind)
+        self._change(kind)
 
     def _check_body(self, kind: Kind) -> None:
         """Raise an `InputError` if the body is set too low to lift a foot in steps of a kind."""
@@ -554,7 +560,7 @@ class WalkingControl:
         """
         if not isinstance(source, (FootstepPlan, FootstepSource)):
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        self._make_ready()
+        self._make_ready(source if isinstance(source, FootstepPlan) else None)
         self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def stop(self) -> None:

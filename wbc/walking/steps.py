@@ -95,7 +95,7 @@ def steps_of(
         check_start(robot, plan)
         check_plan(plan, gait.reach or Reach.of(robot), extent)
         steps["free"] = _free(control, gait)
-        plan = replace(plan, steps=())
+        plan = plan if plan.climbs else replace(plan, steps=())
     if "planned" in s.kinds:
         steps["planned"] = _planned(control, arms, planned_walk(robot, plan, dt, s, extent), s)
     return steps
