@@ -69,8 +69,8 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
     if len(axes) < 3:
         return
     errors = _errors(log)
-    for i, (axis, colour) in enumerate((("x", BLUE), ("y", ORANGE))):
-        axes[2].plot(time, 1e3 * errors[:, i], color=colour, linewidth=0.8, label=axis)
+    for i, (axis, tint) in enumerate((("x", BLUE), ("y", ORANGE))):
+        axes[2].plot(time, 1e3 * errors[:, i], color=tint, linewidth=0.8, label=axis)
     axes[2].set_ylabel("DCM error (mm)" if "dcm/reference/x" in log else "CoM off its mean (mm)")
     legend(axes[2], columns=3)
 
