@@ -111,7 +111,8 @@ def test_an_environment_steers_a_policy(standing: Path, guarded: bool) -> None:
         environment.WbcEnv("stand", robot="g1", trained=str(standing))
 
 
-def test_a_policy_that_sees_the_ground_walks_with_a_camera_alone(tmp_path: Path) -> None:
+@pytest.mark.parametrize("guarded", [False, True])
+def test_a_policy_that_sees_the_ground_walks_with_a_camera_alone(guarded: bool, tmp_path: Path) -> None:
     """Its network stands; what it sees of the floor is level, once the camera has seen it."""
     n, points = len(G1.joint_names), 17 * 11
     file = write_network(
@@ -122,9 +123,11 @@ def test_a_policy_that_sees_the_ground_walks_with_a_camera_alone(tmp_path: Path)
     with pytest.raises(InputError, match="eyes"):
         WalkSpec(robot="g1", trained=str(file))
     plan = WalkPlan(drive=((0.1, 0.0, 0.0, 0.0),))
-    trial = WalkTrial(WalkSpec(robot="g1", trained=str(file), eyes="depth", noise="none", plan=plan))
+    spec = WalkSpec(robot="g1", trained=str(file), guarded=guarded, eyes="depth", noise="none", plan=plan)
+    trial = WalkTrial(spec)
     assert trial.run().outcome == "completed"
-    policy = trial.control
+    policy = trial.control.policy if guarded else trial.control
+    assert not guarded or trial.control.walking.ground is policy.ground
     seen = policy._observation
     height = policy.observer.robot.placement("pelvis").translation[2]
     assert policy.ground.version > 0 and len(seen) == points

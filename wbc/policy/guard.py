@@ -69,7 +69,9 @@ class PolicyGuard:
         robot, dt = policy.controller.robot, policy.controller.dt
         if walking is None:
             settings = WalkingControlSettings(mode="torque")
-            walking = WalkingControl(robot, None, dt, settings, observer=policy.observer)
+            walking = WalkingControl(
+                robot, None, dt, settings, observer=policy.observer, ground=policy.ground
+            )
         if walking.control.observer is not policy.observer:
             raise InputError(
                 "the walk of a guard must be made with observer=policy.observer: one estimate for both"
@@ -172,7 +174,8 @@ class PolicyGuard:
     def see(self, seen: PointCloud | ElevationMap) -> None:
         """Take a cloud of points or a map of the ground, for policy and walk."""
         self.policy.see(seen)
-        self.walking.see(seen)
+        if self.walking.ground is not self.policy.ground:
+            self.walking.see(seen)
 
     @property
     def steered(self) -> bool:
