@@ -259,3 +259,21 @@ def test_torques_of_the_checks_move_joints_beside_the_legs_alone() -> None:
     assert soft[0].kp[free] == pytest.approx(0.5 * np.array(DESCRIPTION.kp)[free], rel=0.02)
     assert soft[0].kd[free] == pytest.approx(0.5 * np.array(DESCRIPTION.kd)[free], rel=0.05)
     assert soft[0].kp[~free].tolist() == np.array(DESCRIPTION.kp)[~free].tolist()
+
+
+def test_what_cannot_be_told_says_of_what_it_would_need() -> None:
+    """Loads where the weight is wrong, and where the joints are; turns where the accelerometer is."""
+    light = checks_of(sole_wrench=lambda w: 0.5 * w)
+    for name in ("sides", "wrench frame"):
+        assert (light[name].state, light[name].found) == ("unknown", "normal forces are wrong")
+    assert light["soles"].state == "ok"
+    turned = checks_of(joint_position=np.degrees)
+    for name in ("sides", "wrench frame", "soles", "torque", "joint zero"):
+        assert turned[name].state == "unknown"
+        assert turned[name].found == "joints are not measured as they should", name
+    weightless = checks_of(specific_force=lambda f: 0.1 * f)
+    assert weightless["IMU frame"].found == "gyroscope or accelerometer has another unit"
+    fallen = checks_of(sole_wrench=lambda w: 0.01 * w)
+    for name in ("gyroscope", "weight", "sides", "wrench frame", "soles"):
+        assert fallen[name].found == "the robot does not stand", name
+    assert fallen["gyroscope"].state == fallen["soles"].state == "unknown"

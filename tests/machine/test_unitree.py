@@ -420,3 +420,20 @@ def test_states_whose_tick_nobody_counts_have_the_time_since_the_first(
     assert made._time(20) == pytest.approx(0.02) and made._time(0) == pytest.approx(
         0.0
     )  # counted from now on
+
+
+def test_after_a_damaged_state_the_rest_of_the_time_is_waited(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, waited = [100.0], []
+    monkeypatch.setattr(driver, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    damaged = state()
+    damaged["crc"] ^= 1
+    made, left = UnitreeDriver(DESCRIPTION), [damaged, damaged, damaged, None]
+
+    def read(layout: np.dtype, timeout: float) -> np.ndarray | None:
+        waited.append(timeout)
+        now[0] += 0.004
+        return left.pop(0)
+
+    made._topics = SimpleNamespace(read=read)  # type: ignore[assignment]
+    assert made.read(0.01) is None and made.refused == 3
+    assert waited == pytest.approx([0.01, 0.006, 0.002, 0.0], abs=1e-9)
