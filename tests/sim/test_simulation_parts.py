@@ -19,12 +19,12 @@ def test_a_push_acts_for_its_time_and_with_a_share_of_its_force_in_its_last_step
     """For 2.5 steps of 2 ms: twice in full, then by half; its point is that of the frame, seen from the body."""
     pushes, force = Pushes(), np.array([10.0, -4.0, 2.0])
     frame = pin.SE3(pin.utils.rotate("z", 0.5 * np.pi), np.array([0.1, 0.2, 0.3]))
-    assert not pushes and pushes.advance(0.002) == []
+    assert not pushes.active and pushes.advance(0.002) == []
     pushes.add("torso", frame, force, 0.005, [0.01, 0.0, 0.0])
     pushes.add("foot", frame, 2.0 * force, 0.002, None)
     shares = []
     for step in range(3):
-        assert pushes
+        assert pushes.active
         found = pushes.advance(0.002)
         assert [body for body, *_ in found] == (["torso", "foot"] if step == 0 else ["torso"])
         np.testing.assert_allclose(found[0][2], [0.1, 0.21, 0.3], atol=1e-12)
@@ -32,12 +32,12 @@ def test_a_push_acts_for_its_time_and_with_a_share_of_its_force_in_its_last_step
             np.testing.assert_allclose(found[1][1], 2.0 * force)
             assert found[1][2] is None
         shares.append(float(found[0][1] @ force / (force @ force)))
-    assert shares == pytest.approx([1.0, 1.0, 0.5]) and not pushes
+    assert shares == pytest.approx([1.0, 1.0, 0.5]) and not pushes.active
     pushes.add("torso", frame, force, 0.006, None)  # three steps, but for rounding
     assert [len(pushes.advance(0.002)) for _ in range(4)] == [1, 1, 1, 0]
     pushes.add("torso", frame, force, 1.0, None)
     pushes.clear()
-    assert not pushes
+    assert not pushes.active
 
 
 def test_a_command_acts_some_steps_after_it_was_given_and_a_newer_one_takes_its_place() -> None:
