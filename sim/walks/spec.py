@@ -87,7 +87,7 @@ class WalkSpec(TrialSpec):
         seed: Seed of the ground and of the sensor errors.
         noise_seed: Separate seed for the sensor errors; `seed` if not given.
         mode: Kind of drive commands. If not given: position, or hybrid for soft servos. Steps are free in torque and
-            hybrid control, unless the plan gives footsteps.
+            hybrid control, except on stairs and with a gait.
         machine: Delays, friction, payload, and which sensors exist. The observer knows the delays, unless the settings
             have other ones ("observer.command_delay").
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
