@@ -13,7 +13,7 @@ from wbc.base.errors import InputError
 from wbc.robots import load
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, check_start
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.planners import turn_in_place, walk_distance, walk_path, walk_velocity
+from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import (
     AT_REST,
@@ -348,6 +348,19 @@ def test_as_many_steps_of_a_planner_are_checked_as_it_asks_for() -> None:
     shifted = Standing(feet_at(-0.5), "left", 0, False, 0.0, REACH)
     with pytest.raises(InputError, match="step 1"):
         next_steps(Fixed(plan, None), shifted)
+
+
+@pytest.mark.parametrize("rise", [0.1, -0.1])
+def test_stairs_begin_at_the_height_between_both_feet(rise: float) -> None:
+    start = feet_at(1.0, 2.0, 0.5, 0.3)
+    start = replace(start, left=replace(start.left, z=0.34))
+    plan = climb_stairs(start, rise=rise, tread=0.3, count=2, first_edge=0.4)
+    assert [step.z for step in plan.steps[-4:]] == pytest.approx([0.32 + rise] * 2 + [0.32 + 2.0 * rise] * 2)
+    assert plan.steps[0].z == pytest.approx(0.32)
+    for k, step in enumerate(plan.steps[-4::2]):
+        place = step.middle(start.spacing)
+        way = math.hypot(place[0] - 1.0, place[1] - 2.0)
+        assert way == pytest.approx(0.4 + (k + 0.5) * 0.3)
 
 
 def test_times_of_a_gait_are_whole_periods_and_what_was_rounded_is_told() -> None:

@@ -268,6 +268,26 @@ def test_a_line_to_a_far_goal_is_held_from_where_it_began(settings: SteppingSett
         assert back[1] == pytest.approx(-own.drift_gain * aside, abs=1e-9)
 
 
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
+def test_a_new_line_to_a_far_goal_is_begun_where_the_robot_has_come_far_off_the_old_one(
+    settings: SteppingSettings, yaw: float
+) -> None:
+    """Where the direction to the goal differs from that of the line by more than an angle."""
+    steering, own, start = steered(settings, yaw), in_si(PathConstants(), SIZE), (2.0, -3.0)
+    x, y = turned((5.0, 0.0), yaw)
+    steering.go_to(start[0] + x, start[1] + y, yaw)
+    steering._wanted(start)
+    line = steering._line
+    assert line is not None and line[0] == start and line[1] == pytest.approx(yaw)
+    for share, same in ((0.5, True), (0.99, True), (1.01, False)):
+        aside = 2.0 * math.tan(share * own.astray)
+        x, y = turned((3.0, aside), yaw)
+        place = start[0] + x, start[1] + y
+        steering._wanted(place)
+        assert (steering._line == line) is same
+    assert steering._line is not None and steering._line[0] == place
+
+
 @pytest.mark.parametrize("yaw", [0.0, -2.0])
 def test_a_robot_that_falls_short_is_sent_on_faster_up_to_a_bound(
     settings: SteppingSettings, yaw: float
