@@ -81,8 +81,9 @@ class WalkSpec(TrialSpec):
             (oracle).
         terrain: Family of grounds that `wbc terrain` lists.
         amplitude: Highest minus lowest point of the ground, m.
-        terrain_params: Parameters of the family of grounds, and of every ground: length, width, start, strip, ramp.
-        scene: Furniture on the ground: a scene that `wbc terrain` lists.
+        terrain_params: Parameters of the family of grounds, and of every ground: length, width, start, strip, ramp,
+            floor_stiffness, floor_damping, slippery.
+        scene: Furniture, or ground that moves: a scene that `wbc terrain` lists.
         scene_params: Parameters of the scene.
         seed: Seed of the ground and of the sensor errors.
         noise_seed: Separate seed for the sensor errors; `seed` if not given.
