@@ -247,7 +247,7 @@ T = TypeVar("T")
 class SteppingSettings:
     """Settings of free steps, in units of the robot; the constants of the law are in `SteppingConstants`.
 
-    h is the height of the CoM, ω its natural frequency √(g / h), and g the gravity, 9.81 m/s².
+    h is the height of the CoM, ω its natural frequency √(g / h), and g the gravity.
 
     Attributes:
         bend: Distance by which the CoM is lower than on straight legs, leg lengths.
