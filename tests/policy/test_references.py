@@ -18,6 +18,7 @@ from wbc.ground import KnownGround
 from wbc.ground.cloud import ElevationMap
 from wbc.motion import MotionClip
 from wbc.policy import HeightScan, OnnxNetwork, PolicyControl, PolicyDescription, Term
+from wbc.policy.references import ScannedGround
 
 pytest.importorskip("onnxruntime")
 
@@ -189,3 +190,31 @@ def test_motions_and_grounds_that_lack_or_that_nothing_sees_are_refused(
     frame = options.pop("frame", None)
     with pytest.raises(WbcError, match=named):
         control(Known(3, N), described(observation=terms, scan=HeightScan(frame=frame)), **options)
+
+
+def test_points_of_a_height_scan_are_about_the_robot_and_turn_with_its_heading() -> None:
+    """A pelvis at (1, 2), turned by a quarter to the left: what is ahead of it is further to the left in the world."""
+    robot, asked = G1.robot(), []
+
+    class Slope:
+        def at(self, points: np.ndarray) -> tuple[np.ndarray, None]:
+            asked.append(points)
+            return 0.1 * points.real + 0.01 * points.imag, None
+
+    q = np.array(robot.half_sitting)
+    q[:2], q[3:7] = (1.0, 2.0), (0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5))
+    robot.update(q, np.zeros(robot.nv))
+    scan = ScannedGround(robot, HeightScan(length=0.2, width=0.2, resolution=0.1, offset=0.5), Slope())  # type: ignore[arg-type]
+    seen = scan()
+    place = robot.placement(robot.base_frame).translation
+    grid = np.array([complex(x, y) for y in (-0.1, 0.0, 0.1) for x in (-0.1, 0.0, 0.1)])
+    world = complex(place[0], place[1]) + 1j * grid
+    np.testing.assert_allclose(asked[0], world, atol=1e-12)
+    np.testing.assert_allclose(seen, place[2] - 0.5 - 0.1 * world.real - 0.01 * world.imag, atol=1e-12)
+
+
+def test_the_quaternion_of_a_motion_in_a_network_is_of_length_one() -> None:
+    network = OnnxNetwork.__new__(OnnxNetwork)
+    parts = [np.zeros((1, 2)), np.zeros((1, 2)), np.ones((1, 3)), np.array([[0.0, 0.0, 3.0, 4.0]])]
+    network._frame, network.inputs, network._run = ["all"], 3, lambda *_: parts  # type: ignore[method-assign]
+    np.testing.assert_allclose(network.frame(0)[3], [0.0, 0.0, 0.6, 0.8])
