@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from closed_chains import RODS, four_bar_knee, parallel_ankles, three_bars
-from mjcf_biped import biped
+from mjcf_biped import MOTORS, biped
 from mujoco_dynamics import assert_same_dynamics
 
 import wbc
@@ -906,3 +906,21 @@ def test_what_is_no_sdf_is_no_sdf(tmp_path: Path) -> None:
         wbc.robots.read_sdf(_written(tmp_path, RODS))
     with pytest.raises(InputError, match=r"missing\.sdf"):
         wbc.robots.read_sdf(tmp_path / "missing.sdf")
+
+
+@pytest.mark.parametrize(
+    ("attributes", "limit"),
+    [
+        ('gear="2" ctrlrange="-40 40" ctrllimited="false"', None),
+        ('gear="2" ctrlrange="-40 40"', 80.0),
+        ('gear="2" ctrlrange="-40 40" forcerange="-30 30"', 60.0),
+    ],
+)
+def test_the_torque_of_a_motor_is_bounded_by_what_its_file_limits(
+    attributes: str, limit: float | None
+) -> None:
+    """A range of controls that limits nothing is no bound of a torque."""
+    drives = MOTORS.replace('gear="2" ctrlrange="-40 40"', attributes)
+    description = RobotDescription.from_mjcf(biped(drives=drives))
+    found = description.torque_limit[description.joint_names.index("left_knee")]
+    assert (found == pytest.approx(80.0 if limit is None else limit)) == (limit is not None)

@@ -599,3 +599,52 @@ def test_what_is_doubtful_about_a_description_is_named() -> None:
         (5.94, True),
     ):  # rad/s at which damping takes the 80 Nm; 6 are too few
         assert ("whole torque" in doubted(damping={"l_knee": 80.0 / speed})) is braked
+
+
+@pytest.mark.parametrize(("heavier", "said"), [(0.02, False), (0.4, True)])
+def test_legs_of_another_mass_are_doubtful_from_a_hundredth_on(heavier: float, said: bool) -> None:
+    """A leg weighs 6 kg: 4 joints of 0.5 kg and two links of 2 kg; one shin is made heavier."""
+    xml = biped()
+    at = xml.index('<link name="r_knee_link">')
+    one = xml[:at] + xml[at:].replace('<mass value="2"/>', f'<mass value="{2.0 + heavier}"/>', 1)
+    lines = [line for line in RobotDescription.from_urdf(one, **FEET).doubts() if "differ in mass" in line]
+    assert lines == ([f"the legs differ in mass: 6.00 and {6.0 + heavier:.2f} kg"] if said else [])
+
+
+def test_colours_of_a_shape_are_its_own_or_those_of_its_named_material() -> None:
+    box = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry>{}</visual>'
+    own = '<material name="a"><color rgba="0.1 0.2 0.3 1"/></material>'
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    named, unknown = '<material name="red"/>', '<material name="nowhere"/>'
+    for given, colour in (
+        (own, (0.1, 0.2, 0.3, 1.0)),
+        (named, (1.0, 0.0, 0.0, 1.0)),
+        (unknown, None),
+        ("", None),
+    ):
+        description = RobotDescription.from_urdf(
+            biped(geometry=FOOT_BOX + box.format(given), before=red), **FEET
+        )
+        drawn = [
+            shape.colour
+            for shape in Urdf(ElementTree.fromstring(description.xml)).shapes()
+            if shape.role == "visual"
+        ]
+        assert len(drawn) == 2 and all(each == pytest.approx(colour) for each in drawn)
+
+
+@pytest.mark.parametrize(
+    ("dynamics", "said"), [('damping="0"', False), ('damping="0.5"', True), ('friction="2"', True)]
+)
+def test_damping_of_a_urdf_is_left_out_and_said_to_be_where_it_is_any(dynamics: str, said: bool) -> None:
+    xml = biped().replace('<axis xyz="0 0 1"/>', f'<axis xyz="0 0 1"/><dynamics {dynamics}/>')
+    derived = RobotDescription.from_urdf(xml, **FEET).derived
+    line = "damping and friction that the URDF gives 2 joints are left out"
+    assert any(line in each for each in derived) == said
+
+
+@pytest.mark.parametrize("lacks", ["mass", "inertia"])
+def test_an_inertial_without_mass_or_inertia_is_refused(lacks: str) -> None:
+    xml = re.sub(rf"<{lacks} [^>]*/>", "", biped(), count=1)
+    with pytest.raises(ModelError, match="must have <mass> and <inertia>"):
+        RobotDescription.from_urdf(xml, **FEET)
