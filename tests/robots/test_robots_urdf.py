@@ -648,3 +648,22 @@ def test_an_inertial_without_mass_or_inertia_is_refused(lacks: str) -> None:
     xml = re.sub(rf"<{lacks} [^>]*/>", "", biped(), count=1)
     with pytest.raises(ModelError, match="must have <mass> and <inertia>"):
         RobotDescription.from_urdf(xml, **FEET)
+
+
+@pytest.mark.parametrize(("kd", "damping", "said"), [(0.0, 0.0, True), (1.0, 1.0, False), (0.0, 1.0, False)])
+def test_servos_without_any_damping_are_doubtful(kd: float, damping: float, said: bool) -> None:
+    description = RobotDescription.from_urdf(biped(), **FEET)
+    own = dataclasses.replace(
+        description,
+        gains={**description.gains, "l_knee": (100.0, kd)},
+        damping={"l_knee": damping} if damping else {},
+    )
+    assert any("without damping" in line and "l_knee" in line for line in own.doubts()) == said
+
+
+def test_a_description_of_xml_that_is_not_tidy_is_refused() -> None:
+    description = RobotDescription.from_urdf(biped(), **FEET)
+    xml = description.xml.replace('<axis xyz="0 0 1"', '<dynamics damping="0.5" /><axis xyz="0 0 1"', 1)
+    assert xml != description.xml
+    with pytest.raises(ModelError, match="must be tidy"):
+        dataclasses.replace(description, xml=xml).robot()
