@@ -1,4 +1,4 @@
-"""What figures, replays and repetitions read of a log whose numbers are known: stances, support, drift, differences."""
+"""Values that figures, replays and repetitions read of a log whose numbers are known: stances, support, drift, differences."""
 
 from __future__ import annotations
 
@@ -64,13 +64,13 @@ def turned(angle: float, ticks: int = TICKS) -> np.ndarray:
 
 
 def place(side: str) -> np.ndarray:
-    """Where a foot is: it goes forward, at 0.1 m/s, while it is in the air."""
+    """Place of a foot: it goes forward, at 0.1 m/s, while it is in the air."""
     away = np.cumsum(~STANDS[side]) * 0.01
     return np.column_stack([away, np.full(TICKS, 0.1 if side == "left" else -0.1), np.full(TICKS, 0.02)])
 
 
 def about(points: np.ndarray) -> np.ndarray:
-    """Where points of the estimate are in the true world: turned about the origin, and moved."""
+    """Places of points of the estimate in the true world: turned about the origin, and moved."""
     c, s = math.cos(TURN), math.sin(TURN)
     return np.asarray(points @ np.array([(c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)]) + SHIFT)
 

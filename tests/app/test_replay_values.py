@@ -259,7 +259,7 @@ class _Same:
 
 
 class Rerun:
-    """What is given to a stream of Rerun."""
+    """Record of all that a stream of Rerun is given."""
 
     def __init__(self) -> None:
         self.logged: list[tuple[str, Any]] = []
@@ -344,7 +344,7 @@ def test_colours_of_meshes_are_bytes() -> None:
 
 
 class Scene(Rerun):
-    """What a stream of Rerun is given of a scene."""
+    """Record of all that a stream of Rerun is given of a scene."""
 
     def __init__(self) -> None:
         super().__init__()

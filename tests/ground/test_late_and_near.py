@@ -56,7 +56,7 @@ def test_a_late_reading_counts_as_less_exact_by_the_time_to_the_newer_one() -> N
 
 
 def test_a_late_reading_of_what_was_seen_before_it_is_as_one_in_time() -> None:
-    """What has been seen of other places since does not count."""
+    """Other places that have been seen since do not count."""
     first, late = 0.003, 0.004
     world = aging()
     world.add([[0.01, 0.01, 0.1]], [first], 1.0)
@@ -149,7 +149,7 @@ def test_clouds_are_placed_by_the_poses_since_the_clock_began_anew() -> None:
 
 
 def moved_ground(times: tuple[float, ...], **changes: float) -> tuple[KnownGround, pin.SE3]:
-    """What a robot knows that has gone to x = 0.4 t, and turned by 0.5 t, at some times; its base at zero."""
+    """Ground that a robot knows which has gone to x = 0.4 t, and turned by 0.5 t, at some times; its base at zero."""
     ROBOT.update(ROBOT.half_sitting, np.zeros(ROBOT.nv))
     ground = KnownGround(ROBOT, GroundSettings(max_age=5.0, **changes))  # type: ignore[arg-type]
     start = ROBOT.placement(ROBOT.base_frame).copy()

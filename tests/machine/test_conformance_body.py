@@ -48,7 +48,7 @@ def pressed(wrench: np.ndarray, way: tuple[float, float]) -> np.ndarray:
 
 
 def test_figures_of_a_good_machine() -> None:
-    """What stands still carries its weight, turns as it is turned and presses below its centre of mass."""
+    """A robot that stands still carries its weight, turns as it is turned and presses below its centre of mass."""
     assert good("gyroscope") == pytest.approx([1.0], abs=0.05)
     turns, tilts, angle = good("IMU frame")
     assert turns == pytest.approx(1.0, abs=0.02) and tilts == pytest.approx(1.0, abs=0.2) and angle <= 2.0

@@ -1,4 +1,4 @@
-"""What every simulation does alike: MuJoCo with our feet, a user's model, another engine; a new one joins `KINDS`."""
+"""Behaviour that every simulation shares: MuJoCo with our feet, a user's model, another engine; a new one joins `KINDS`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What follows from the spec of a walk: names of earlier versions, delays, times, pushes, seeds, policies, limits."""
+"""Consequences of the spec of a walk: names of earlier versions, delays, times, pushes, seeds, policies, limits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a policy sees beside the robot: the motion that it tracks, and the ground about it."""
+"""References of a policy beside the state of the robot: the motion that it tracks, and the ground about it."""
 
 from __future__ import annotations
 

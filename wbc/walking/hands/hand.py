@@ -196,7 +196,7 @@ class Hand:
 
     @property
     def destination(self) -> Array:
-        """Where its frame goes, or is once it is there, in the world, shape (3,), m."""
+        """Place to which its frame goes, or at which it is once it is there, in the world, shape (3,), m."""
         target = self.arm.target if self.state is HandState.REACH else None
         return np.array((self.arm.place if target is None else target).translation)
 

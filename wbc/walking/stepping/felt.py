@@ -1,4 +1,4 @@
-"""What a stepping walk feels: the state of the robot, where its feet carry, and the DCM about there."""
+"""State that a stepping walk feels: that of the robot, where its feet carry, and the DCM about there."""
 
 from __future__ import annotations
 
