@@ -1,4 +1,4 @@
-"""Values that figures, replays and repetitions read of a log whose numbers are known: stances, support, drift, differences."""
+"""Values that figures, replays and repetitions read of a log of known numbers: stances, support, drift, differences."""
 
 from __future__ import annotations
 

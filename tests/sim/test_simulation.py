@@ -1,4 +1,4 @@
-"""Behaviour that every simulation shares: MuJoCo with our feet, a user's model, another engine; a new one joins `KINDS`."""
+"""Behaviour of every simulation: MuJoCo with our feet, a user's model, another engine; a new one joins `KINDS`."""
 
 from __future__ import annotations
 
