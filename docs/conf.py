@@ -207,13 +207,9 @@ def link_names(app: Sphinx, doctree: nodes.document, docname: str) -> None:
     for literal in list(doctree.findall(nodes.literal)):
         if isinstance(literal.parent, nodes.reference) or not (found := NAME.fullmatch(literal.astext())):
             continue
-        name = (
-            found[1]
-            if found[1] in domain.objects
-            else found[1].rpartition(".")[2]
-            if "wbc." in found[1]
-            else found[1]
-        )
+        name = found[1]
+        if name not in domain.objects and name.startswith("wbc."):
+            name = name.rpartition(".")[2]
         same = {
             (domain.objects[entry].docname, domain.objects[entry].node_id) for entry in entries.get(name, ())
         }

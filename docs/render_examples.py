@@ -68,13 +68,20 @@ class Catcher(TrialHook):
         self.update()
 
 
-def photograph(plant: Plant) -> Image.Image:
-    """Draw a plant as it is now, as a replay would be drawn."""
+def photograph(
+    plant: Plant,
+    size: tuple[int, int] = SIZE,
+    view: tuple[float, float, float] = (3.3, 130.0, -14.0),
+) -> Image.Image:
+    """Draw a plant as it is now, as a replay would be drawn.
+
+    The size is in pixels; the view has the distance in CoM heights, azimuth and elevation in degrees.
+    """
     stage = SimulatedStage(plant, None)
     picture, height, camera = stage.picture(), stage.scale.height, mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 3.3 * height, 130.0, -14.0
+    camera.distance, camera.azimuth, camera.elevation = view[0] * height, *view[1:]
     camera.lookat[:] = (*picture.target[:2], stage.floor + 0.85 * height)
-    with renderer(stage.model, *SIZE, samples=4) as drawn:
+    with renderer(stage.model, *size, samples=4) as drawn:
         return Image.fromarray(drawn.draw(stage, picture, camera))
 
 

@@ -24,7 +24,7 @@ from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.plant.places import body_frame
 from wbc.sim.simulation.machine import Machine, SoleIndex, Step
-from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise, Signals
+from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise, SensorVector
 from wbc.sim.simulation.simulation import GroundTruth, Simulation, lowest_sole_point
 
 FASTEST = 1e4
@@ -110,7 +110,7 @@ class EngineLoop(Simulation):
         super().__init__(
             description,
             robot,
-            Signals(robot.na, len(robot.soles), machine),
+            SensorVector(robot.na, len(robot.soles), machine),
             control_period=control_period,
             timestep=timestep,
             noise=noise,

@@ -13,7 +13,7 @@ from wbc.sim.plant.contacts import Contacts
 from wbc.sim.plant.hands import HandSensor
 from wbc.sim.plant.places import RobotPlaces, hanging
 from wbc.sim.simulation.machine import Machine
-from wbc.sim.simulation.sensors import Signals
+from wbc.sim.simulation.sensors import SensorVector
 
 
 class Imu:
@@ -59,7 +59,7 @@ def _reading(data: mujoco.MjData, sensor: tuple[int, Array | None]) -> Array:
     return reading if turn is None else turn @ reading
 
 
-class MujocoSignals(Signals):
+class MujocoSignals(SensorVector):
     """Signals of a robot in MuJoCo.
 
     Accelerometer and wrenches measure forces that exist only during a physics step; they are the mean over the rows of

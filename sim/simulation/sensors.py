@@ -104,7 +104,7 @@ NOISE_PRESETS: Registry[SensorNoise] = Registry("sensor noise", {"none": NO_NOIS
 """Sensor errors by name; a new preset is an entry here."""
 
 
-class Signals:
+class SensorVector:
     """True signals of all sensors of a robot in one vector, whose layout stands here alone.
 
     Attributes:
@@ -159,14 +159,20 @@ class Signals:
 
 
 class SensorChain:
-    """The errors of `SensorNoise`, applied to the vector of all `Signals`.
+    """The errors of `SensorNoise`, applied to the vector of all `SensorVector`.
 
     Signals need be pushed from `oldest` to `newest` physics steps before a reading, the latencies of the slowest and
     the fastest of them.
     """
 
     def __init__(
-        self, noise: SensorNoise, signals: Signals, timestep: float, steps: int = 1, *, delay: float = 0.0
+        self,
+        noise: SensorNoise,
+        signals: SensorVector,
+        timestep: float,
+        steps: int = 1,
+        *,
+        delay: float = 0.0,
     ) -> None:
         """Lay the errors out over the vector; `steps` is from one reading to the next, `delay` on top of latency, s."""
         channels = signals.errors(noise)

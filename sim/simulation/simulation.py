@@ -24,7 +24,7 @@ from wbc.robots import RobotDescription
 from wbc.sim.simulation.delay import DelayLine
 from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
 from wbc.sim.simulation.pushes import Pushes
-from wbc.sim.simulation.sensors import NOISE_PRESETS, SensorChain, SensorNoise, Signals
+from wbc.sim.simulation.sensors import NOISE_PRESETS, SensorChain, SensorNoise, SensorVector
 
 ANOTHER = "make another simulation"
 """Advice in place of an assignment to an attribute that a simulation is made of."""
@@ -97,7 +97,7 @@ class Simulation(ABC):
         self,
         description: RobotDescription,
         robot: Robot,
-        signals: Signals,
+        signals: SensorVector,
         *,
         control_period: Step,
         timestep: Step,

@@ -57,7 +57,7 @@ def test_joints_near_a_limit_start_in_the_middle_of_their_range() -> None:
 
 @pytest.fixture
 def timed(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    """What `bench_tick` did: times of the sway, states, accelerations; its clock goes on by 5 µs a look."""
+    """Record of what `bench_tick` did: times of the sway, states, accelerations; its clock goes on by 5 µs a look."""
     seen = SimpleNamespace(sways=[], states=[], accelerations=[], fails=set(), looks=0)
     update, solve, real_sway = Controller.update, Controller.solve, bench.sway
 

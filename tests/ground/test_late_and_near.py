@@ -73,7 +73,7 @@ def test_a_late_reading_of_what_was_seen_before_it_is_as_one_in_time() -> None:
 
 @pytest.mark.parametrize("step", [0.05, -0.05])
 def test_a_late_reading_of_another_surface_replaces_and_doubts_nothing_newer(step: float) -> None:
-    """What is older than it is replaced by a higher surface, or doubted for a lower one, as in time."""
+    """All that is older than it is replaced by a higher surface, or doubted for a lower one, as in time."""
     std = 0.003
     for seen, newer in ((2.0, True), (1.0, False)):
         world = aging(wander=0.0)
@@ -274,7 +274,7 @@ def ground_of(height, std: float = 0.0):
 
 
 def test_the_ground_over_a_sole_that_stands_is_lowered_by_its_deviations() -> None:
-    """Where it carries (95 % lie below), at most, and inside: half lies below. Nodes are 20 by 12 mm apart."""
+    """At places where it carries 95 % lie below, at most, and inside half lies below. Nodes are 20 by 12 mm apart."""
     foot = Footprint(LENGTH, WIDTH, FootprintSettings(trust=2.0))
     place = np.array([0.0, 0.0, 0.02])
     for std in (0.0, 0.004):

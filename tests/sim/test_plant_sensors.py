@@ -25,7 +25,7 @@ from wbc.sim import FootTest, Machine, PhysicsSettings, Plant, SensorNoise, Sign
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu
 from wbc.sim.rig.rig import Rig
-from wbc.sim.simulation.sensors import REALISTIC, SensorChain, Signals
+from wbc.sim.simulation.sensors import REALISTIC, SensorChain, SensorVector
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
@@ -174,7 +174,7 @@ def test_noise_has_the_statistics_it_was_given() -> None:
         angular_velocity=SignalNoise(bias_std=0.5),
         sole_force=SignalNoise(std=3.0),
     )
-    chain = SensorChain(noise, Signals(50, 2, Machine()), timestep=0.001)
+    chain = SensorChain(noise, SensorVector(50, 2, Machine()), timestep=0.001)
     truth = np.random.default_rng(0).normal(size=chain.size)
     chain.reset(truth, seed=1)
     error = np.array([chain.read(truth) for _ in range(2000)]) - truth
@@ -197,7 +197,7 @@ def test_noise_has_the_statistics_it_was_given() -> None:
 def test_errors_arise_in_the_order_of_a_real_sensor() -> None:
     """The sum of value, bias and noise is rounded to the resolution: every reading is a multiple of it."""
     noise = SensorNoise(angular_velocity=SignalNoise(std=0.03, bias_std=0.5, quantum=0.01))
-    chain = SensorChain(noise, Signals(2, 1, Machine()), timestep=0.001)
+    chain = SensorChain(noise, SensorVector(2, 1, Machine()), timestep=0.001)
     truth = np.full(chain.size, 0.1234)
     chain.reset(truth, seed=3)
     read = np.array([chain.read(truth) for _ in range(500)])[:, 4:7]
@@ -219,7 +219,9 @@ def test_every_signal_is_read_at_its_own_age(ages: list[int], steps: int, delay:
         "sole_moment",
     )
     noise = SensorNoise(**{n: SignalNoise(latency=0.001 * age) for n, age in zip(names, ages, strict=True)})
-    chain = SensorChain(noise, Signals(2, 2, Machine()), timestep=0.001, steps=steps, delay=0.001 * delay)
+    chain = SensorChain(
+        noise, SensorVector(2, 2, Machine()), timestep=0.001, steps=steps, delay=0.001 * delay
+    )
     sizes = [2, 2, 3, 3] + [3, 3] * 2
     each = np.repeat([*ages[:4], *ages[4:], *ages[4:]], sizes) + delay
 

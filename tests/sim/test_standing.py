@@ -300,7 +300,7 @@ def test_a_search_begins_without_a_push_and_adds_up_its_walks() -> None:
 def test_a_walk_that_diverges_is_no_result_of_a_trial_nor_of_a_search(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """What else a walk may end with is a result; of a search strayed walks count as held, fallen ones as not."""
+    """Any other end of a walk is a result; of a search strayed walks count as held, fallen ones as not."""
 
     def ended(outcome: str) -> Any:
         clock = WallClock(1.0, 2.0, {"median": 1.0}, 0.5)

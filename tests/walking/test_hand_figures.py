@@ -101,7 +101,7 @@ def test_hands_help_with_the_moment_that_feet_lack_by_their_levers() -> None:
 
 
 def test_hands_that_grip_yield_to_squeezes_and_to_a_sum_beyond_their_limits() -> None:
-    """What is over the sum of the limits, the difference along their line, and all that is vertical."""
+    """All that is over the sum of the limits, the difference along their line, and all that is vertical."""
     _, hands = standing()
     pair = [hands.all[name] for name in ("left_hand", "right_hand")]
     for hand in pair:

@@ -272,7 +272,7 @@ def test_a_line_to_a_far_goal_is_held_from_where_it_began(settings: SteppingSett
 def test_a_new_line_to_a_far_goal_is_begun_where_the_robot_has_come_far_off_the_old_one(
     settings: SteppingSettings, yaw: float
 ) -> None:
-    """Where the direction to the goal differs from that of the line by more than an angle."""
+    """That is where the direction to the goal differs from that of the line by more than an angle."""
     steering, own, start = steered(settings, yaw), in_si(PathConstants(), SIZE), (2.0, -3.0)
     x, y = turned((5.0, 0.0), yaw)
     steering.go_to(start[0] + x, start[1] + y, yaw)
