@@ -29,7 +29,6 @@ APART = frozenset(
         "matplotlib",
         "meshcat",
         "pyarrow",
-        "pyzmq",
         "rich",
         "tornado",
     )

@@ -516,17 +516,19 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
         def __getattr__(self, name: str) -> Any:
             return name
 
+    server = SimpleNamespace(busy=False, pages=[], send=lambda _, caption: told.append(caption))
     view._commands, view.stage, view.closed, view.frames = Kind(), stage, False, 2
     view._meshes, view._marks, view._colours, view._meanings = {1: ["a", "b"], 2: ["c"]}, {}, {}, {}
-    view._spoken, view._lost = -math.inf, False
-    open_pages, told = [0], []
-    monkeypatch.setattr(MeshcatView, "pages", property(lambda self: open_pages[0]))
+    view._spoken, view._orders, view._server = -math.inf, [], server  # type: ignore[assignment]
+    told: list[Any] = []
+
+    def captions() -> list[Any]:
+        return [json.loads(text) for text in told if text is not None]
+
     monkeypatch.setattr(view, "_order", lambda path, kind, *values: sent.append((path, kind, values)))
-    monkeypatch.setattr(view, "_answered", lambda wait: True)
     monkeypatch.setattr(
         view, "_set_mesh", lambda path, mesh, colour, on_top=False: sent.append((path, "mesh", on_top))
     )
-    monkeypatch.setattr(view, "_tell", lambda what, text: told.append(json.loads(text)))
     ball = Mark("b", "ball", np.zeros((1, 3)), DCM_COLOUR, meaning="point")
     line = Mark("l", "line", np.zeros((2, 3)), DCM_COLOUR)
     picture = Picture(1.0, [ball, line], ["text"], np.array([1.0, 2.0, 9.0]), {1: DCM_COLOUR})
@@ -539,27 +541,31 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
     body = next(values[0] for path, _, values in sent if path.endswith("body 2"))
     np.testing.assert_allclose(body[:3, 3], plant.data.xpos[2])
     np.testing.assert_allclose(body[:3, :3], plant.data.xmat[2].reshape(3, 3))
-    assert not told, "nobody watches"
+    assert not captions(), "nobody watches"
     sent.clear()
-    open_pages[0] = 1
+    server.pages = [1]
     view._send(Picture(2.0, [ball], ["text"], colours={1: DCM_COLOUR}))
     assert not [each for each in sent if each[1] in ("SetProperty", "mesh")], "nothing else has changed"
     assert [path.rpartition("/")[2] for path, kind, _ in sent if kind == "Delete"] == ["l"]
-    assert told[-1]["lines"] == ["2.00 s", "text"] and [m for m, _ in told[-1]["legend"]][0] == "point"
+    assert captions()[-1]["lines"] == ["2.00 s", "text"] and captions()[-1]["legend"][0][0] == "point"
     hours.now += 0.9 * meshcat_view.TEXT_PERIOD
     view._send(picture)
-    assert len(told) == 1
+    assert len(captions()) == 1
     hours.now += 0.2 * meshcat_view.TEXT_PERIOD
     view._send(picture)
-    assert len(told) == 2
+    assert len(captions()) == 2
     view.closed = True
     view._send(picture)
-    assert len(told) == 3, "the last caption comes in any case"
+    assert len(captions()) == 3, "the last caption comes in any case"
     for first, expected in ((1, 4), (2, 4)):
-        view.closed, view.frames, open_pages[0] = False, first, 0
+        view.closed, view.frames, server.pages = False, first, []
         hours.now += 1.0
         view._send(picture)
-        assert len(told) == expected, "and the first one"
+        assert len(captions()) == expected, "and the first one"
+    server.busy, view.frames = True, 3
+    sent.clear()
+    view._send(Picture(9.0))
+    assert not sent and view._marks, "a picture is skipped while the last one is on its way"
 
 
 def test_colours_and_places_are_sent_as_meshcat_takes_them() -> None:
@@ -579,53 +585,6 @@ def test_colours_and_places_are_sent_as_meshcat_takes_them() -> None:
         assert ("depthTest" in material.properties) is on_top
     view._move("p", np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(sent[-1], [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]])
-
-
-def test_open_pages_are_those_that_have_come_and_not_gone() -> None:
-    view = MeshcatView.__new__(MeshcatView)
-    said = [b"opened\nopened\n", b"", b"closed\n", None]
-    view._lines, view._pages, view.closed, view._lost = (
-        SimpleNamespace(read=lambda: said.pop(0)),
-        0,
-        False,
-        False,
-    )
-    assert [view.pages for _ in range(4)] == [2, 2, 1, 1]
-    view._lost = True
-    assert view.pages == 0
-    view._lost, view.closed = False, True
-    assert view.pages == 0
-
-
-@pytest.mark.parametrize(("ended", "after"), [(None, meshcat_view.PATIENCE), (1, 1.0)])
-def test_a_server_that_does_not_answer_is_given_up(
-    ended: int | None, after: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    hours = Clock(monkeypatch, meshcat_view)
-    view = MeshcatView.__new__(MeshcatView)
-
-    def nothing(*_: Any) -> None:
-        raise meshcat_view.zmq.Again
-
-    view._socket = SimpleNamespace(
-        recv_multipart=nothing, poll=lambda ms: hours.sleep(1e-3 * ms), send_multipart=lambda _: None
-    )
-    view._server, view._unanswered, view._heard, view._lost = (
-        SimpleNamespace(poll=lambda: ended, returncode=ended),
-        0,
-        0.0,
-        False,
-    )  # type: ignore[assignment]
-    view._tell(b"a")
-    hours.now += 1.0
-    view._tell(b"b")
-    assert view._unanswered == 2 and view._heard == 100.0, "it is waited for since the first one"
-    assert not view._answered(wait=False) and view._lost is (ended is not None)
-    assert not view._answered(wait=True) and view._lost
-    assert hours.now - 100.0 == pytest.approx(after, abs=0.2)
-    view._lost, view._unanswered, answers = False, 2, [b"1", b"2"]
-    view._socket.recv_multipart = lambda flag: answers.pop()
-    assert view._answered(wait=True) and view._unanswered == 0 and not answers
 
 
 # ---- viser ----------------------------------------------------------------------------------------------------------

@@ -475,6 +475,24 @@ def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
         pass  # the server has ended with the view
 
 
+def test_a_run_goes_on_while_a_page_takes_nothing() -> None:
+    plant = wbc.Plant(HRP4)
+    with MeshcatView(plant, port=0, rate=1e6) as view, socket.socket() as page:
+        page.connect(("127.0.0.1", int(view.url.split(":")[2].split("/")[0])))
+        upgrade = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+        key = "Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
+        page.sendall(f"GET / HTTP/1.1\r\nHost: localhost\r\n{upgrade}{key}\r\n\r\n".encode())
+        assert view.wait_for_page(30.0)
+        stuck = 0
+        while stuck < 100:  # until the buffers of the connection are full
+            view.update()
+            stuck = stuck + 1 if view._server.busy else 0
+        page.settimeout(20.0)
+        while view._server.busy:
+            assert page.recv(1 << 20)
+    assert view.pages == 0
+
+
 async def captions(trial: WalkTrial) -> list[dict[str, Any]]:
     """Captions that a walk's page gets while the robot is pushed over."""
     with MeshcatView(trial.plant, trial.control, port=0, rate=1e6) as view:

@@ -1,38 +1,28 @@
-"""MeshCat's server in a process of its own, on this machine alone; its argument is the port.
+"""Server of MeshCat's page, on this machine alone, with a caption in front: lines and a legend.
 
-Its page is that of MeshCat with a caption in front: lines and a legend, which come by a web socket of their own.
-
-It prints the address that takes commands, then a line for each page that opens or closes, and ends with its input.
+A thread serves the page. The page watches; nothing that it says is read.
 """
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import re
-import sys
-from functools import partial
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
-from meshcat.servers.zmqserver import (
-    VIEWER_HTML,
-    VIEWER_ROOT,
-    StaticFileHandlerNoCache,
-    WebSocketHandler,
-    ZMQWebSocketBridge,
-)
-from tornado.web import RequestHandler  # tornado comes with meshcat
-from tornado.websocket import WebSocketHandler as WebSocket
+from meshcat.servers.zmqserver import VIEWER_HTML, VIEWER_ROOT, StaticFileHandlerNoCache
+from tornado.web import Application, RequestHandler  # tornado comes with meshcat
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from wbc.app.view.page_guard import HOSTS
 
-LAST = 0.5
-"""Time in which pages take the last picture, s."""
+PATIENCE = 3.0
+"""Longest time that the server may take to start or to end, and pages to take the last picture, s."""
 
-
-CAPTION = "caption"
-"""Command that gives the pages a new caption, and the path of their web socket for it."""
-
-OVERLAY = """
+CAPTION = """
 <div id="caption"><div id="caption-lines"></div>
 <details open hidden><summary>Legend</summary><div id="caption-legend"></div></details></div>
 <style>
@@ -69,97 +59,104 @@ class Start(RequestHandler):
         page = (Path(VIEWER_ROOT) / VIEWER_HTML).read_text(encoding="utf-8")
         before, end, after = page.rpartition("</body>")
         self.set_header("Cache-Control", "no-store")
-        self.finish(before + OVERLAY + end + after)
+        self.finish(before + CAPTION + end + after)
 
 
-class Caption(WebSocket):
-    """Connection by which a page gets its caption: it only reads."""
+class Feed(WebSocketHandler):
+    """Connection of a page, which only watches."""
 
-    def initialize(self, bridge: Bridge) -> None:
-        """Store the server."""
-        self._bridge = bridge
+    def initialize(self, readers: set[Feed], present: Callable[[], Iterable[bytes | str]]) -> None:
+        """Store the readers, among which it is while it is open, and what is sent first."""
+        self._readers, self._present = readers, present
 
     def open(self) -> None:
-        """Send the present caption."""
-        self._bridge.readers.add(self)
-        self.write_message(self._bridge.caption)
+        """Send what is shown at present."""
+        self._readers.add(self)
+        for message in self._present():
+            self.write_message(message, binary=isinstance(message, bytes))
 
     def on_message(self, message: object) -> None:
         """Ignore whatever a page says."""
 
     def on_close(self) -> None:
         """Forget the page."""
-        self._bridge.readers.discard(self)
+        self._readers.discard(self)
 
 
-class Page(WebSocketHandler):  # type: ignore[misc]
-    """Connection of a page: it only watches."""
-
-    def open(self) -> None:
-        """Send the scene."""
-        super().open()
-        print("opened", flush=True)
-
-    def on_message(self, message: object) -> None:
-        """Ignore whatever a page says."""
-
-    def on_close(self) -> None:
-        """Forget the page."""
-        super().on_close()
-        print("closed", flush=True)
-
-
-class Bridge(ZMQWebSocketBridge):  # type: ignore[misc]
-    """MeshCat's server; as it comes it would listen to every network.
+class MeshcatServer:
+    """Scene and caption of MeshCat's pages; a page that is opened later gets all that is shown.
 
     Attributes:
-        caption: Lines and legend of all pages, as JSON.
-        readers: Connections of the pages that show it.
+        pages: Connections of the pages that are open.
     """
 
     def __init__(self, port: int) -> None:
-        self.caption = '{"lines": [], "legend": []}'
-        self.readers: set[Caption] = set()
-        super().__init__(port=port)
+        """Serve at a port; `OSError` if that cannot be."""
+        self.pages: set[Feed] = set()
+        self._readers: set[Feed] = set()  # of captions
+        self._scene: dict[tuple[str, ...], bytes] = {}
+        self._caption = '{"lines": [], "legend": []}'
+        self._loop = asyncio.new_event_loop()
+        self._thread = Thread(target=self._loop.run_forever, name="MeshCat", daemon=True)
+        self._thread.start()
+        self._sending: Any = None  # future of the last picture
+        try:
+            asyncio.run_coroutine_threadsafe(self._listen(port), self._loop).result(PATIENCE)
+        except BaseException:
+            self._stop()
+            raise
 
-    def handle_zmq(self, frames: list[bytes]) -> None:
-        """Carry out a command: a caption, or one of MeshCat."""
-        if frames[0] != CAPTION.encode():
-            super().handle_zmq(frames)
-            return
-        self.caption = frames[1].decode()
-        for reader in self.readers:
-            reader.write_message(self.caption)
-        self.zmq_socket.send(b"ok")
-
-    def make_app(self) -> Any:
-        """Return the application."""
-        files = {"path": VIEWER_ROOT, "default_filename": VIEWER_HTML}
-        app = type(super().make_app())()  # that of MeshCat would answer under every name
-        # Only under the names of this machine; tornado compares the origin of a web socket with its host.
+    async def _listen(self, port: int) -> None:
+        app = Application()  # only under the names of this machine, and with the origin of the page itself
         app.add_handlers(
             "|".join(map(re.escape, HOSTS)),
             [
                 (r"/static/(?:index\.html)?", Start),
-                (r"/static/(.*)", StaticFileHandlerNoCache, files),
-                ("/", Page, {"bridge": self}),
-                (f"/{CAPTION}", Caption, {"bridge": self}),
+                (r"/static/(.*)", StaticFileHandlerNoCache, {"path": VIEWER_ROOT}),
+                ("/", Feed, {"readers": self.pages, "present": self._scene.values}),
+                ("/caption", Feed, {"readers": self._readers, "present": lambda: [self._caption]}),
             ],
         )
-        app.listen = partial(app.listen, address=self.host)
-        return app
+        self._server = app.listen(port, address=HOSTS[0])
 
+    @property
+    def busy(self) -> bool:
+        """True while a page is still taking the last picture."""
+        return self._sending is not None and not self._sending.done()
 
-def main() -> None:
-    """Run the process."""
-    bridge = Bridge(int(sys.argv[1]))
-    loop = bridge.ioloop
+    def send(self, orders: list[tuple[tuple[str, ...], bytes]], caption: str | None) -> None:
+        """Send MeshCat's commands, each after its kind and path, and a caption unless it is None."""
+        self._sending = asyncio.run_coroutine_threadsafe(self._send(orders, caption), self._loop)
 
-    def end(stdin: Any, events: int) -> None:
-        """Stop when the program that has started the server has ended, or has closed its view."""
-        loop.remove_handler(stdin)
-        loop.call_later(LAST, loop.stop)
+    async def _send(self, orders: list[tuple[tuple[str, ...], bytes]], caption: str | None) -> None:
+        for (kind, path, *rest), data in orders:
+            if kind == "delete":
+                for gone in [key for key in self._scene if key[1] == path]:
+                    del self._scene[gone]
+            else:
+                self._scene[kind, path, *rest] = data
+        waiting = [page.write_message(data, binary=True) for page in [*self.pages] for _, data in orders]
+        if caption is not None:
+            self._caption = caption
+            waiting += [reader.write_message(caption) for reader in [*self._readers]]
+        for taken in waiting:
+            with contextlib.suppress(WebSocketClosedError):
+                await taken
 
-    loop.add_handler(sys.stdin, end, loop.READ)
-    print(bridge.zmq_url, flush=True)
-    bridge.run()
+    def close(self) -> None:
+        """End when the pages have the last picture."""
+        with contextlib.suppress(Exception):  # a page that takes nothing more is left alone
+            if self._sending is not None:
+                self._sending.result(PATIENCE)
+            asyncio.run_coroutine_threadsafe(self._end(), self._loop).result(PATIENCE)
+        self._stop()
+
+    async def _end(self) -> None:
+        self._server.stop()
+        for page in [*self.pages, *self._readers]:
+            page.close()
+        await self._server.close_all_connections()
+
+    def _stop(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(PATIENCE)
