@@ -44,8 +44,7 @@ def find_chains(tree: Tree) -> list[Chain]:
             places = tuple(placement_of(model.site_pos[site], model.site_quat[site]) for site in (one, two))
             one, two = int(model.site_bodyid[one]), int(model.site_bodyid[two])
         elif weld:
-            at = pin.SE3(np.eye(3), np.array(data[:3]))
-            places = placement_of(data[3:6], data[6:10]) * at, at
+            places = placement_of(data[3:6], data[6:10]), pin.SE3(np.eye(3), np.array(data[:3]))
         else:
             places = tuple(pin.SE3(np.eye(3), np.array(data[k : k + 3])) for k in (0, 3))
         carrier = {**tree.carrier, 0: 0} if tree.fixed else tree.carrier

@@ -59,7 +59,7 @@ def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[st
             raise
         said = one_line(error)
         defects = "" if spec is None or not meshes else _defects(spec)
-        if "could not find decoder" in said:
+        if re.search("(no|not find) decoder", said):
             said += (
                 "; files must end as MuJoCo knows them: attached models in .xml, meshes in .obj, .stl or .msh"
             )

@@ -147,14 +147,11 @@ def _actuators(model: mujoco.MjModel, joints: Mapping[int, str]) -> list[str]:
     if off:
         found.append(f"{len(off)} actuators whose group is disabled (actuatorgroupdisable): {listed(off)}")
     mine = [each for each in mine if each.on]
-    for what, values in (
-        ("delay", {each.name: each.delay for each in mine}),
-        ("lag", {each.name: each.lag for each in mine}),
-    ):
-        late = [name for name, value in values.items() if value > 0.0]
+    for what in ("delay", "lag"):
+        late = [(getattr(each, what), each.name) for each in mine if getattr(each, what) > 0.0]
         if late:
-            longest = 1e3 * max(values.values())
-            found.append(f"{what} of {len(late)} actuators, up to {longest:g} ms: {listed(late)}")
+            names = listed([name for _, name in late])
+            found.append(f"{what} of {len(late)} actuators, up to {1e3 * max(late)[0]:g} ms: {names}")
     found += [
         f"actuator '{each.name}' of joint '{joints[each.joint]}', which is no motor or servo: {each.kind}"
         for each in mine
