@@ -11,7 +11,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from wbc.base.errors import InputError, ModelError, choose, shown
-from wbc.base.numbers import ROUNDING, Array, finite_scalar
+from wbc.base.numbers import Array, finite_scalar
 from wbc.core.frames import Sole
 from wbc.core.robot import Closure, driven_joints, driven_names, joints_to
 
@@ -162,9 +162,8 @@ def close(
         return found.ravel()
 
     if free:
-        start = np.clip(place[free], lower[free] + ROUNDING, upper[free] - ROUNDING)
         bounds = (lower[free], upper[free])
-        place[free] = least_squares(gaps, start, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+        place[free] = least_squares(gaps, place[free], bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
     sizes = np.linalg.norm(gaps(place[free]).reshape(-1, 2, 3), axis=2)
     for closure, (apart, turned) in zip(closures, sizes.tolist(), strict=True):
         if max(apart, turned) > CLOSED:
@@ -279,7 +278,7 @@ def _solve(
     bent = [(7 + _index(model, joint), sign) for joint, sign in knees]
     for i, sign in bent:
         if i - 7 in free:
-            q[i] = np.clip(sign * KNEE_BEND, lower[i - 7], upper[i - 7])
+            q[i] = sign * KNEE_BEND
     solved_for = 7 + np.array(free)
 
     # Legs without an ankle roll cannot shift the centre of mass sideways on flat soles: it stays where it is.
@@ -304,13 +303,11 @@ def _solve(
         )
 
     low, high = lower[free], upper[free]
-    margin = 1e-6 * np.nan_to_num(high - low, posinf=1.0)
-    first = np.clip(q[solved_for], low + margin, high - margin)
+    first = np.clip(q[solved_for], low, high)
     with np.errstate(invalid="ignore"):  # of joints that turn without end
         middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
-    starts = (first, np.clip(middle, low + margin, high - margin))
     best: tuple[float, Array, Array] | None = None
-    for width, x0 in itertools.product(dict.fromkeys(widths), starts):
+    for width, x0 in itertools.product(dict.fromkeys(widths), (first, middle)):
         solution = least_squares(
             residual, x0, bounds=(low, high), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200, args=(width,)
         )

@@ -117,7 +117,7 @@ def points_of(kind: str, size: Array, up: Array) -> Array | None:
         up: Direction away from the ground in the axes of the shape, of unit length.
     """
     if kind == "box":
-        return np.asarray(size * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T)
+        return np.array([*itertools.product(*zip(-size, size, strict=True))])
     if kind == "sphere":
         return np.asarray(-size[0] * up[None, :])
     if kind == "capsule":

@@ -1,0 +1,271 @@
+"""Half-sitting: where its joints, its soles and its centre of mass are, which posture stands, and which is refused."""
+
+from __future__ import annotations
+
+import math
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mjcf_biped import biped as mjcf_biped
+from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped
+
+from wbc.base.errors import InputError, ModelError
+from wbc.core.frames import Sole
+from wbc.robots import RobotDescription
+from wbc.robots.derivation import posture
+from wbc.robots.derivation.complete import heading
+from wbc.robots.source_urdf import Urdf
+
+HIP = 'xyz="0 {} 0"/><axis xyz="0 0 1"/>'
+CENTRED = FOOT_BOX.replace('xyz="0.03 0', 'xyz="0 0')
+
+
+def hips(y: float = 0.1, z: float = 0.0, knee: str = "") -> str:
+    """Return the biped with hips elsewhere under its root, and other knees: attributes of axis and limits."""
+    xml = biped()
+    for sign in (1, -1):
+        old = HIP.format(0.1 * sign)
+        assert old in xml
+        xml = xml.replace(old, f'xyz="0 {y * sign} {z}"/><axis xyz="0 0 1"/>')
+    old = f'xyz="0 0 {-THIGH}"/><axis xyz="0 1 0"/><limit lower="0" upper="2.5"'
+    assert old in xml
+    return xml.replace(old, f'xyz="0 0 {-THIGH}"/>{knee}') if knee else xml
+
+
+def apart(description: RobotDescription) -> np.ndarray:
+    """Return the way from the right to the left sole in half-sitting, m."""
+    robot = description.robot()
+    left, right = (robot.placement(sole.frame).translation for sole in robot.soles)
+    return np.asarray(left - right)
+
+
+@pytest.mark.parametrize(
+    ("knee", "bend"),
+    [
+        ("", 40.0),
+        ('<axis xyz="0 -1 0"/><limit lower="-2.5" upper="0"', -40.0),
+        ('<axis xyz="0 1 0"/><limit lower="-2.5" upper="0"', -40.0),
+        ('<axis xyz="0 1 0"/><limit lower="-2.5" upper="0.6"', -40.0),
+        ('<axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5"', 40.0),
+        ('<axis xyz="0 -1 0"/><limit lower="-2.5" upper="2.5"', -40.0),
+    ],
+)
+def test_knees_bend_forward_by_40_degrees_and_backward_where_they_cannot(knee: str, bend: float) -> None:
+    """The knee is the pitch joint in the middle of the leg, also where the root is far above the hips."""
+    for z in (0.0, -0.5):
+        description = RobotDescription.from_urdf(hips(z=z, knee=knee), **FEET)
+        for side in "lr":
+            assert math.degrees(description.half_sitting[f"{side}_knee"]) == pytest.approx(bend, abs=1e-4)
+        assert apart(description) == pytest.approx([0.0, 0.2, 0.0], abs=1e-6)
+
+
+@pytest.mark.parametrize(("hip", "width"), [(0.1, 0.2), (0.06, 0.12), (0.03, 0.09 + 0.02)])
+def test_soles_are_as_far_apart_as_at_zero_with_two_centimetres_between_them_at_least(
+    hip: float, width: float
+) -> None:
+    assert apart(RobotDescription.from_urdf(hips(hip), **FEET)) == pytest.approx([0.0, width, 0.0], abs=1e-6)
+
+
+def test_feet_of_legs_that_are_spread_at_zero_come_under_the_hips() -> None:
+    """Legs that lean out by 20° at zero; ankles that roll by 12° cannot hold feet flat that far out."""
+    xml = mjcf_biped().replace('axis="1 0 0" range="-30 30"', 'axis="1 0 0" range="-12 12"')
+    for side, sign in (("left", 1), ("right", -1)):
+        xml = xml.replace(
+            f'<body name="{side}_hip" pos', f'<body name="{side}_hip" euler="{20 * sign} 0 0" pos'
+        )
+    description = RobotDescription.from_mjcf(xml)
+    assert apart(description) == pytest.approx([0.0, 0.2, 0.0], abs=1e-6)
+
+
+def test_joints_that_are_given_stay_and_the_others_put_the_soles_flat_under_the_centre_of_mass() -> None:
+    given = {"l_knee": 0.9, "r_knee": 0.9, "l_elbow": -0.7}
+    description = RobotDescription.from_urdf(biped(), half_sitting=given, **FEET)
+    robot = description.robot()
+    assert {name: description.half_sitting[name] for name in given} == given
+    assert robot.com[:2] == pytest.approx([0.0, 0.0], abs=1e-6)
+    for side in "lr":
+        pitches = [
+            description.half_sitting[f"{side}_{joint}"] for joint in ("hip_pitch", "knee", "ankle_pitch")
+        ]
+        assert sum(pitches) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_joint_that_cannot_be_at_zero_is_a_twentieth_of_its_range_inside_the_nearer_limit() -> None:
+    limits = {"l_elbow": (0.4, 1.4), "r_elbow": (-2.0, -0.5), "l_roll": (-1.0, 0.01)}
+    description = RobotDescription.from_urdf(biped(), position_limits=limits, **FEET)
+    found = [description.half_sitting[name] for name in limits]
+    assert found == pytest.approx([0.4 + 0.05 * 1.0, -0.5 - 0.05 * 1.5, 0.01 - 0.05 * 1.01])
+    assert any("half-sitting of 6 other joints" in line for line in description.derived)
+
+
+@pytest.mark.parametrize(
+    ("pitch", "flat"), [(0.0045, True), (-0.0045, True), (0.0055, False), (-0.0055, False)]
+)
+def test_a_sole_may_be_tilted_by_five_thousandths(pitch: float, flat: bool) -> None:
+    """Half-sitting with one ankle turned further; 0.005 rad is 0.29°."""
+    own = RobotDescription.from_urdf(biped(), **FEET)
+    given = own.half_sitting | {"l_ankle_pitch": own.half_sitting["l_ankle_pitch"] + pitch}
+    if flat:
+        RobotDescription.from_urdf(biped(), half_sitting=given, **FEET)
+    else:
+        with pytest.raises(InputError, match=r"tilts sole .* by 0\.32° .* at most 0\.29°"):
+            RobotDescription.from_urdf(biped(), half_sitting=given, **FEET)
+
+
+@pytest.mark.parametrize("side", "lr")
+@pytest.mark.parametrize("height", [0.0008, 0.0012])
+def test_one_sole_may_lie_a_millimetre_above_the_other(side: str, height: float) -> None:
+    """A leg of thigh a and shin b with its knee bent by k reaches √(a² + b² + 2 a b cos k)."""
+    own = RobotDescription.from_urdf(biped(), **FEET)
+
+    def leg(knee: float) -> tuple[float, float]:
+        reach = math.sqrt(THIGH**2 + SHIN**2 + 2.0 * THIGH * SHIN * math.cos(knee))
+        return reach, math.asin(SHIN * math.sin(knee) / reach)  # and the angle at the hip
+
+    straight = {f"{s}_{joint}": 0.0 for s in "lr" for joint in ("hip_yaw", "hip_roll", "ankle_roll")}
+    given = dict(own.half_sitting) | straight
+    for each in "lr":
+        knee = math.radians(40.0)
+        wanted = leg(knee)[0] - (height if each == side else 0.0)
+        knee = math.acos((wanted**2 - THIGH**2 - SHIN**2) / (2.0 * THIGH * SHIN))
+        hip = leg(knee)[1]
+        given |= {f"{each}_hip_pitch": -hip, f"{each}_knee": knee, f"{each}_ankle_pitch": hip - knee}
+    if height < 1e-3:
+        RobotDescription.from_urdf(biped(), half_sitting=given, **FEET)
+    else:
+        with pytest.raises(InputError, match=r"one sole 1\.2 mm above the other; at most 1 mm"):
+            RobotDescription.from_urdf(biped(), half_sitting=given, **FEET)
+
+
+@pytest.mark.parametrize("part", [0.97, 1.03])
+@pytest.mark.parametrize(("axis", "sign"), [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)])
+def test_a_posture_stands_with_its_centre_of_mass_above_the_rectangle_around_the_soles(
+    axis: int, sign: float, part: float
+) -> None:
+    """Soles of 0.2 x 0.09 m, 0.2 m apart: 0.1 m from the middle to the front, 0.145 m to the side."""
+    own = RobotDescription.from_urdf(biped(), **FEET)
+    robot = own.robot()
+    lean = {"lean": 0.0}
+
+    def posture_of(angle: float) -> dict[str, float]:
+        given = dict(own.half_sitting)
+        joints = ("hip_pitch", "ankle_pitch") if axis == 0 else ("hip_roll", "ankle_roll")
+        for side in "lr":
+            for joint, turn in zip(joints, (angle, -angle), strict=True):
+                given[f"{side}_{joint}"] += turn
+        return given
+
+    def offset(angle: float) -> float:
+        q = posture.standing_configuration(
+            own.pinocchio_model(), tuple(s.frame for s in own.soles), posture_of(angle)
+        )
+        return float(pin.centerOfMass(robot.model, robot.data, q)[axis])
+
+    edge = part * (0.1 if axis == 0 else 0.145)
+    low, high = 0.0, 0.45
+    turning = sign * math.copysign(1.0, offset(0.1) - offset(0.0))
+    for _ in range(60):
+        lean["lean"] = 0.5 * (low + high)
+        low, high = (
+            (lean["lean"], high) if sign * offset(turning * lean["lean"]) < edge else (low, lean["lean"])
+        )
+    given = posture_of(turning * low)
+    assert sign * offset(turning * low) == pytest.approx(edge, abs=1e-6)
+    if part < 1.0:
+        RobotDescription.from_urdf(biped(), half_sitting=given, **FEET)
+    else:
+        with pytest.raises(InputError, match="outside the soles"):
+            RobotDescription.from_urdf(biped(), half_sitting=given, **FEET)
+
+
+@pytest.mark.parametrize("given", [math.radians(angle) for angle in (-60.0, 0.0, 20.0, 65.0, 100.0)])
+def test_the_bend_of_a_knee_is_the_angle_between_thigh_and_shin(given: float) -> None:
+    """Of a leg that is straight at zero it is that of its joint, whatever the other joints do."""
+    description = RobotDescription.from_urdf(hips(z=-0.4), **FEET)
+    model, robot = description.pinocchio_model(), description.robot()
+    q, rng = pin.neutral(model), np.random.default_rng(4)
+    q[7:] = rng.uniform(-1.0, 1.0, len(q) - 7)
+    for side in "lr":
+        q[7 + robot.joint_index(f"{side}_knee")] = given
+    for sole in description.soles:
+        assert posture._bend(model, sole.frame, q) == pytest.approx(abs(given), abs=1e-7)
+
+
+@pytest.mark.parametrize(("bend", "taken"), [(24.0, False), (26.0, True), (69.0, True), (71.0, False)])
+def test_a_keyframe_is_half_sitting_with_knees_between_25_and_70_degrees(bend: float, taken: bool) -> None:
+    description = RobotDescription.from_urdf(biped(), **FEET)
+    model, half = description.pinocchio_model(), math.radians(0.5 * bend)
+    values = dict(description.half_sitting)
+    hip = math.atan2(SHIN * math.sin(2 * half), THIGH + SHIN * math.cos(2 * half))
+    for side in "lr":
+        values |= {f"{side}_hip_pitch": -hip, f"{side}_knee": 2 * half, f"{side}_ankle_pitch": hip - 2 * half}
+    assert posture.stands(model, description.soles, values) == taken
+    if taken:
+        for name in ("l_knee", "l_elbow"):  # beyond a limit
+            limit = description.position_limits[1][description.joint_names.index(name)]
+            assert not posture.stands(model, description.soles, values | {name: limit + 1e-3})
+
+
+@pytest.mark.parametrize("knee", ["", '<axis xyz="0 -1 0"/><limit lower="-2.5" upper="0"'])
+@pytest.mark.parametrize("z", [0.0, -0.5])
+def test_where_toes_say_nothing_a_robot_looks_to_where_its_knees_go(knee: str, z: float) -> None:
+    """A turn by 1 rad takes a knee forward by the length of the shin and what is below it, whose end stays."""
+    xml = hips(z=z, knee=knee).replace(FOOT_BOX, CENTRED)
+    description = RobotDescription.from_urdf(xml, **FEET)
+    model, soles = description.pinocchio_model(), description.soles
+    for sole in soles:
+        assert posture.knee_direction(model, sole.frame) == pytest.approx([SHIN + ANKLE, 0.0, 0.0], abs=1e-9)
+    assert heading(model, soles, False) == 0.0
+    for turn in (math.pi, 0.5 * math.pi, -0.5 * math.pi):
+        turned = Urdf(ElementTree.fromstring(xml))
+        turned.turn_root(turn)
+        found = RobotDescription.from_urdf(turned.text, **FEET)
+        assert any("new root link" in line for line in found.derived)
+        assert dict(found.half_sitting) == pytest.approx(dict(description.half_sitting), abs=1e-6)
+
+
+def test_what_is_wrong_with_a_posture_is_told_by_its_largest_parts() -> None:
+    one, other = (Sole(f"{n}_sole", n, name=f"{n}_foot", length=0.2, width=0.1) for n in ("left", "right"))
+    tilt = math.radians(2.0)
+    parts = {
+        "sole 'left_sole' is turned by 2°": (0, [0.0, 0.6 * tilt, 0.8 * tilt]),
+        "sole 'right_sole' is turned by 2°": (3, [0.6 * tilt, 0.0, 0.8 * tilt]),
+        "the centre of mass is 5 mm beside the middle of the soles": (6, [3e-3, 4e-3]),
+        "the soles are 9 mm from level and side by side": (8, [1e-3, 4e-3, 8e-3]),
+    }
+    for said, (first, values) in parts.items():
+        error = np.zeros(11)
+        error[first : first + len(values)] = values
+        assert posture._left(error, (one, other)) == said
+    error = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.2, 3e-3, 4e-3, 0.0, 0.3, 0.4])
+    assert posture._left(error, (one, other)) == (
+        "the soles are 5e+02 mm from level and side by side and sole 'right_sole' is turned by 11°"
+    )
+
+
+def test_joints_at_their_limits_are_those_within_a_thousandth() -> None:
+    low, high = np.array([-1.0, -1.0, -1.0]), np.array([1.0, 2.0, 3.0])
+    said = posture._at_limits(["a", "b", "c"], np.array([-0.9991, 1.9992, 2.9985]), low, high)
+    assert said == "; at their limits: a at -1 rad, b at 2 rad"
+    assert posture._at_limits(["a", "b", "c"], np.zeros(3), low, high) == ""
+
+
+@pytest.mark.parametrize(
+    ("ranges", "said"),
+    [([0.19, 0.1], "by 10.9° at most"), ([0.21, 0.1], ""), ([12.0, 1.0], ""), ([13.0, 1.0], "up to 13 rad")],
+)
+def test_ranges_of_legs_of_a_fifth_of_a_radian_or_two_turns_are_in_another_unit(
+    ranges: list[float], said: str
+) -> None:
+    text = posture._unit_of_ranges(np.array(ranges))
+    assert said in text and bool(text) == bool(said)
+
+
+def test_a_leg_that_cannot_stand_is_refused_with_the_unit_of_its_ranges() -> None:
+    limits = {"l_ankle_pitch": (0.5, 0.8), "r_hip_yaw": (-30.0, 60.0)}
+    with pytest.raises(
+        ModelError, match="no half-sitting within the joint limits .* up to 90 rad: are these degrees"
+    ):
+        RobotDescription.from_urdf(biped(), position_limits=limits, **FEET)
