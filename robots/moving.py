@@ -120,7 +120,7 @@ def _link(name: str, mass: float, lever: Array, inertia: Array) -> Element:
     """Return a link with its mass (kg), centre of mass (m) and inertia about it (kg m²), both in its frame."""
     link = Element("link", name=name)
     sizes, axes = np.linalg.eigh(inertia)
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     inertial = ElementTree.SubElement(link, "inertial")
     _origin(inertial, lever, axes)
     ElementTree.SubElement(inertial, "mass", value=repr(float(mass)))

@@ -105,7 +105,7 @@ def _simple(shape: Geometry, path: Path | None) -> LinkShape | None:
     points = vertices * shape.size
     centre = points.mean(axis=0)
     axes = np.linalg.svd(points - centre, full_matrices=False)[2].T
-    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
     local = (points - centre) @ axes
     low, high = local.min(axis=0), local.max(axis=0)
     middle = pin.SE3(axes, centre + axes @ (0.5 * (low + high)))

@@ -256,7 +256,7 @@ def _flat_side(points: Array, up: Array) -> Array | None:
     if sizes[1] < 1e-3 * max(sizes[0], ROUNDING):
         return None  # a line
     if len(points) == 3 or sizes[2] < 1e-3 * sizes[0]:
-        normal = axes[2] * np.sign(axes[2] @ up or 1.0)
+        normal = -axes[2] if axes[2] @ up < 0.0 else axes[2]
         return np.asarray(normal) if normal @ up > STEEPEST else None
     try:
         hull = ConvexHull(points)

@@ -97,6 +97,11 @@ def test_a_joint_that_cannot_be_at_zero_is_a_twentieth_of_its_range_inside_the_n
     description = RobotDescription.from_urdf(biped(), position_limits=limits, **FEET)
     found = [description.half_sitting[name] for name in limits]
     assert found == pytest.approx([0.4 + 0.05 * 1.0, -0.5 - 0.05 * 1.5, 0.01 - 0.05 * 1.01])
+    (legs,) = (line for line in description.derived if "of the legs solved for" in line)
+    told = dict(each.split() for each in legs.partition("(deg): ")[2].split(", "))
+    assert "-0.0" not in told.values() and len(told) == 12
+    for name, degrees in told.items():
+        assert float(degrees) == pytest.approx(math.degrees(description.half_sitting[name]), abs=0.0051)
     assert any("half-sitting of 6 other joints" in line for line in description.derived)
 
 

@@ -198,6 +198,14 @@ def test_a_leader_behind_its_follower_in_the_file_changes_no_limit_and_no_place(
     np.testing.assert_allclose(first.com, second.com, atol=1e-12)
 
 
+def test_joints_that_follow_do_not_count_as_joints_that_move() -> None:
+    """256 may."""
+    many = "".join(link(f"n{i}") + joint(f"m{i}", "a", f"n{i}") for i in range(258))
+    tied = many.replace("</joint>", '<mimic joint="m1"/></joint>', 1)
+    with pytest.raises(ModelError, match="must have 1 to 256 joints that move, got 257"):
+        read(f'<robot name="arm">{link("a")}{tied}</robot>')
+
+
 def test_a_root_of_its_own_stays_and_one_that_floats_or_is_the_world_goes() -> None:
     world = '<link name="world"/>' + joint("m", "world", "a", "", "fixed")
     heavy = link("world", 3.0) + joint("m", "world", "a", "", "fixed")

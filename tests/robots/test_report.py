@@ -46,12 +46,18 @@ def test_a_report_is_in_degrees_and_millimetres() -> None:
         in text
     )
     assert "  left_foot   left_foot_sole: 200 x 90 mm, ankle at (-30, 0, 60) mm" in text
+    assert "  torso  trunk, IMU trunk, hands none" in text
     lines = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.strip()}
     assert lines["l_knee"] == ["0", "..", "143", "8", "80", "40", "0.02", "400", "9", "given"]
     assert (
         lines["r_ankle_roll"][:5] == ["-29", "..", "29", "8", "80"] and lines["r_ankle_roll"][-1] == "derived"
     )
     assert "sliding" not in text
+
+
+def test_hands_are_told_by_their_sides() -> None:
+    hands = {"left_hand": "l_elbow_link", "right_hand": "r_elbow_link"}
+    assert f"hands {hands}" in dataclasses.replace(own(), hands=hands).report()
 
 
 def test_a_report_of_joints_that_slide_is_in_millimetres() -> None:
