@@ -34,6 +34,8 @@ BESIDE = {
     "zmp_error.mean": ("ZMP error (mm)", 1e3),
     "contact_area.mean": ("contact area (cm²)", 1e4),
     "cost_of_transport": ("cost of transport", 1.0),
+    "vibration": ("vibration (10⁶ rad/s²)", 1e-6),
+    "slip": ("slip (mm)", 1e3),
 }
 """Parts of the result of a walk that stand beside its steps: title and factor."""
 

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wbc.base.hull import hull_and_area
+from wbc.base.numbers import Array
 from wbc.core.drive.control import DriveControl
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
@@ -16,7 +17,7 @@ from wbc.policy.control import PolicyControl
 from wbc.policy.guard import PolicyGuard
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
-from wbc.sim.walks.result import Fall, Spread, Touchdowns
+from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.control import WalkingControl
@@ -33,6 +34,13 @@ NOTICE_TIME = 0.05
 
 MEMORY_TIME = 5.0
 """Time before a fall in which its onset is searched, s."""
+
+CARRIES, SLIDES = 0.05, 0.05
+"""Share of the weight that a sole carries, and speed along the ground, m/s, from which its way counts as slip: a sole
+that rests shakes and rolls at some 0.02 m/s."""
+
+SAMPLE = 0.02
+"""Period over which accelerations of joints are differences of velocities, for the vibration, s."""
 
 MIN_FORCE = 1.0
 """Normal force below which a contact does not count, N."""
@@ -90,7 +98,12 @@ class WalkMeter(TrialHook):
         self._moments: deque[_Moment] = deque(maxlen=max(1, round(MEMORY_TIME / plant.control_period)))
         self._peak = np.zeros(plant.robot.na)  # greatest torque of each joint over its limit
         self._effort: list[float] = []
-        self.work = 0.0  # of the joints, the negative counted as positive, J
+        self.work = np.zeros(plant.robot.na)  # of each joint, the negative counted as positive, J
+        self._vibration = 0.0
+        self._ticks, self._every = 0, max(1, round(SAMPLE / plant.control_period))
+        self._velocity = self._acceleration = np.zeros(0)  # of the joints in the last sample
+        self._slip = 0.0
+        self._soles: list[tuple[Array, Array, Array] | None] = [None, None]
         self._impact: float | None = None
         self._impact_until = -math.inf
         self._forces: deque[list[float]] = deque(maxlen=max(1, round(NOTICE_TIME / plant.control_period)))
@@ -101,6 +114,11 @@ class WalkMeter(TrialHook):
 
     def tick(self, tick: TrialTick) -> None:
         """Record a tick, before the plant moves on."""
+        seen: Measurement | None = tick.measurement
+        if seen is None or seen.sole_wrench is None:
+            seen = tick.control.control.measurement
+        if seen is not None:
+            self._record_slip(seen.wrenches.tolist())
         if isinstance(self._walking, (PolicyControl, PolicyGuard)):
             return
         reference, output = self._walking.reference, self._walking.output
@@ -119,8 +137,36 @@ class WalkMeter(TrialHook):
         plant, torque = self._plant, self._plant.joint_torque
         share = plant.robot.torque_share(torque)
         np.maximum(self._peak, share, out=self._peak)
-        self.work += float(np.abs(torque) @ np.abs(plant.joint_velocity)) * plant.control_period
+        velocity = plant.joint_velocity
+        self.work += np.abs(torque * velocity) * plant.control_period
         self._effort.append(float(share.max()))
+        if self._ticks % self._every == 0:
+            self._record_vibration(velocity)
+        self._ticks += 1
+
+    def _record_vibration(self, velocity: Array) -> None:
+        """Add the changes of the joints' accelerations from the last sample to this one, rad/s²."""
+        if self._velocity.size:
+            acceleration = (velocity - self._velocity) / (self._every * self._plant.control_period)
+            if self._acceleration.size:
+                self._vibration += float(np.abs(acceleration - self._acceleration).sum())
+            self._acceleration = acceleration
+        self._velocity = velocity.copy()
+
+    def _record_slip(self, wrenches: list[list[float]]) -> None:
+        """Add the way along the ground of the points of the soles at their centres of pressure, m."""
+        least = CARRIES * self._plant.robot.mass * GRAVITY
+        for side, (_, _, force, roll, pitch, _) in enumerate(wrenches[:2]):
+            last, self._soles[side] = self._soles[side], None
+            if force < least:
+                continue
+            centre, rotation = self._plant.sole_pose(side)
+            self._soles[side] = centre.copy(), rotation.copy(), np.array((-pitch, roll, 0.0)) / force
+            if last is not None:
+                old, turned, point = last
+                x, y, _ = (centre - old + (rotation - turned) @ point).tolist()
+                way = math.hypot(x, y)
+                self._slip += way if way > SLIDES * self._plant.control_period else 0.0
 
     def _record_errors(self, reference: Reference, output: StabilizerOutput) -> list[float]:
         """Record the errors of a stabilizer, and return that of the DCM, target minus measured, m."""
@@ -236,6 +282,12 @@ class WalkMeter(TrialHook):
             "peak_torque_ratio": float(self._peak[worst]),
             "peak_torque_joint": self._plant.robot.joint_names[worst],
             "torque_ratio": spread(self._effort),
+            "energy": Energy(
+                float(self.work[legs := self._plant.robot.leg_joints].sum()),
+                float(np.delete(self.work, legs).sum()),
+            ),
+            "vibration": self._vibration,
+            "slip": self._slip,
             "touchdowns": Touchdowns(
                 count[Event.EARLY_TOUCH_DOWN],
                 count[Event.TOUCH_DOWN],

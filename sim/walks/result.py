@@ -38,6 +38,19 @@ class Touchdowns:
 
 
 @dataclass(frozen=True, slots=True)
+class Energy:
+    """Mechanical work of groups of joints, ∑ |τ q̇| over control periods.
+
+    Attributes:
+        legs: Of the joints between soles and base, J.
+        upper_body: Of all others, J.
+    """
+
+    legs: Annotated[float, "J"]
+    upper_body: Annotated[float, "J"]
+
+
+@dataclass(frozen=True, slots=True)
 class Fall:
     """A fall and its onset: the last time that the DCM left its reference by 60 mm.
 
@@ -93,7 +106,8 @@ class WalkResult(TrialResult):
 
     Errors are horizontal distances |reference − measured|, both axes together, in every tick until the walk ended,
     fell or diverged; the ZMP is the one that the unfiltered foot sensors give, CoM and DCM are estimated, without
-    ground truth. Distance, drift, heading, errors of goal and track, sole tilt, contact area and torques are true.
+    ground truth. Distance, drift, heading, errors of goal and track, sole tilt, contact area, torques and the ways that
+    soles slip are true.
 
     Attributes:
         foot: Name.
@@ -126,6 +140,12 @@ class WalkResult(TrialResult):
         peak_torque_joint: Joint of that torque.
         cost_of_transport: Mechanical work of the joints, ∑ |τ q̇| over control periods, over weight and distance
             between start and end; None for a robot that is less than 0.05 m from its start.
+        energy: Mechanical work of the joints, of which the cost of transport is made.
+        vibration: Sum of |a − a of the last sample| over joints and samples, rad/s², with samples every 0.02 s and the
+            acceleration a of a joint as the difference of its velocities in two samples over 0.02 s.
+        slip: Way that the soles slip along the ground, both together: that of the point of a sole at its centre of
+            pressure while the sole carries 5 % of the weight by its force sensor, or by the estimate of a robot without
+            one, and this point moves by 0.05 m/s or more.
         torque_ratio: Joint torque over its limit, of the joint nearest to its limit in each control period.
         touchdowns: Numbers of touch-downs.
         impact: Greatest normal force on a foot from 0.05 s before its touch-down was detected until 0.1 s after, over
@@ -165,6 +185,9 @@ class WalkResult(TrialResult):
     peak_torque_ratio: float
     peak_torque_joint: str
     cost_of_transport: float | None
+    energy: Energy
+    vibration: Annotated[float, "rad/s²"]
+    slip: Annotated[float, "m"]
     torque_ratio: Spread
     touchdowns: Touchdowns
     impact: float | None

@@ -244,7 +244,7 @@ class WalkTrial(Trial):
             "drift": c * dy - s * dx,
             "yaw_error": math.remainder(self._heading() - desired, math.tau),
             "goal_error": None if arrival is None else arrival.error(middle(self.plant)),
-            "cost_of_transport": self.meter.work / (weight * way)
+            "cost_of_transport": float(self.meter.work.sum()) / (weight * way)
             if (way := math.hypot(dx, dy)) >= LEAST_WAY
             else None,
         }

@@ -33,7 +33,7 @@ from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
-from wbc.sim.walks.result import Fall, Spread, Touchdowns, WalkResult, WallClock
+from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns, WalkResult, WallClock
 from wbc.walking import Gait
 
 Said = pytest.CaptureFixture[str]
@@ -69,6 +69,9 @@ WALKED = WalkResult(
     peak_torque_ratio=0.57,
     peak_torque_joint="left_knee",
     cost_of_transport=0.4,
+    energy=Energy(80.0, 20.0),
+    vibration=43210.0,
+    slip=0.012,
     torque_ratio=EXACT,
     touchdowns=Touchdowns(2, 3, 1, 4, 0),
     impact=1.75,
@@ -98,6 +101,12 @@ def test_the_text_of_a_walk_has_its_figures_in_their_units() -> None:
     assert told["landing"] == "2 early, 3 on time, 1 late, 4 without ground; at most 1.75 x weight"
     assert told["distance"] == "1.25 m, -3.1 cm to the left, heading off by +5.7°"
     assert told["torque"] == "up to 57 % of its limit (left_knee)"
+    assert (
+        told["cost"] == ("of transport 0.40: 100 J, 80 J of them in the legs; vibration 4.32e+04 rad/s²")
+        and "SLIPPED" not in told
+    )
+    assert lines_of(replace(WALKED, slip=0.1234))["SLIPPED"].startswith("123 mm")
+    assert lines_of(replace(WALKED, cost_of_transport=None))["cost"].startswith("100 J")
     assert told["speed"] == "2.50 x real time; a tick takes 120 us, 99 % less than 311 us; 3 failed"
     bare = lines_of(
         replace(WALKED, amplitude=0.0, sole_stiffness=None, impact=None, dcm_error_max=None, clock=None)

@@ -34,7 +34,7 @@ def observed(**parts: Any) -> Any:
     inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
     still: dict[str, Any] = {"foot_rotation": STILL, "stance_rotation": STILL, "inertial": inertial}
     still["foot_velocities"] = still["foot_rotations"] = [STILL] * 2
-    still["load_shares"] = [0.5, 0.5]
+    still["load_shares"], still["slides"] = [0.5, 0.5], [False, False]
     return SimpleNamespace(**(still | parts))
 
 
@@ -49,6 +49,24 @@ def doubted(after: Any, ticks: int = 200, **seen: Any) -> list[tuple[float, str]
         monitor.update(values, measurement, observed(**(seen if tick >= 0 else {})))
         found += [(tick * DT, doubt) for doubt in monitor.doubts]
     return found
+
+
+@pytest.mark.parametrize(("lasts", "told"), [(0.015, False), (0.1, True)])
+def test_a_foot_that_slips_is_named_until_a_while_after(lasts: float, *, told: bool) -> None:
+    """After 0.02 s, and until 0.3 s after the slip."""
+    monitor, found = ConsistencyMonitor(ROBOT, DT, NAMES), []
+    rng = np.random.default_rng(0)
+    for tick in range(100):
+        slips = 0 <= tick * DT < lasts
+        monitor.update(
+            1e-3 * rng.normal(size=len(NAMES)), at_rest(ROBOT, tick * DT), observed(slides=[False, slips])
+        )
+        found += [tick * DT for doubt in monitor.doubts if doubt == f"{ROBOT.soles[1].name} slips"]
+    assert bool(found) == told
+    if told:
+        assert found[0] == pytest.approx(0.02 - DT) and found[-1] == pytest.approx(
+            lasts + 0.3 - 2 * DT, abs=DT
+        )
 
 
 @pytest.mark.parametrize(("share", "told"), [(1.97, False), (2.03, True)])

@@ -608,6 +608,58 @@ def test_a_leg_that_is_hit_does_not_move_the_estimate_though_its_force_looks_lik
     assert np.linalg.norm(observer.robot.v[:3]) < 0.2
 
 
+@pytest.mark.parametrize(
+    ("left", "right", "share"), [(0.0, 0.0, 1.0), (0.9, 2.4, 1.0), (2.4, 0.3, 0.5), (3.0, 0.0, 0.5)]
+)
+def test_feet_that_slip_do_not_take_the_estimate_along(left: float, right: float, share: float) -> None:
+    """Feet slip by 0.2 m under a robot that stays where it is; then they rest, and are references again.
+
+    The estimate follows them only while they are slower than its thresholds, at the begin and at the end.
+    """
+    robot, dt, rise = biped(), 0.002, 2.0  # m/s²
+    wrench = np.zeros((2, 6))
+    wrench[:, 2] = np.array([share, 1.0 - share]) * robot.mass * GRAVITY
+    observer = Observer(robot)
+    observer.reset(robot.half_sitting)
+    q, start = np.array(robot.half_sitting), np.array(robot.half_sitting[:3])
+    still = np.array(robot.placement("imu").rotation.T @ [0.0, 0.0, GRAVITY])
+    ways = np.array([[np.cos(angle), np.sin(angle), 0.0, 0.0, 0.0, 0.0] for angle in (left, right)])
+    speed, slid, named = 0.0, 0.0, []
+    for tick in range(500):
+        time = tick * dt
+        speed = max(speed + dt * rise * ((0.2 <= time < 0.52) - (0.52 <= time < 0.84)), 0.0)
+        slid += dt * speed
+        pin.computeJointJacobians(robot.model, robot.data, q)
+        pin.updateFramePlacements(robot.model, robot.data)
+        frames = [robot.frame_id(sole.frame) for sole in robot.soles]
+        jacobians = [
+            pin.getFrameJacobian(robot.model, robot.data, f, pin.LOCAL_WORLD_ALIGNED) for f in frames
+        ]
+        rates = np.linalg.pinv(np.vstack(jacobians)[:, 6:]) @ (speed * ways.reshape(-1))
+        q[7:] += rates * dt
+        observer.update(Measurement(time, q[7:].copy(), rates, np.zeros(3), still, wrench))
+        named += [time] if any(observer.slides) else []
+    assert slid > 0.18 and 0.25 < named[0] < 0.35 and named[-1] < 0.95
+    assert np.linalg.norm(observer.robot.q[:3] - start) < 0.2 * slid
+    assert observer.share.sum() == pytest.approx(1.0) and not any(observer.slides)
+
+
+def test_feet_that_rest_beside_each_other_do_not_slip_though_the_accelerometer_errs() -> None:
+    """By 6 m/s² for 50 ms: its velocity is soon that of the feet again."""
+    robot, dt = biped(), 0.002
+    wrench = np.zeros((2, 6))
+    wrench[:, 2] = 0.5 * robot.mass * GRAVITY
+    observer, q = Observer(robot), robot.half_sitting
+    observer.reset(q)
+    turned = robot.placement("imu").rotation.T
+    for tick in range(250):
+        force = [6.0 if 100 <= tick < 125 else 0.0, 0.0, GRAVITY]
+        still = np.zeros(robot.na)
+        observer.update(Measurement(dt * tick, q[7:], still, np.zeros(3), np.array(turned @ force), wrench))
+        assert not any(observer.slides)
+    assert np.linalg.norm(observer.robot.v[:3]) < 0.02
+
+
 def test_a_foot_that_lifts_has_no_wrench_and_the_other_one_carries() -> None:
     robot = load("hrp4_class").robot()
     estimator = WrenchEstimator(robot, 0.005)

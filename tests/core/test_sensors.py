@@ -28,7 +28,7 @@ def observed(**parts: Any) -> Any:
     inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
     still = {"foot_rotation": (0.0, 0.0, 0.0), "stance_rotation": (0.0, 0.0, 0.0), "inertial": inertial}
     still["foot_velocities"] = still["foot_rotations"] = [(0.0, 0.0, 0.0)] * 2
-    still["load_shares"] = [0.5, 0.5]
+    still["load_shares"], still["slides"] = [0.5, 0.5], [False, False]
     return SimpleNamespace(**(still | parts))
 
 

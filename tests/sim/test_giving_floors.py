@@ -174,6 +174,23 @@ def test_a_block_slides_on_a_stretch_by_its_friction(stiffness: float | None) ->
         assert gained == pytest.approx(0.2 * GRAVITY if moves else 0.0, rel=0.03, abs=0.03)
 
 
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_a_block_on_a_stretch_stops_after_its_energy_over_its_friction(friction: float) -> None:
+    """The way is v²/(2 μ g)."""
+    ground, speed = terrain("flat", slippery=(0.0, 5.0, friction)), 0.6
+    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))
+    joint = rig.model.joint("forward")
+    rig.model.jnt_stiffness[joint.id] = rig.model.dof_damping[joint.dofadr[0]] = 0.0
+    for _ in range(rig.steps(0.5)):
+        rig.step()
+    rig.data.qvel[joint.dofadr[0]], start = speed, float(rig.data.qpos[joint.qposadr[0]])
+    for _ in range(rig.steps(1.2 * speed / (friction * GRAVITY))):
+        rig.step()
+    assert abs(rig.data.qvel[joint.dofadr[0]]) < 1e-3
+    way = float(rig.data.qpos[joint.qposadr[0]]) - start
+    assert way == pytest.approx(speed**2 / (2.0 * friction * GRAVITY), rel=0.03)
+
+
 def test_the_least_friction_of_stretches_counts_and_is_never_more_than_the_sole_has() -> None:
     ground = terrain("flat", slippery=(0.0, 5.0, 0.3, 1.7, 1.9, 0.2, 1.7, 1.9, 5.0))
     rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))

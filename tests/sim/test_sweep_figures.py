@@ -71,6 +71,8 @@ def test_loads_falls_and_losses_stand_in_their_units() -> None:
             "zmp_error": {"mean": 0.012 * factor},
             "contact_area": {"mean": 0.0035 * factor},
             "cost_of_transport": 0.4 * factor,
+            "vibration": 2e6 * factor,
+            "slip": 0.01 * factor,
         }
 
     first = [
@@ -87,7 +89,14 @@ def test_loads_falls_and_losses_stand_in_their_units() -> None:
     assert one.outcomes == {"completed": 1, "strayed": 1, "fell": 1, "unfinished": 1}
     assert one.falls == {"sideways": 1} and one.steps == 50
     assert one.beside == pytest.approx(
-        {"impact": 3.0, "zmp_error.mean": 0.024, "contact_area.mean": 0.007, "cost_of_transport": 0.8}
+        {
+            "impact": 3.0,
+            "zmp_error.mean": 0.024,
+            "contact_area.mean": 0.007,
+            "cost_of_transport": 0.8,
+            "vibration": 4e6,
+            "slip": 0.02,
+        }
     )
     assert one.estimate.mean == pytest.approx(12.5)
     lines = table.ends().splitlines()
@@ -97,11 +106,13 @@ def test_loads_falls_and_losses_stand_in_their_units() -> None:
         "ZMP error (mm)",
         "contact area (cm²)",
         "cost of transport",
+        "vibration (10⁶ rad/s²)",
+        "slip (mm)",
     ]
     parts = dict(zip(heads, (part.strip() for part in lines[4].strip("|").split("|")), strict=True))
     assert parts[""] == "one" and parts["completed"].startswith("1 of 4")
     assert parts["sideways"].startswith("20 [") and parts["forward"] == "≤ 59.9"  # ln(20) / 0.05
-    assert [parts[h] for h in heads[6:]] == ["3", "24", "70", "0.8"]
+    assert [parts[h] for h in heads[6:]] == ["3", "24", "70", "0.8", "4", "20"]
     assert lines[-1] == (
         "1 of 'one' strayed; 1 of 'one' unfinished; 1 of 'one' diverged; 2 of 'one' timeout; 1 of 'one' crashed"
     )

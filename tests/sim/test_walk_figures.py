@@ -415,7 +415,7 @@ def test_the_way_of_a_walk_is_that_of_its_true_feet_from_where_they_began(yaw: f
     c, s, away = math.cos(yaw), math.sin(yaw), np.array([0.4, 0.1])
     there = q.copy()
     there[:2] += [c * away[0] - s * away[1], s * away[0] + c * away[1]]
-    trial.meter.work = 50.0
+    trial.meter.work[:] = 50.0 / plant.robot.na
     plant.reset(there)
     arrival = trial._prepared.arrival()
     found = trial._travel(arrival)

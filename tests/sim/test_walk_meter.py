@@ -25,10 +25,14 @@ class Made:
     def __init__(self) -> None:
         limits = np.array([10.0, 4.0])
         self.robot = SimpleNamespace(
-            na=2, mass=MASS, joint_names=("hip", "knee"), torque_share=lambda torque: np.abs(torque) / limits
+            na=2,
+            mass=MASS,
+            joint_names=("hip", "knee"),
+            torque_share=lambda torque: np.abs(torque) / limits,
+            leg_joints=[1],
         )
         self.time, self.joint_torque, self.joint_velocity = 0.0, np.zeros(2), np.zeros(2)
-        self.rotation = np.eye(3)
+        self.rotation, self.slid = np.eye(3), np.zeros(3)
         self.contacts: list[tuple[tuple[float, float, float], float, int]] = []
         self.progress: Any = SimpleNamespace(
             swing=None, stance=0, steps_done=0, phase=GaitPhase.DOUBLE, elapsed=0.0, duration=1.0
@@ -39,7 +43,7 @@ class Made:
         self.meter = WalkMeter(self, self)  # type: ignore[arg-type]
 
     def sole_pose(self, side: int) -> tuple[np.ndarray, np.ndarray]:
-        return np.array([1.0, 0.5 if side == 0 else -0.5, 0.3]), self.rotation
+        return np.array([1.0, 0.5 if side == 0 else -0.5, 0.3]) + self.slid, self.rotation
 
     def truth(self) -> Any:
         return SimpleNamespace(
@@ -48,10 +52,16 @@ class Made:
             contact_sole=np.array([sole for *_, sole in self.contacts]),
         )
 
-    def tick(self, forces: tuple[float, float] = (0.0, 0.0), *events: Event, zmp: Any = (0.0, 0.0)) -> None:
-        """Tell the meter of a tick with normal forces of both soles, N, and what the controller has seen."""
+    def tick(
+        self,
+        forces: tuple[float, float] = (0.0, 0.0),
+        *events: Event,
+        zmp: Any = (0.0, 0.0),
+        moments: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Tell the meter of a tick with normal forces, N, and moments, Nm, and what the controller has seen."""
         wrenches = np.zeros((2, 6))
-        wrenches[:, 2] = forces
+        wrenches[:, 2], wrenches[:, 3:5] = forces, moments
         self.reference = SimpleNamespace(events=events, pendulum=SimpleNamespace(zmp=np.array([*zmp, 0.0])))
         measurement = SimpleNamespace(time=self.time, sole_wrench=wrenches, wrenches=wrenches)
         self.meter.tick(SimpleNamespace(measurement=measurement))  # type: ignore[arg-type]
@@ -89,7 +99,9 @@ def test_forces_of_a_robot_without_force_sensors_are_those_that_its_control_has_
     made.control.measurement = SimpleNamespace(wrenches=wrenches)
     for events in ((), (Event.LATE_TOUCH_DOWN,)):
         made.reference = SimpleNamespace(events=events, pendulum=None)
-        made.meter.tick(SimpleNamespace(measurement=SimpleNamespace(time=0.0, sole_wrench=None)))  # type: ignore[arg-type]
+        made.meter.tick(
+            SimpleNamespace(measurement=SimpleNamespace(time=0.0, sole_wrench=None), control=made)
+        )  # type: ignore[arg-type]
     assert made.figures()["impact"] == pytest.approx(80.0 / (MASS * GRAVITY))
 
 
@@ -105,7 +117,7 @@ def test_touch_downs_are_counted_by_their_kind_and_a_tick_once() -> None:
     for number, kind in enumerate(kinds, 1):
         for _ in range(number):
             made.tick((1.0, 1.0), kind)
-    again = SimpleNamespace(measurement=None)
+    again = SimpleNamespace(measurement=None, control=made)
     made.meter.tick(again)  # type: ignore[arg-type] - the same reference: the controller has had no measurement
     found = made.figures()["touchdowns"]
     assert (found.early, found.on_time, found.late, found.missed, found.forced_lift_offs) == (1, 2, 3, 4, 5)
@@ -198,7 +210,39 @@ def test_torques_are_over_their_limits_and_work_counts_driving_and_braking() -> 
     assert (found["torque_ratio"].mean, found["torque_ratio"].std) == pytest.approx(
         (shares.mean(), shares.std())
     )
-    assert made.meter.work == pytest.approx((10.0 + 1.0 + 8.0 + 1.8 + 6.0) * PERIOD)
+    energy = found["energy"]
+    assert (energy.legs, energy.upper_body) == pytest.approx(
+        ((1.0 + 1.8 + 6.0) * PERIOD, (10.0 + 8.0) * PERIOD)
+    )
+    np.testing.assert_allclose(made.meter.work, [energy.upper_body, energy.legs])
+
+
+def test_vibration_is_the_sum_of_the_changes_of_accelerations_in_samples_of_20_ms() -> None:
+    made, velocities = Made(), np.random.default_rng(3).normal(size=(21, 2))
+    for velocity in velocities:
+        made.joint_velocity = velocity
+        made.meter.after(None)  # type: ignore[arg-type]
+    samples = velocities[::2]  # of periods of 10 ms
+    changes = np.diff(np.diff(samples, axis=0) / 0.02, axis=0)
+    assert made.figures()["vibration"] == pytest.approx(np.abs(changes).sum())
+
+
+def test_slip_is_the_way_of_the_point_of_a_loaded_sole_at_its_centre_of_pressure() -> None:
+    """A turn about that point is none, nor the way of a sole that carries little, or less than 0.05 m/s."""
+    weight, step = MASS * GRAVITY, 2.0 * 0.05 * PERIOD
+    for share, way, counted in ((0.06, step, 2.0), (0.04, step, 0.0), (0.06, 0.2 * step, 0.0)):
+        made = Made()
+        for _ in range(11):
+            made.tick((share * weight, share * weight))
+            made.slid = made.slid + [0.6 * way, -0.8 * way, 0.1]
+        assert made.figures()["slip"] == pytest.approx(10.0 * counted * way)
+    made = Made()
+    point = np.array([0.1, 0.02, 0.0])
+    for k in range(11):
+        turned = Rotation.from_euler("zyx", [0.03 * k, 0.02 * k, 0.0]).as_matrix()
+        made.rotation, made.slid = turned, point - turned @ point
+        made.tick((weight, 0.0), moments=(weight * point[1], -weight * point[0]))
+    assert made.figures()["slip"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_the_onset_of_a_fall_is_looked_for_in_its_last_five_seconds() -> None:

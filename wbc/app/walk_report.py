@@ -31,6 +31,9 @@ CAUSES = {
 }
 """Cause of a fall → words."""
 
+SLIPPED = 0.03
+"""Way of the soles along the ground from which a report tells it, m."""
+
 ENDS = {"completed": "walked", "stopped": "stopped", "strayed": "STRAYED", "unfinished": "NOT DONE:"}
 """Outcome of a walk without a fall → word."""
 
@@ -84,7 +87,10 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
         *errors,
         *([] if spec.trained is not None else [landing]),
         f"  torque    up to {100 * result.peak_torque_ratio:.0f} % of its limit ({result.peak_torque_joint})",
+        f"  cost      {_cost(result)}",
     ]
+    if result.slip > SLIPPED:
+        lines.append(f"  SLIPPED   {1e3 * result.slip:.0f} mm, both soles together")
     lines += _soles_lines(result)
     if result.clock is not None:
         tick = result.clock.tick_us
@@ -93,6 +99,14 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
             f"less than {tick['p99']:.0f} us; {result.failures} failed"
         )
     return "\n".join(lines)
+
+
+def _cost(result: WalkResult) -> str:
+    """Return words on the work of the joints."""
+    legs, upper = result.energy.legs, result.energy.upper_body
+    work = f"{legs + upper:.0f} J, {legs:.0f} J of them in the legs; vibration {result.vibration:.3g} rad/s²"
+    transport = result.cost_of_transport
+    return work if transport is None else f"of transport {transport:.2f}: {work}"
 
 
 def _soles_lines(result: WalkResult) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -94,6 +95,9 @@ that land come late, and legs seem to jerk."""
 
 REMEMBERED = 1.0
 """Time for which a doubt of the gyroscope stays, s: the difference fades while the gyroscope stays wrong."""
+
+SLIPS, SLIPPED = 0.02, 0.3
+"""Time for which a foot that carries must slip until it is named, and for which it is named after that, s."""
 
 CONTRADICTS, AGREES = 3.5, 2.0
 """Horizontal acceleration that the accelerometer alone shows: from the first on it is left out, until it is below the
@@ -224,6 +228,7 @@ class ConsistencyMonitor:
         self._drift = self._offset = self._parted = 0j
         self._suspected = self._gyro_doubted = self._slapped = 0.0
         self._turned: Vector = STILL
+        self._slips, self._slipped = [0.0] * len(self._names), [0.0] * len(self._names)
         self._turning.reset()
         if self._feet is not None:
             self._feet.reset()
@@ -281,6 +286,7 @@ class ConsistencyMonitor:
         blind = measurement.wrench_source != "sensor"
         if feet is not None and not blind:
             doubts += self._contradicted_forces(feet)
+        doubts += self._slipping(observer.slides)
         if self._gyroscope_contradicts(observer.stance_rotation, observer.inertial.unexplained, blind):
             doubts.append("gyroscope contradicts accelerometer and legs")
         total = sum(self._shares)
@@ -416,6 +422,13 @@ class ConsistencyMonitor:
             return False
         self._gyro_doubted -= self._dt
         return True
+
+    def _slipping(self, slides: Sequence[bool]) -> list[str]:
+        """Name the feet that slip along the ground, or have just done so."""
+        for i, slips in enumerate(slides):
+            self._slips[i] = self._slips[i] + self._dt if slips else 0.0
+            self._slipped[i] = SLIPPED if self._slips[i] >= SLIPS else self._slipped[i] - self._dt
+        return [f"{name} slips" for name, left in zip(self._names, self._slipped, strict=True) if left > 0.0]
 
     def _contradicted_forces(self, feet: FootComparison) -> list[str]:
         """Compare force sensors with the motion of the feet."""

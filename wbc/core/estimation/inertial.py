@@ -54,6 +54,9 @@ MOST_OFF, NOISE_TIME = 0.01, 0.2
 """Greatest error of the gyro bias that a tick of a stand tells, rad/s: soles that settle on stones turn at 0.05 rad/s;
 low-pass of the turn of the feet, s, whose change in one tick is the noise of encoders."""
 
+STEADY = 0.3
+"""Time constant with which the steady velocity follows the legs, s."""
+
 _HALF = scalar(0.5)
 
 
@@ -63,6 +66,8 @@ class InertialFilter:
     Attributes:
         rotation: Attitude of the IMU in the world, shape (3, 3).
         velocity: Velocity of the IMU point in the world, shape (3,), m/s.
+        steady: Horizontal velocity of that point, x + iy, m/s, which follows the legs with the time constant `STEADY`.
+            A foot that begins to slip pulls it less than `velocity`.
         gyro_bias: Bias of the gyroscope in the IMU frame, measured minus true, shape (3,), rad/s.
         unexplained: Change of the legs' horizontal velocity in the last period that the accelerometer does not show,
             x + iy in the world, m/s; zero in flight.
@@ -75,6 +80,7 @@ class InertialFilter:
         self.settings = settings or InertialSettings()
         self.rotation: Array = np.eye(3)
         self.velocity: Array = np.zeros(3)
+        self.steady = 0j
         self.gyro_bias: Array = np.zeros(3)
         self.unexplained = 0j
         self.legs: Vector | None = None
@@ -92,6 +98,7 @@ class InertialFilter:
         """Restart from attitude (3, 3) and velocity (3,), m/s, of the IMU in the world; the gyro bias is kept."""
         self.rotation = np.array(rotation)
         self.velocity = np.zeros(3) if velocity is None else np.array(velocity)
+        self.steady = complex(self.velocity[0], self.velocity[1])
         self._last = None
         self.unexplained, self._left, self.legs = 0j, None, None
         self.turned = self._yaw_left = 0.0
@@ -138,6 +145,7 @@ class InertialFilter:
         push = middle.dot(force + specific_force)
         push *= half_period
         self.velocity += push
+        self.steady += complex(push[0], push[1])
         self.velocity[2] -= dt * GRAVITY
         self.rotation = middle.dot(half)
 
@@ -159,6 +167,7 @@ class InertialFilter:
         found = complex(x, y)
         innovation *= self._velocity_gain(dt, s.velocity_time_constant)
         self.velocity += innovation
+        self.steady += lag_gain(dt, STEADY) * (complex(*self.legs[:2]) - self.steady)
         gain, yaw = self._velocity_gain.number, lag_gain(dt, s.yaw_time_constant)
         self.unexplained = 0j if self._left is None else found - self._left
         self._left = found * (1.0 - gain)

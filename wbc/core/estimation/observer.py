@@ -38,6 +38,19 @@ from wbc.core.signals import SIGNALS, Measurement
 LONGEST_DELAY = 0.1
 """Longest delay that can be stated, s."""
 
+SLIDES, DRIFTS = 0.12, 0.3
+"""Speed against the steady velocity of the inertial unit from which a foot that carries slips, m/s, and its growth with
+the time since a foot gave a reference, m/s². In walks over stones of 30 mm a foot that rests has 0.08 m/s at most."""
+
+TURNS = 0.5
+"""Speed by which the first of these thresholds grows with the speed at which a foot seems to turn over, m: a gyroscope
+that is wrong moves a foot, too, and turns it."""
+
+CARRIES, SETTLED = 0.2, 0.03
+"""Share of the load of a foot that carries, and time for which it must have carried before it can slip, s: the legs
+jerk at a landing. It counts at once while no foot rests, since the ground is the same. Feet that carry and rest beside
+each other do not slip: an accelerometer that is wrong shows the same of both."""
+
 UNAIDED = 2.0
 """Error of the inertial velocity that may have come up while no foot gave a reference, over the time, m/s²."""
 
@@ -105,6 +118,8 @@ class Observer:
             axes, shape (3,), rad/s; zero in flight.
         lifts: True for each foot that moves up or down faster than the setting `slip`, by gyroscope and accelerometer.
             A load on such a leg does not come from the ground.
+        slides: True for each foot that carries and slips along the ground, by gyroscope and accelerometer. It is no
+            reference.
         outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
     """
 
@@ -172,7 +187,8 @@ class Observer:
         # Velocities of the feet's CoPs in the world while the base does not move but turns, and that of the IMU, m/s.
         self._foot_motions: Sequence[Vector] = ()
         self._imu_motion: Vector = (0.0, 0.0, 0.0)
-        self.lifts = [False] * n
+        self.lifts, self.slides, self._slid = [False] * n, [False] * n, False
+        self._carried = [0.0] * n  # time for which each foot has carried, s
         self._unaided, self._struck = 0.0, False  # time since a foot gave a reference, s
         self.reset(q)
 
@@ -248,7 +264,8 @@ class Observer:
         if self.outside is not None:
             self.outside.reset()
         n = len(self._soles)
-        self.lifts, self._unaided = [False] * n, 0.0
+        self.lifts, self.slides, self._slid = [False] * n, [False] * n, False
+        self._carried, self._unaided = [0.0] * n, 0.0
         self._loads, self._shares, self._cops = [0.0] * n, [0.0] * n, [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
         for i, sole in enumerate(self._soles):
@@ -329,7 +346,12 @@ class Observer:
             velocity += imu_arm
             if first or self._struck:
                 inertial.velocity, self._struck = velocity.copy(), False
+                inertial.steady = complex(velocity[0], velocity[1])
+        elif any(self.slides):  # what a foot that slips has added to the velocity is taken back
+            inertial.velocity[:2], self._slid = (inertial.steady.real, inertial.steady.imag), True
         inertial.correct(velocity, yaw_error, dt)
+        if self._slid and velocity is not None:
+            inertial.steady = complex(inertial.velocity[0], inertial.velocity[1])
 
         base = inertial.rotation.dot(self._imu_rotation_t)
         base_velocity = inertial.velocity - imu_arm
@@ -418,9 +440,10 @@ class Observer:
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
         yaw_error = 0.0
         slip, unaided = self.settings.slip, self._unaided + dt
-        fastest = slip + UNAIDED * unaided
+        fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
+        steady = self.inertial.steady - complex(*self._imu_motion[:2])
         motions: list[tuple[Vector, Vector, Vector]] = []
-        moves, slips, struck = [False] * len(self._soles), [False] * len(self._soles), False
+        moves, quick, struck = [False] * len(self._soles), [False] * len(self._soles), False
         for i, sole in enumerate(self._soles):
             rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
             rotating = rate.angular.tolist()
@@ -431,8 +454,19 @@ class Observer:
             if expected is not None:
                 (x, y, z), (u, v, w) = speed, expected
                 motion = math.hypot(x + u, y + v, z + w)
-                moves[i], slips[i], self.lifts[i] = motion > fastest, motion > slip, abs(z + w) > fastest
+                moves[i], quick[i], self.lifts[i] = motion > fastest, motion > slip, abs(z + w) > fastest
                 struck |= z + w < -fastest and self._shares[i] > 0.0
+                carried = self._carried[i] + dt if self._shares[i] > CARRIES else 0.0
+                self._carried[i], along = carried, 0.0
+                if carried > (0.0 if self._slid else SETTLED):
+                    along = abs(complex(x, y) + steady)
+                    if not self._slid:
+                        along -= TURNS * math.hypot(turn[0] + spin[0], turn[1] + spin[1])
+                self.slides[i] = along > farthest and not self.lifts[i]
+                quick[i] |= along > SLIDES
+        if any(self.slides) and all(self._carried) and _alike([speed for speed, _, _ in motions]):
+            self.slides = [False] * len(self._soles)
+        moves = [moving or slides for moving, slides in zip(moves, self.slides, strict=True)]
         self._foot_motions = [speed for speed, _, _ in motions]
         a, b, c = spin
         self.foot_rotations = rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]
@@ -443,8 +477,8 @@ class Observer:
         if self.in_flight:
             self._unaided, self._struck = unaided + (STRUCK / UNAIDED * dt if struck else 0.0), struck
             return None, 0.0
-        if not any(fast and share > 0.0 for fast, share in zip(slips, self._shares, strict=True)):
-            self._unaided = 0.0  # feet and inertial unit agree again
+        if not any(fast and share > 0.0 for fast, share in zip(quick, self._shares, strict=True)):
+            self._unaided, self._slid = 0.0, False  # feet and inertial unit agree again
         for i, ((x, y, z), (_, _, rz), axis) in enumerate(motions):
             share = self._shares[i]
             if share == 0.0:
@@ -502,6 +536,12 @@ class Observer:
             gain = 1.0 if shares[i] == 0.0 else slip
             anchors[i] = part_way(anchors[i], (x + u, y + v, z + w), gain)
             self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
+
+
+def _alike(motions: Sequence[Vector]) -> bool:
+    """Return True for feet that rest beside each other: it is not the feet that move, but the accelerometer errs."""
+    (a, b, _), (c, d, _) = motions[0], motions[-1]
+    return len(motions) > 1 and math.hypot(a - c, b - d) < SLIDES
 
 
 def _common(rotations: Sequence[Vector]) -> Vector:
