@@ -15,17 +15,20 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 import gymnasium
+import mujoco
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked
+from wbc.base.drawing import opening
 from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array
 from wbc.base.settings import Positive
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
+from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import TrialHook
@@ -34,6 +37,9 @@ from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.plans.footsteps import heading
+
+Pixels = NDArray[np.uint8]
+Seen = NDArray[np.float32]
 
 TASKS = ("walk", "stand")
 
@@ -46,17 +52,26 @@ POSTURE = (0.04, 0.15, 0.15, 0.4)
 PUSH = 0.15
 """Greatest impulse of the pushes in "stand", Ns/kg; one every two seconds, in any direction."""
 
+LARGEST = ((3, 2.0), (3, 10.0), (3, 1.0), (3, 40.0), (2, 20.0))
+"""Numbers of an observation and their bound, in the order of the class; joints: `JOINTS`."""
 
-class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
+JOINTS = (10.0, 100.0)
+"""Bounds of positions, rad, and velocities, rad/s, of joints in an observation."""
+
+PICTURE = (480, 360)
+"""Width and height of a picture, pixels."""
+
+
+class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
     """One robot that walks or stands.
 
-    **Action**, shape (3,) or (4,): velocity of the robot, forward (m/s), left (m/s) and turn (rad/s); or the height by
-    which its CoM is lowered (m), roll and pitch of its trunk and its turn against the feet (rad).
+    **Action**, float32, shape (3,) or (4,): velocity of the robot, forward (m/s), left (m/s) and turn (rad/s); or the
+    height by which its CoM is lowered (m), roll and pitch of its trunk and its turn against the feet (rad).
 
-    **Observation**, shape (14 + 2 na,), as the controller estimates it, in the heading of the pelvis: CoM from the
-    middle of the feet (3, m), its velocity (3, m/s), direction of gravity in the pelvis (3), angular velocity of the
-    pelvis (3, rad/s), normal force of left and right foot over the weight (2), positions (na, rad) and velocities (na,
-    rad/s) of the joints.
+    **Observation**, float32, shape (14 + 2 na,), as the controller estimates it, in the heading of the pelvis: CoM from
+    the middle of the feet (3, m), its velocity (3, m/s), direction of gravity in the pelvis (3), angular velocity of
+    the pelvis (3, rad/s), normal force of left and right foot over the weight (2), positions (na, rad) and velocities (na,
+    rad/s) of the joints. Values beyond the bounds of the space (`LARGEST`, `JOINTS`) are clipped.
 
     **Reward**: "walk": displacement of the feet along the world's x, m; "stand": minus the distance of the CoM from the
     middle of the feet, m. A fall costs 1 and ends the episode, which is truncated after its time, or by `trial.stop()`.
@@ -68,9 +83,10 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
     Attributes:
         trial: The present episode; None before `reset`.
+        frame_skip: Control periods for which an action holds.
     """
 
-    metadata: dict[str, Any] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10.0}
 
     @checked
     def __init__(
@@ -90,13 +106,13 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             period: Time for which an action holds, s; rounded to control periods.
             seconds: Length of an episode, s.
             robot: Name of the robot, or its description.
-            render_mode: None: the environment draws nothing. A hook of `reset` records or shows an episode.
+            render_mode: "rgb_array" lets `render` return pictures; None draws nothing.
             **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode.
         """
-        if render_mode is not None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(
-                f"the environment draws nothing, got render_mode={shown(render_mode)}: film a recorded episode, "
-                "env.reset(options={'hooks': [wbc.app.Recorder('a.arrow')]}), by `wbc view a.arrow -o film.mp4`"
+                f"render_mode must be None or 'rgb_array', got {shown(render_mode)}; to watch an episode, record it by "
+                "env.reset(options={'hooks': [wbc.app.Recorder('a.arrow')]}), and show it by `wbc view a.arrow`"
             )
         self.render_mode = render_mode
         self._task = choose("task of the environment", task, TASKS)
@@ -109,21 +125,25 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             )
         self._fields = {"robot": robot, **fields}
         first = self._spec(0, ())
-        self._ticks = max(1, round(min(period, seconds) / first.period))
+        self.frame_skip = max(1, round(min(period, seconds) / first.period))
+        self.metadata = {**self.metadata, "render_fps": 1.0 / (self.frame_skip * first.period)}
         self._seconds = seconds
         joints = first.prepare().robot().na
-        bounds = np.array(VELOCITY if task == "walk" else POSTURE)
-        low = -bounds if task == "walk" else -bounds * (0.0, 1.0, 1.0, 1.0)
-        self.action_space = gymnasium.spaces.Box(low, bounds, dtype=np.float64)
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (14 + 2 * joints,), dtype=np.float64)
+        high = np.array(VELOCITY if task == "walk" else POSTURE)
+        self._bounds = (-high if task == "walk" else -high * (0.0, 1.0, 1.0, 1.0), high)
+        self.action_space = gymnasium.spaces.Box(*(bound.astype(np.float32) for bound in self._bounds))
+        parts = (*LARGEST, *((joints, bound) for bound in JOINTS))
+        seen = np.concatenate([np.full(count, bound, np.float32) for count, bound in parts])
+        self.observation_space = gymnasium.spaces.Box(-seen, seen)
         self.trial: WalkTrial | None = None
+        self._renderer: mujoco.Renderer | None = None
         self._actions: list[Array] = []  # of the present episode
-        self._last: Array | None = None  # observation
+        self._last: Seen | None = None  # observation
         self._hooks: Sequence[TrialHook] = ()  # of the present episode, until its end
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Array, dict[str, Any]]:
+    ) -> tuple[Seen, dict[str, Any]]:
         """Begin an episode: another ground, other sensor errors and pushes for each seed, or for each call.
 
         Args:
@@ -149,9 +169,10 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             self._spec(int(self.np_random.integers(2**31)), pushes), hooks.get("hooks", ())
         ), {}
 
-    def _begin(self, spec: WalkSpec, hooks: Sequence[TrialHook] = ()) -> Array:
+    def _begin(self, spec: WalkSpec, hooks: Sequence[TrialHook] = ()) -> Seen:
         """Begin an episode, and return its first observation."""
-        self.trial, self._hooks = WalkTrial(spec, visuals=bool(hooks)), hooks
+        visuals = bool(hooks) or self.render_mode is not None
+        self.trial, self._hooks = WalkTrial(spec, visuals=visuals), hooks
         self._actions = []
         if self._task == "stand":
             self._height = self.trial.control.body.com_height
@@ -163,14 +184,44 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         return self._last.copy()  # it belongs to the caller
 
     def close(self) -> None:
-        """End the hooks of the present episode, as its end does."""
+        """End the hooks of the present episode, as its end does, and its pictures."""
+        renderer, self._renderer = self._renderer, None
+        if renderer is not None:
+            renderer.close()
         hooks, self._hooks = self._hooks, ()
         for hook in hooks:
             hook.end(None)
 
+    def render(self) -> Pixels | None:
+        """Return a picture of the robot as it is, shape (360, 480, 3); None without a `render_mode`.
+
+        Raises:
+            RenderError: Pictures cannot be drawn on this machine; the message says what to install.
+        """
+        if self.render_mode is None:
+            return None
+        if self.trial is None:
+            raise InputError("reset the environment before its first picture")
+        plant = self.trial.plant
+        if not isinstance(plant, MujocoRobot):
+            raise InputError(
+                f"pictures are drawn of simulations in MuJoCo, and the loop is a {type(plant).__name__}"
+            )
+        if self._renderer is None:
+            with opening():
+                self._renderer = mujoco.Renderer(plant.model, PICTURE[1], PICTURE[0])
+        camera, height = mujoco.MjvCamera(), float(plant.robot.half_sitting[2])
+        camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
+        camera.lookat[:] = plant.truth().com
+        self._renderer.update_scene(plant.data, camera)
+        pixels: Pixels = self._renderer.render()
+        return pixels
+
     def __getstate__(self) -> dict[str, Any]:
         """Return what makes the same episode: its spec, the actions, and the observation to which they lead."""
-        state = {name: value for name, value in vars(self).items() if name not in ("trial", "_hooks")}
+        state = {
+            name: value for name, value in vars(self).items() if name not in ("trial", "_hooks", "_renderer")
+        }
         state["_np_random"] = copy.deepcopy(self._np_random)
         return {**state, "episode": None if self.trial is None else self.trial.spec}
 
@@ -179,7 +230,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         state = dict(state)
         spec, actions, last = state.pop("episode"), state["_actions"], state["_last"]
         self.__dict__.update(state)
-        self.trial, self._hooks = None, ()
+        self.trial, self._hooks, self._renderer = None, (), None
         if spec is None:
             return
         self._begin(spec)
@@ -192,7 +243,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
                 "this episode, such as a push: reset another one with the same seed, and repeat all of it"
             )
 
-    def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Let an action hold for a period; see the class for actions, observations and rewards."""
         trial = self.trial
         if trial is None:
@@ -202,7 +253,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         self._order(trial, np.clip(action, *self._bounds))
         alive = True
         with one_thread():
-            for _ in range(self._ticks):
+            for _ in range(self.frame_skip):
                 alive = trial.step()
                 if not alive:
                     break
@@ -223,10 +274,6 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             self.close()
         reward = float(reward) - trial.fallen
         return self._last.copy(), reward, trial.fallen, over and not trial.fallen, info
-
-    @property
-    def _bounds(self) -> tuple[Array, Array]:
-        return self.action_space.low, self.action_space.high
 
     def _spec(self, seed: int, pushes: tuple[WalkPush, ...]) -> WalkSpec:
         plan = WalkPlan(drive=((3600.0, 0.0, 0.0, 0.0),))  # steered by actions
@@ -256,12 +303,12 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         assert self.trial is not None
         return self.trial.drives.observer
 
-    def _observation(self) -> Array:
+    def _observation(self) -> Seen:
         observer = self._observer()
         robot = observer.robot
         base = robot.placement(robot.base_frame).rotation
         turn = pin.rpy.rpyToMatrix(0.0, 0.0, -heading(base))
-        return np.concatenate(
+        seen = np.concatenate(
             [
                 turn @ self._over_feet(),
                 turn @ robot.com_velocity,
@@ -272,6 +319,8 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
                 robot.v[6:],
             ]
         )
+        space = self.observation_space
+        return np.clip(seen, space.low, space.high).astype(np.float32)
 
 
 for _task in TASKS:

@@ -10,8 +10,11 @@ import ctypes
 import logging
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from ctypes.util import find_library
+
+from wbc.base.errors import WbcError
 
 logger = logging.getLogger(__name__)
 
@@ -26,7 +29,16 @@ OWN = {"linux": ("glx", "egl", "osmesa"), "darwin": ("cgl",), "win32": ("wgl",)}
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 """Value → the library that it needs."""
 
+GL_HELP = (
+    "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
+    "libgl1) and set MUJOCO_GL=egl, or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
+)
+
 _unusable: list[str] = []
+
+
+class RenderError(WbcError):
+    """Pictures cannot be rendered or written on this machine."""
 
 
 def check_opengl() -> None:
@@ -50,6 +62,16 @@ def advice() -> str:
         f"{VARIABLE}={_unusable[-1]} cannot be used on this machine, and MuJoCo draws no pictures: unset it, or set "
         f"one of {', '.join(OWN.get(sys.platform, ()))} whose library is installed"
     )
+
+
+@contextmanager
+def opening() -> Iterator[None]:
+    """Let a renderer of MuJoCo be made in the block; a `RenderError` says what to install if it cannot."""
+    try:
+        yield
+    except Exception as error:  # depends on the missing library
+        kind, reason = os.environ.get(VARIABLE, ""), str(error) or type(error).__name__
+        raise RenderError(advice() or f"cannot draw with {VARIABLE}={kind} ({reason}): {GL_HELP}") from error
 
 
 def _is_installed(library: str | None) -> bool:

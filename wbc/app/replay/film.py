@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import operator
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,8 +20,8 @@ from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
-from wbc.base.drawing import advice
-from wbc.base.errors import InputError, WbcError
+from wbc.base.drawing import RenderError, opening
+from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
@@ -31,10 +30,6 @@ from wbc.base.settings import Positive
 Pixels = NDArray[np.uint8]
 """A picture, shape (height, width, 3)."""
 
-GL_HELP = (
-    "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
-    "libgl1) and set MUJOCO_GL=egl, or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
-)
 FFMPEG_HELP = 'a film needs the extra "film": pip install -e ".[film]" in the clone'
 
 FOLLOW_TIME = 0.5
@@ -48,10 +43,6 @@ SHADOW = 1024
 
 LEVEL, ONES = np.eye(3), np.ones(3)
 """Axes of a mark that is level; size of a triangle, whose axes are its sides."""
-
-
-class RenderError(WbcError):
-    """Pictures cannot be rendered or written on this machine."""
 
 
 def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
@@ -88,11 +79,8 @@ def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -
     """Return a renderer of pictures of a size in pixels, with samples per pixel, 4 for smooth edges."""
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     model.vis.quality.offsamples, model.vis.quality.shadowsize = samples, SHADOW
-    try:
+    with opening():
         return Renderer(model, height, width)
-    except Exception as error:  # depends on the missing library
-        kind, reason = os.environ.get("MUJOCO_GL", ""), str(error) or type(error).__name__
-        raise RenderError(advice() or f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
 
 
 @checked
