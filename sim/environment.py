@@ -70,8 +70,8 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
 
     **Observation**, float32, shape (14 + 2 na,), as the controller estimates it, in the heading of the pelvis: CoM from
     the middle of the feet (3, m), its velocity (3, m/s), direction of gravity in the pelvis (3), angular velocity of
-    the pelvis (3, rad/s), normal force of left and right foot over the weight (2), positions (na, rad) and velocities (na,
-    rad/s) of the joints. Values beyond the bounds of the space (`LARGEST`, `JOINTS`) are clipped.
+    the pelvis (3, rad/s), normal force of left and right foot over the weight (2), positions (na, rad) and velocities
+    (na, rad/s) of the joints. Values beyond the bounds of the space (`LARGEST`, `JOINTS`) are clipped.
 
     **Reward**: "walk": displacement of the feet along the world's x, m; "stand": minus the distance of the CoM from the
     middle of the feet, m. A fall costs 1 and ends the episode, which is truncated after its time, or by `trial.stop()`.
@@ -320,7 +320,8 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
             ]
         )
         space = self.observation_space
-        return np.clip(seen, space.low, space.high).astype(np.float32)
+        clipped: Seen = np.clip(seen, space.low, space.high).astype(np.float32)
+        return clipped
 
 
 for _task in TASKS:
