@@ -187,7 +187,9 @@ def _rooms(inside: list[str], graph: Graph, x: float, y: float, width: float) ->
     out: list[str] = []
     for room in order:
         out.append(_box(middle[room] - half, top, 2.0 * half, BOX, "#ffffff", "#78909c"))
-        out.append(_text(middle[room], top + 0.5 * BOX + 5.0, room.rpartition(".")[2], 13, "middle"))
+        name = room.rpartition(".")[2]
+        size = min(13, int(2.0 * half / (0.6 * len(name))))  # a letter is 0.6 of its size wide
+        out.append(_text(middle[room], top + 0.5 * BOX + 5.0, name, size, "middle"))
     depth = 0.0
     for a, b in reduced(own):
         apart = order.index(b) - order.index(a)

@@ -19,8 +19,9 @@ from wbc.app.view.marks import COM_COLOUR as COM
 from wbc.app.view.marks import DCM_COLOUR as DCM
 from wbc.app.view.marks import ZMP_COLOUR as ZMP
 from wbc.base.numbers import Array
-from wbc.feet.sensing.roughness import RoughnessSettings, low_pass, roughness
+from wbc.feet.sensing.roughness import PARAMETERS, UNITS, RoughnessSettings, low_pass, roughness
 from wbc.feet.sensing.scan import resample
+from wbc.sim.terrain.plot import _number
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.lipm.schedule import schedule
@@ -111,8 +112,10 @@ def draw_roughness(path: Path) -> None:
             lw=1.6,
             label="as a long foot feels it",
         )
-        values = ", ".join(f"{name} {float(found[name]):.2g}" for name in ("Sq", "Sku", "P", "K"))
-        axis.set_title(f"random, cutoff {cutoff:g}: {values}", loc="left", fontsize=10)
+        each = zip(PARAMETERS, UNITS, found.values, strict=True)
+        values = ", ".join(_number(*one) for one in each if one[0] in ("Sq", "Sku", "P", "K"))
+        length = ground.describe()["cutoff_wavelength_m"]
+        axis.set_title(f"random, cutoff {cutoff:g} ({length:.2g} m): {values}", loc="left", fontsize=10)
         axis.set_ylabel("height (mm)")
         axis.margins(x=0.0)
     axes[0].legend(loc="upper right", ncols=2, frameon=False, fontsize=9)

@@ -51,9 +51,9 @@ VIEWS: dict[str, FootTest] = {
     "rigid, on stones": FootTest(foot("rigid"), STONES, load=LOAD),
     "soft, k = 5 Nm/rad": FootTest(foot("soft"), STONES, load=LOAD),
     "long arch, k = 5 Nm/rad": FootTest(foot("long_arch"), STONES, load=LOAD),
-    "soft over a bar, k = 1": over_bar(1.0),
-    "k = 20": over_bar(20.0),
-    "k = 80": over_bar(80.0),
+    "soft over a bar, k = 1 Nm/rad": over_bar(1.0),
+    "k = 20 Nm/rad": over_bar(20.0),
+    "k = 80 Nm/rad": over_bar(80.0),
 }
 """Foot tests that are drawn, in rows of three."""
 

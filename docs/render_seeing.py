@@ -68,24 +68,36 @@ def main() -> None:
     x = np.linspace(-0.1, 2.1, 900)
     y = seen.plan.left.y + np.linspace(-0.5, 0.5, 21)[:, None] * sole.width
     side.fill_between(
-        x, trial.plant.terrain.height(x, y).max(axis=0), -0.02, color="0.8", label="ground, left track"
+        x, 1e3 * trial.plant.terrain.height(x, y).max(axis=0), -20, color="0.8", label="ground, left track"
     )
     mine = np.abs(cells[:, 1] - seen.plan.left.y) < 0.5 * sole.width
-    side.plot(cells[mine, 0], cells[mine, 2], ".", ms=2.0, color="0.25", label="cells of the map")
+    side.plot(cells[mine, 0], 1e3 * cells[mine, 2], ".", ms=2.0, color="0.25", label="cells of the map")
     for planned, chosen, found in seen.landings:
         colour = COLOURS[chosen.side]
-        above.plot(*corners(planned, sole.length, sole.width).T, ":", color=colour, lw=1.0)
-        above.plot(*corners(chosen, sole.length, sole.width).T, "-", color=colour, lw=1.6)
+        first = not any(line.get_label().startswith(chosen.side) for line in above.lines)
+        label = f"{chosen.side} foot, chosen" if first else None
+        above.plot(*corners(planned, sole.length, sole.width).T, ":", color="black", lw=1.3)
+        above.plot(*corners(chosen, sole.length, sole.width).T, "-", color=colour, lw=1.8, label=label)
         if chosen.side == "left":
             ends = chosen.x + np.array([-0.5, 0.5]) * sole.length
-            side.plot(ends, [found[2]] * 2, "-", color=colour, lw=2.0)
+            label = None if len(side.lines) > 1 else "left sole as it landed"
+            side.plot(ends, 1e3 * found[[2, 2]], "-", color=colour, lw=2.0, label=label)
+    above.plot([], [], ":", color="black", lw=1.3, label="planned")
     points = above.scatter(
-        cells[:, 0], cells[:, 1], c=1e3 * cells[:, 2], s=9, marker="s", cmap="terrain", zorder=0
+        cells[:, 0],
+        cells[:, 1],
+        c=1e3 * cells[:, 2],
+        s=9,
+        marker="s",
+        cmap="gist_earth",
+        vmin=-40.0,
+        zorder=0,
     )
-    figure.colorbar(points, ax=above, orientation="horizontal", pad=0.14, aspect=50, label="height, mm")
-    side.set(ylabel="height, m", ylim=(-0.02, 0.12))
-    side.legend(loc="upper left", fontsize=8)
-    above.set(xlabel="x, m", ylabel="y, m", xlim=(-0.1, 2.1), ylim=(-0.35, 0.35), aspect="equal")
+    figure.colorbar(points, ax=above, orientation="horizontal", pad=0.14, aspect=50, label="height (mm)")
+    side.set(ylabel="height (mm)", ylim=(-20, 120))
+    side.legend(loc="upper left", fontsize=8, ncols=3)
+    above.legend(loc="upper left", fontsize=8, ncols=3)
+    above.set(xlabel="x (m)", ylabel="y (m)", xlim=(-0.1, 2.1), ylim=(-0.35, 0.45), aspect="equal")
     figure.tight_layout()
     figure.savefig(Path(__file__).parent / "images" / "seeing.png", dpi=110)
     print(result.outcome, len(cells), "cells", len(seen.landings), "landings")

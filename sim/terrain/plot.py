@@ -55,9 +55,13 @@ def plot_families(path: str | Path) -> int:
     figure = _figure(3.9 * COLUMNS, 2.0 * rows)
     axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     for ax, ground in zip(axes, grounds, strict=False):
-        _draw_map(ax, ground, (ground.start - 0.1, ground.start + 2.0, *ground.extent[2:]))
+        image = _draw_map(ax, ground, (ground.start - 0.1, ground.start + 2.0, *ground.extent[2:]))
         ax.set_title(f"{ground.name}  {1e3 * ground.amplitude:.3g} mm", fontsize=10)
         ax.tick_params(labelsize=7)
+        if ground.amplitude > 0.0:
+            figure.colorbar(image, ax=ax, pad=0.01).ax.tick_params(labelsize=7)
+    figure.supxlabel("x, along the track (m); colours: height (mm)", fontsize=10)
+    figure.supylabel("y, across the track (m)", fontsize=10)
     for ax in axes[len(grounds) :]:
         ax.axis("off")
     save_figure(figure, path, dpi=110)
