@@ -7,6 +7,7 @@ import inspect
 import json
 import re
 import sys
+import tomllib
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from importlib import import_module
@@ -47,7 +48,10 @@ myst_heading_anchors = 3
 
 smartquotes_action = "qe"  # "--" of options stays
 
+address = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["urls"]["Repository"]
 html_theme = "furo"
+html_logo = html_favicon = "static/logo.svg"
+html_theme_options = {"source_edit_link": f"{address}/edit/main/docs/{{filename}}"}
 html_math_renderer = "mathml"
 html_title = f"wbc {__version__}"
 html_copy_source = html_show_sourcelink = False

@@ -40,7 +40,7 @@ INSTANTS = {
 }
 """Time at which each example is drawn, s."""
 
-WITHOUT_PLANT = ("arm", "cassie", "handles", "other_engine", "without_feet", "two_robots")
+WITHOUT_PLANT = ("arm", "cassie", "handles", "learn", "other_engine", "without_feet", "two_robots")
 """Examples that are not drawn: they have no plant, a loop of their own, or two robots."""
 
 SIZE = (300, 260)

@@ -90,14 +90,14 @@ def main() -> None:
         s=9,
         marker="s",
         cmap="gist_earth",
-        vmin=-40.0,
+        vmin=-20.0,
         zorder=0,
     )
     figure.colorbar(points, ax=above, orientation="horizontal", pad=0.14, aspect=50, label="height (mm)")
     side.set(ylabel="height (mm)", ylim=(-20, 120))
     side.legend(loc="upper left", fontsize=8, ncols=3)
-    above.legend(loc="upper left", fontsize=8, ncols=3)
-    above.set(xlabel="x (m)", ylabel="y (m)", xlim=(-0.1, 2.1), ylim=(-0.35, 0.45), aspect="equal")
+    above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=8, ncols=3, frameon=False)
+    above.set(xlabel="x (m)", ylabel="y (m)", xlim=(-0.1, 2.1), ylim=(-0.35, 0.35), aspect="equal")
     figure.tight_layout()
     figure.savefig(Path(__file__).parent / "images" / "seeing.png", dpi=110)
     print(result.outcome, len(cells), "cells", len(seen.landings), "landings")

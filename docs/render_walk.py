@@ -120,7 +120,7 @@ FILMS = {
                 plan=WalkPlan(stairs="together"), seed=30000,
             ),
         ),
-        start=2.0, seconds=14.0, rate=4.0, pace=3.0, size=(400, 360), camera=(2.6, 110.0, -12.0), smooth=4.0,
+        start=14.0, seconds=13.0, rate=4.0, pace=3.0, size=(400, 360), camera=(2.6, 110.0, -12.0), smooth=4.0,
     ),
     # A cart is pushed and turned.
     "cart": Film(

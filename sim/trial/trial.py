@@ -89,7 +89,7 @@ class TrialHook:
         """Act in every tick after the step of the plant and the fall test."""
 
     def end(self, result: Any) -> None:
-        """Act once after the last tick, with the result, or with None if the trial has raised an exception."""
+        """Act once after the last tick, with the result; with None if the trial has none, or has raised an exception."""
 
 
 class Trial:
@@ -304,7 +304,7 @@ class Trial:
 
     @contextmanager
     def running(self, hooks: Sequence[TrialHook] = ()) -> Iterator[None]:
-        """Return a context that adds hooks and starts all of them; a fall or `stop` during a stage ends its block.
+        """Return a context that starts all hooks and ends them; a fall or `stop` during a stage ends its block.
 
         BLAS uses one thread in this context, because sums depend on the number of threads.
 
@@ -320,6 +320,8 @@ class Trial:
             except StageError:
                 if not (self.fallen or self.stopped):
                     raise
+            for hook in self.hooks:
+                hook.end(None)
 
     def start(self, hooks: Sequence[TrialHook] = ()) -> None:
         """Add hooks and start all of them, for a trial that other code steps; otherwise use `running`."""

@@ -23,6 +23,7 @@ from wbc.base.settings import from_json
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot
+from wbc.sim import Trial
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.meter import WalkMeter
 from wbc.tasks.balance import balance_controller
@@ -126,6 +127,17 @@ def test_recording_changes_nothing(tmp_path: Path) -> None:
     assert runs[0].shape[0] > 200
     assert (runs[0] == runs[1]).all()  # to the last bit
     assert np.ptp(runs[0], axis=0).max() > 0.1
+
+
+def test_a_trial_without_a_spec_is_recorded_by_a_hook(tmp_path: Path) -> None:
+    """Trials that a program puts together itself have no spec."""
+    plant = wbc.Plant("hrp4_class", seed=4)
+    robot = plant.description.robot()
+    trial = Trial(plant, WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period))
+    with trial.running([Recorder(tmp_path / "stand.arrow")]):
+        trial.advance(0.05)
+    log = Log.open(tmp_path / "stand.arrow")
+    assert len(log) == pytest.approx(10, abs=1) and log.header.get("spec") is None
 
 
 def test_header_says_where_the_numbers_come_from() -> None:

@@ -27,6 +27,7 @@ STANDING = (
     "arm",
     "cassie",
     "handles",
+    "learn",
     "motion",
     "other_engine",
     "own_robot",
@@ -46,6 +47,8 @@ WALKING = (
     "step_over_stones",
 )
 NAMES = (*STANDING, *WALKING)
+NEEDED = {"other_engine": "dartpy", "learn": "stable_baselines3"}
+"""Example → library that is no dependency of the tests."""
 
 Load = Callable[[str], ModuleType]
 
@@ -77,8 +80,8 @@ def test_every_example_is_tested_indexed_and_takes_the_common_options(
     index = (FOLDER / "README.md").read_text(encoding="utf-8")
     for name in NAMES:
         assert f"({name}.py)" in index
-        if name == "other_engine" and importlib.util.find_spec("dartpy") is None:
-            continue  # it needs an extra
+        if name in NEEDED and importlib.util.find_spec(NEEDED[name]) is None:
+            continue  # it needs what is not installed here
         module = load(name)
         with pytest.raises(SystemExit, match="0"):
             module.main(["--help"])
@@ -121,6 +124,14 @@ def test_in_another_engine_a_push_is_stepped_out_of(load: Load) -> None:
     pytest.importorskip("dartpy")
     result = run(load("other_engine"), seconds=2.5)
     assert result["steps"] > 0 and result["forward_mm"] > 100.0
+
+
+@pytest.mark.slow
+def test_a_residual_is_learnt_on_top_of_the_walk(load: Load) -> None:
+    """The plain walk goes as far as its velocity and time say, less the first and the last step."""
+    pytest.importorskip("stable_baselines3")
+    result = load("learn").main(["--seconds", "3", "--steps", "130"])
+    assert 0.1 < result["plain_m"] < 0.6 and result["learnt_m"] > -1.0
 
 
 @pytest.mark.slow

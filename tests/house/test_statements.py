@@ -6,6 +6,7 @@ import ast
 import importlib
 import re
 import signal
+import tomllib
 from pathlib import Path
 from types import ModuleType
 from typing import Annotated
@@ -96,17 +97,45 @@ def test_the_picture_of_a_tick_has_the_order_of_the_code(monkeypatch: pytest.Mon
 
 
 def test_captions_tell_the_speed_of_films() -> None:
+    """Each film of the gallery, and those of the README and the first page."""
     tree = ast.parse((ROOT / "docs" / "render_walk.py").read_text(encoding="utf-8"))
-    pace = {
-        node.targets[0].id: next(word.value.value for word in node.value.keywords if word.arg == "pace")
-        for node in tree.body
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") in ("WALK", "DRIVE")
+    films = next(
+        node.value for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id == "FILMS"
+    )  # type: ignore[attr-defined]
+    paces = {
+        name.value: next(word.value.value for word in film.keywords if word.arg == "pace")
+        for name, film in zip(films.keys, films.values, strict=True)  # type: ignore[attr-defined]
     }
+    words = {1.0: "at its own speed", 2.0: "at twice the speed"}
+    told = re.findall(
+        r"\(images/(\w+)\.webp\) \*[^*]*?(at its own speed|at twice the speed|at [\d.]+ times the speed)",
+        text_of("docs/gallery.md"),
+    )
+    assert (
+        dict(told).items()
+        >= {name: words.get(pace, f"at {pace:g} times the speed") for name, pace in paces.items()}.items()
+    )
     said = re.search(
         r"\*Left, at (\w+) the speed: .* Right, at ([\d.]+) times the speed", text_of("README.md")
     )
-    assert said is not None and pace == {"WALK": 2.0, "DRIVE": float(said[2])} and said[1] == "twice"
-    assert "at twice the speed. (`python docs/render_walk.py`)" in text_of("docs/index.md")
+    assert (
+        said is not None and (paces["walk"], paces["drive"]) == (2.0, float(said[2])) and said[1] == "twice"
+    )
+    assert "at twice the speed" in text_of("docs/index.md")
+
+
+def test_the_repository_and_the_version_are_named_alike_everywhere() -> None:
+    """The address is that of pyproject, the version that of the package."""
+    address = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["urls"]["Repository"]
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), ROOT / "CITATION.cff"]
+    named = {
+        page.name: set(re.findall(r"(?:git\+|url *= \{|code: )(https://[^\s\"}`]+)", page.read_text("utf-8")))
+        for page in pages
+    }
+    assert {name: found for name, found in named.items() if found - {address}} == {}
+    assert {"start.md", "index.md", "CITATION.cff"} <= {name for name, found in named.items() if found}
+    for page in ("docs/index.md", "CITATION.cff"):
+        assert re.findall(r"version *[=:] \{?([\d.]+)", text_of(page))[-1] == wbc.__version__
 
 
 def test_as_many_examples_print_more_than_a_line_as_their_page_says() -> None:

@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from wbc.sim.simulation.simulation import Simulation
     from wbc.sim.trial.trial import TrialTick
     from wbc.sim.walks.result import WalkResult
-    from wbc.sim.walks.trial import WalkTrial
 
 
 class Recorder(TrialHook):
@@ -168,10 +167,10 @@ class Recorder(TrialHook):
             self._signals = self._begin(tick)
         self._writer.commit(self._signals.read(tick, self._writer.row))
 
-    def start(self, trial: WalkTrial) -> None:
-        """Take the specification and the seed of the trial; see `TrialHook`."""
-        self._spec = self._spec or trial.spec
-        self._seed = trial.spec.seed
+    def start(self, trial: Any) -> None:
+        """Take the specification and the seed of a trial that has them; see `TrialHook`."""
+        if (spec := getattr(trial, "spec", None)) is not None:
+            self._spec, self._seed = self._spec or spec, spec.seed
 
     def tick(self, tick: TrialTick) -> None:
         """Record one tick; see `TrialHook`."""
