@@ -120,7 +120,7 @@ FILMS = {
                 plan=WalkPlan(stairs="together"), seed=30000,
             ),
         ),
-        start=14.0, seconds=13.0, rate=4.0, pace=3.0, size=(400, 360), camera=(2.6, 110.0, -12.0), smooth=4.0,
+        start=11.0, seconds=9.0, rate=6.0, pace=2.0, size=(400, 360), camera=(2.6, 110.0, -12.0), smooth=4.0,
     ),
     # A cart is pushed and turned.
     "cart": Film(
@@ -158,8 +158,9 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
     brighten(replay.model)
     places, times = replay.log["truth/base/position"], replay.log.time
     pictures = round(what.seconds * what.rate)
-    ticks = [int(np.searchsorted(times, what.start + i / what.rate)) for i in range(pictures)]
-    way = np.array([places[min(tick, len(places) - 1)][:2] for tick in ticks])
+    due = what.start + np.arange(pictures) / what.rate
+    ticks = np.minimum(np.searchsorted(times, due), len(times) - 1).tolist()
+    way = places[ticks][:, :2]
     half = max(1, round(0.5 * what.smooth * what.rate))
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = what.camera
