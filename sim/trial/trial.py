@@ -89,7 +89,7 @@ class TrialHook:
         """Act in every tick after the step of the plant and the fall test."""
 
     def end(self, result: Any) -> None:
-        """Act once after the last tick, with the result; with None if the trial has none, or has raised an exception."""
+        """Act once after the last tick, with the result; None if the trial has none, or has raised an exception."""
 
 
 class Trial:

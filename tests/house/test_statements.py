@@ -100,21 +100,22 @@ def test_captions_tell_the_speed_of_films() -> None:
     """Each film of the gallery, and those of the README and the first page."""
     tree = ast.parse((ROOT / "docs" / "render_walk.py").read_text(encoding="utf-8"))
     films = next(
-        node.value for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id == "FILMS"
-    )  # type: ignore[attr-defined]
+        node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "FILMS"
+    )
+    assert isinstance(films, ast.Dict)
     paces = {
-        name.value: next(word.value.value for word in film.keywords if word.arg == "pace")
-        for name, film in zip(films.keys, films.values, strict=True)  # type: ignore[attr-defined]
+        ast.literal_eval(name): next(word.value.value for word in film.keywords if word.arg == "pace")
+        for name, film in zip(films.keys, films.values, strict=True)
     }
     words = {1.0: "at its own speed", 2.0: "at twice the speed"}
     told = re.findall(
         r"\(images/(\w+)\.webp\) \*[^*]*?(at its own speed|at twice the speed|at [\d.]+ times the speed)",
         text_of("docs/gallery.md"),
     )
-    assert (
-        dict(told).items()
-        >= {name: words.get(pace, f"at {pace:g} times the speed") for name, pace in paces.items()}.items()
-    )
+    said_of = {name: words.get(pace, f"at {pace:g} times the speed") for name, pace in paces.items()}
+    assert dict(told).items() >= said_of.items()
     said = re.search(
         r"\*Left, at (\w+) the speed: .* Right, at ([\d.]+) times the speed", text_of("README.md")
     )
