@@ -18,6 +18,7 @@ from PIL import Image, ImageDraw, ImageFont
 from wbc.app import Log, Recorder, Replay
 from wbc.app.replay.film import renderer
 from wbc.app.view.marks import FORCES, Mark
+from wbc.base.files import replacing
 from wbc.base.numbers import Array
 from wbc.sim import WalkPlan, WalkPush, WalkSpec, walk
 
@@ -132,7 +133,7 @@ FILMS = {
 
 
 def draw(path: Path, what: Film) -> None:
-    """Record a run and film it, as an animated WebP or another format that Pillow knows by the ending.
+    """Record a run and film it, as an animated WebP.
 
     Raises:
         RuntimeError: The filmed robot has fallen.
@@ -141,15 +142,17 @@ def draw(path: Path, what: Film) -> None:
         log = Path(folder) / "walk.arrow"
         what.record(log)
         frames = film(Replay(Log.open(log)), what)
-    frames[0].save(
-        path,
-        save_all=True,
-        append_images=frames[1:],
-        duration=round(1000.0 / (what.rate * what.pace)),
-        loop=0,
-        quality=55,
-        method=6,
-    )
+    with replacing(path) as new:
+        frames[0].save(
+            new,
+            "WEBP",
+            save_all=True,
+            append_images=frames[1:],
+            duration=round(1000.0 / (what.rate * what.pace)),
+            loop=0,
+            quality=55,
+            method=4,
+        )
     print(f"wrote {path}, {path.stat().st_size} bytes")
 
 
