@@ -482,6 +482,21 @@ def test_a_gait_begins_in_the_step_that_the_feet_are_in(mode: str) -> None:
     assert other.done and other.progress.phase is GaitPhase.STANDING and other.steps_done >= 1
 
 
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_gait_that_begins_swings_the_foot_that_is_in_the_air_whatever_load_is_measured(side: int) -> None:
+    """Without force sensors the estimate of a load is wrong for a while after an impact."""
+    plant, walking = standing()
+    run(plant, walking, 0.2)
+    state = walking.control.estimate(plant.measure())
+    assert min(state.measurement.wrenches[:, 2]) > 100.0
+    air, landed = [0.0, 0.0], [9.0, 9.0]
+    air[side], landed[side] = 0.1, 0.0
+    walking.begin(state, air, landed)
+    walking.act(state)
+    assert walking.reference is not None
+    assert walking.reference.swing == side and walking.reference.stance == 1 - side
+
+
 def test_a_gait_that_begins_on_feet_that_have_stood_stands_and_one_in_position_control_is_refused() -> None:
     plant, walking = standing()
     run(plant, walking, 0.2)

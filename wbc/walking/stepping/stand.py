@@ -270,7 +270,9 @@ class StandingWalk(GaitMachine):
         """Begin in the step that the feet are in; see `join`."""
         c, state = self.constants, self.felt.state
         least, loads = c.least_force, [row[2] for row in state.wrenches]
-        up = [loads[side] < least < loads[1 - side] for side in (0, 1)]
+        up = [time > 0.0 for time in air]
+        if up[0] == up[1]:
+            up = [loads[side] < least < loads[1 - side] for side in (0, 1)]
         if max(loads) < least or not (any(up) or min(landed) < c.landed):
             self._joins = None
             return self._step_out()
