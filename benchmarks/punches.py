@@ -1,0 +1,248 @@
+"""Punches on the robot of the tour in free steps, in pairs: one punch on one state, by two variants of the law.
+
+    python benchmarks/punches.py base --punches 0-119                          # the law as it is
+    python benchmarks/punches.py patient --punches 0-119 --set patience=2.0    # with another constant
+    python benchmarks/punches.py softer --punches 0-119 --rule softer.py       # with a file that changes the package
+    python benchmarks/punches.py --compare base softer                         # McNemar's test of the pairs
+
+A state is one of a walk of the tour without punches, drawn by a seed. The walk goes on from it with its own torques for
+0.05 s, in which the estimates settle, and then under a control that takes it over in its phase, 0.3 s before the punch,
+with the arms held. Two punches of each state hit random joints of arms and ankles in random directions. A trial ends
+when the robot is caught or has fallen, and is a line of the journal; what the journal has is not walked again. States
+are walked once, by the law as it is, and kept in a file of this machine, which other variants and other versions of the
+package read.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import logging
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE.parent / "examples" / "tour"))
+
+import model  # noqa: E402 - of the example
+import tour  # noqa: E402
+from task import DURATION, MovingArms  # noqa: E402
+
+import wbc  # noqa: E402
+from wbc.core.signals import Command  # noqa: E402
+from wbc.policy.contacts import FootContacts  # noqa: E402
+from wbc.sim import Machine, MujocoLoop  # noqa: E402
+from wbc.sim.studies.intervals import CONFIDENCE, share_interval  # noqa: E402
+from wbc.sim.studies.provenance import provenance  # noqa: E402
+from wbc.walking import WalkingControl, WalkingControlSettings  # noqa: E402
+from wbc.walking.stepping import stand  # noqa: E402
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings  # noqa: E402
+
+Row = dict[str, Any]
+
+FIRST_RUN, STATES, PUNCHES = 30000, 16, 2
+"""First run of the tour whose walks are punched; states of a run, punches of a state."""
+
+BEGIN, EVERY = 2.0, 0.7
+"""Time of the first state of a run, and from state to state, s."""
+
+SETTLING = 25
+"""Control periods in which a state goes on with the torques of its walk: observers of forces begin at rest."""
+
+LEAD, SOONEST, QUIET, LATEST = 0.3, 0.8, 0.3, 2.5
+"""Time before a punch; after it until a robot counts as caught, for which it must be quiet, and the longest one, s."""
+
+LOW, SPEED, TILT = 0.40, 0.4, 0.2
+"""Height of the pelvis below which the robot has fallen, m; speed of the CoM, m/s, and tilt of the pelvis, rad, up to
+which it is quiet."""
+
+FORCE = 500.0, 650.0
+"""Least and greatest force of a punch, N: 1.1 to 1.5 Ns/kg."""
+
+HIT = (*model.ARMS, *(joint for joint in model.LEGS_AND_WAIST if "ankle" in joint))
+"""Joints that are hit."""
+
+
+def states(place: Path, run: int) -> list[Row]:
+    """Return the states of a run; they are walked if the file has none."""
+    rows = [json.loads(line) for line in place.read_text().splitlines()] if place.is_file() else []
+    found = [row for row in rows if row["run"] == run]
+    if len(found) == STATES:
+        return found
+    walk = tour.Tour(run, tour.Setup(force_sensors=False, punched=False))
+    contacts, found = FootContacts(walk.loop.robot, tour.PERIOD), []
+    begun: Row | None = None
+    while len(found) < STATES and not walk.over:
+        walk.step()
+        truth = walk.loop.truth()
+        contacts.update(truth.sole_wrench[:, 2].tolist())
+        if begun is not None:
+            begun["torques"].append(truth.joint_torque.round(4).tolist())
+            if len(begun["torques"]) == SETTLING:
+                now = {"arms": walk.arms.target.tolist(), "velocity": walk.walking.velocity}
+                found.append({**begun, **now, "air": [*contacts.air], "landed": [*contacts.landed]})
+                begun = None
+        elif truth.time > BEGIN + EVERY * len(found):
+            begun = {"run": run, "q": truth.q.tolist(), "v": truth.v.tolist(), "torques": []}
+    with place.open("a", encoding="utf-8") as file:
+        file.writelines(json.dumps(row) + "\n" for row in found)
+    return found
+
+
+class Harness:
+    """The robot, its simulation and the servos of its arms, made once."""
+
+    def __init__(self, settings: SteppingSettings) -> None:
+        """Load the robot; the settings are those of its steps."""
+        simulated = model.load()
+        self.description = wbc.RobotDescription.from_mjcf(simulated)
+        machine = Machine(torque_sensors=True, force_sensors=False)
+        self.loop = MujocoLoop(
+            self.description, simulated, control_period=tour.PERIOD, noise="none", seed=0, machine=machine
+        )
+        self.gauge = self.description.robot()
+        self.settings = WalkingControlSettings(mode="torque", step_kind="free", stepping=settings)
+
+    def punch(self, state: Row, joint: str, force: np.ndarray) -> Row:
+        """Punch the robot in a state, and return what became of it."""
+        loop, robot = self.loop, self.description.robot()
+        q, v = np.array(state["q"]), np.array(state["v"])
+        arms = MovingArms(0, robot)
+        arms._left = np.array(state["arms"][:7])  # the harness's own target
+        loop.reset(q, velocity=v)
+        robot.update(q, v)
+        walking = WalkingControl(robot, None, tour.PERIOD, self.settings)
+        walking.release(model.ARMS)
+        for torque in state["torques"]:
+            walking.control.estimate(loop.measure())
+            loop.step(Command(np.array(torque)))
+        self._believe(walking)
+        begin, pushed, quiet = loop.time, False, 0.0
+        while True:
+            time = loop.time - begin - LEAD
+            if not pushed and time >= -1e-9:
+                pushed = True
+                loop.push(joint, force, DURATION, at=[0.0, 0.0, 0.0])
+            measured = walking.control.estimate(loop.measure())
+            if loop.time == begin:
+                walking.begin(measured, state["air"], state["landed"])
+                walking.velocity = state["velocity"]
+            command = walking.act(measured)
+            torque = np.array(command.joint_torque)
+            torque[arms.columns] = arms.torque(
+                loop.joint_position[arms.columns], loop.joint_velocity[arms.columns]
+            )
+            loop.step(dataclasses.replace(command, joint_torque=torque, released=None))
+            pose = loop.base_pose
+            if pose[2] < LOW or loop.diverged is not None:
+                return {"held": False, "time": round(time, 3)}
+            i, j = pose[3], pose[4]
+            tilt = math.hypot(2.0 * i, 2.0 * j)
+            if loop.ticks % 10 == 0:
+                speed = float(np.linalg.norm(loop.truth().com_velocity))
+                quiet = quiet + 0.02 if speed < SPEED and tilt < TILT else 0.0
+            if time > LATEST or (time > SOONEST and quiet > QUIET):
+                return {"held": True, "time": round(time, 3)}
+
+    def _believe(self, walking: WalkingControl) -> None:
+        """Let the estimate have the true velocity, where contacts that were unknown at first have misled it."""
+        truth, gauge = self.loop.truth(), self.gauge
+        gauge.update(truth.q, truth.v)
+        imu = gauge.frame_id(gauge.imu_frame)
+        velocity = pin.getFrameVelocity(gauge.model, gauge.data, imu, pin.LOCAL_WORLD_ALIGNED)
+        walking.control.observer.inertial.reset(gauge.placement(imu).rotation, velocity.linear)
+
+
+def drawn(number: int, force: tuple[float, float]) -> tuple[str, np.ndarray]:
+    """Return joint and force (N) of a punch; direction, joint and size are uniform."""
+    random = np.random.default_rng(number)
+    direction = random.normal(size=3)
+    joint = HIT[random.integers(len(HIT))]
+    return joint, random.uniform(*force) * direction / np.linalg.norm(direction)
+
+
+def changed(given: list[str]) -> SteppingSettings:
+    """Set constants and settings of free steps by "name=value", in their units, and return the settings."""
+    values: dict[str, Any] = {
+        name: json.loads(value) for name, _, value in (each.partition("=") for each in given)
+    }
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+    names = {field.name for field in dataclasses.fields(SteppingConstants)}
+    constants = dataclasses.replace(SteppingConstants(), **{k: v for k, v in values.items() if k in names})
+    stand.SteppingConstants = lambda: constants  # type: ignore[misc, assignment]
+    return SteppingSettings(**{k: v for k, v in values.items() if k not in names})
+
+
+def compared(rows: list[Row], first: str, second: str) -> str:
+    """Return McNemar's exact test of the pairs that both variants have, with the interval of the gain."""
+    from scipy.stats import binomtest  # noqa: PLC0415 - slow to import
+
+    a, b = ({row["punch"]: row for row in rows if row["variant"] == name} for name in (first, second))
+    both = sorted(a.keys() & b.keys())
+    held = [(bool(a[k]["held"]), bool(b[k]["held"])) for k in both]
+    lost, gained = held.count((True, False)), held.count((False, True))
+    differ, n = lost + gained, len(both)
+    if not differ:
+        return f"{len(both)} pairs, {sum(h for h, _ in held)} held by both variants, none by one alone"
+    low, high = share_interval(gained, differ)  # of the pairs that differ, given their number
+    ends = [100.0 * differ * (2.0 * end - 1.0) / n for end in (low, high)]
+    return (
+        f"{n} pairs: {first} holds {sum(h for h, _ in held)}, {second} {sum(h for _, h in held)}; {gained} gained, "
+        f"{lost} lost, p = {binomtest(gained, differ).pvalue:.3f}; gain {100.0 * (gained - lost) / n:+.1f} "
+        f"[{ends[0]:+.1f}, {ends[1]:+.1f}] % ({CONFIDENCE:.0%})"
+    )
+
+
+def main() -> None:
+    """Punch, or compare."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("variant", nargs="?", help="name of the variant in the journal")
+    parser.add_argument("--punches", default="0-119", help="numbers of punches, default %(default)s")
+    parser.add_argument(
+        "--set", nargs="*", default=[], help="constants and settings of free steps, name=value"
+    )
+    parser.add_argument("--rule", type=Path, help="Python file that is run first")
+    parser.add_argument("--force", type=float, nargs=2, default=FORCE, help="least and greatest force (N)")
+    parser.add_argument("--compare", nargs=2, metavar="VARIANT", help="compare two variants")
+    parser.add_argument("--journal", type=Path, default=Path("punches.jsonl"))
+    parser.add_argument("--states", type=Path, default=Path("punches.states.jsonl"))
+    given = parser.parse_args()
+    logging.disable(logging.CRITICAL)
+    lines = given.journal.read_text().splitlines() if given.journal.is_file() else []
+    rows = [json.loads(line) for line in lines]
+    if given.compare:
+        print(compared(rows, *given.compare))
+        return
+    first, _, last = given.punches.partition("-")
+    numbers, done = range(int(first), int(last or first) + 1), {(r["variant"], r["punch"]) for r in rows}
+    wanted = [number for number in numbers if (given.variant, number) not in done]
+    of_state = {run: states(given.states, run) for run in sorted({_run(number) for number in wanted})}
+    rule = given.rule.read_text(encoding="utf-8") if given.rule else ""
+    exec(rule, {"__name__": "rule"})
+    harness = Harness(changed(given.set))
+    for number in wanted:
+        state = of_state[_run(number)][number // PUNCHES % STATES]
+        joint, force = drawn(number, tuple(given.force))
+        row = {"variant": given.variant, "punch": number, "joint": joint, "force": force.round(1).tolist()}
+        row |= {"files": provenance()["files"], "changed": given.set, "rule": rule}
+        rows.append(row | harness.punch(state, joint, force))
+        with given.journal.open("a", encoding="utf-8") as journal:
+            journal.write(json.dumps(rows[-1]) + "\n")
+    found = [row for row in rows if row["variant"] == given.variant and row["punch"] in numbers]
+    print(f"{given.variant}: {sum(row['held'] for row in found)} of {len(found)} held")
+
+
+def _run(number: int) -> int:
+    return FIRST_RUN + number // (PUNCHES * STATES)
+
+
+if __name__ == "__main__":
+    main()
