@@ -9,7 +9,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.registry import Registry, call_checked
 from wbc.feet.soles.foot import Foot
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
-from wbc.feet.soles.soft import LongArchFoot, PaperFoot, SoftFoot, VariableStiffnessFoot
+from wbc.feet.soles.soft import IitSoftFoot, LongArchFoot, PaperFoot, SoftFoot, VariableStiffnessFoot
 
 
 def _check(kind: object) -> None:
@@ -26,6 +26,7 @@ _FEET: Registry[type[Foot]] = Registry(
         "long_arch": LongArchFoot,
         "variable": VariableStiffnessFoot,
         "paper": PaperFoot,
+        "iit_softfoot": IitSoftFoot,
     },
     group="wbc.feet",
     check=_check,

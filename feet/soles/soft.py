@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.base.settings import Count, settings
+from wbc.base.settings import Count, NonNegative, Number, Positive, settings
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.foot import FootParts
 from wbc.feet.soles.soft_design import SoftDesign
@@ -42,6 +42,34 @@ class LongArchFoot(SoftFoot):
     """
 
     loop_phalanx: Count = 1
+
+
+@settings
+class IitSoftFoot(SoftFoot):
+    """The SoftFoot of the Istituto Italiano di Tecnologia (IIT), by the figures of its public model.
+
+    The five chains of nine phalanges act as one chain here, and the heel is its tenth phalanx. Two hinges of 0.8 Nm/rad
+    and 0.04 Nms/rad that turn alike lie between two phalanges of each of the five chains: five times a half of each.
+    The hinges of the arches have no springs: the sole is the tie of the arch. The tendons and the stops of the hinges
+    are left out, and so is the cube with its adapter to a leg, of 0.45 kg.
+
+    Source: C. Crotti, L. Rossini, et al., the model of arXiv 2412.03191, 2024: MuJoCo Menagerie, iit_softfoot (MIT, ©
+    2024 Istituto Italiano di Tecnologia).
+    """
+
+    stiffness: Annotated[NonNegative, "Nm/rad"] = 2.0
+    damping: Annotated[NonNegative, "Nms/rad"] = 0.1
+    length: Annotated[Positive, "m"] = 0.265
+    width: Annotated[Positive, "m"] = 0.085
+    thickness: Annotated[Positive, "m"] = 0.021
+    hinge_height: Annotated[NonNegative, "m"] = 0.0105
+    ankle_behind: Annotated[Number, "m"] = 0.041
+    ankle_height: Annotated[Positive, "m"] | None = 0.095
+    arch_stiffness: Annotated[NonNegative, "Nm/rad"] = 0.0
+    arch_damping: Annotated[NonNegative, "Nms/rad"] = 0.001
+    phalanx_mass: Annotated[Positive, "kg"] = 0.034
+    frontal_arch_mass: Annotated[Positive, "kg"] = 0.072
+    backward_arch_mass: Annotated[NonNegative, "kg"] = 0.068
 
 
 @settings

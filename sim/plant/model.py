@@ -70,7 +70,7 @@ def build_model(
     model = compiled(spec, robot.name)
     if (
         physics.few_contacts
-        and terrain.floor_stiffness is None
+        and not terrain.gives
         and scene is None
         and (model.geom_type[model.geom_contype != 0] == mujoco.mjtGeom.mjGEOM_PLANE).all()
     ):

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.feet import FootParts
-from wbc.sim.terrain.spec import Terrain
+from wbc.sim.terrain.spec import DAMPING_TIME, Terrain
 
 IMPEDANCE = 1e-3
 """Impedance d of a contact with a floor that gives."""
@@ -44,7 +44,7 @@ class Surface(Protocol):
 def surfaces(model: mujoco.MjModel, feet: Sequence[FootParts], ground: Terrain) -> list[Surface]:
     """Return what a ground changes at the soles of a compiled model; nothing for a rigid one of one friction."""
     found: list[Surface] = []
-    if ground.floor_stiffness is not None:
+    if ground.gives:
         found.append(GivingFloor(model, feet, ground))
     if ground.slippery:
         found.append(SlipperyFloor(model, feet, ground))
@@ -80,8 +80,6 @@ class GivingFloor:
 
         Raises an `InputError` for a floor that is too stiff for the step of the physics, with the step that could.
         """
-        stiffness = ground.floor_stiffness
-        assert stiffness is not None
         data, area = mujoco.MjData(model), np.zeros(model.ngeom)
         mujoco.mj_kinematics(model, data)
         for foot in feet:
@@ -89,18 +87,21 @@ class GivingFloor:
             sole = data.site(foot.wrench_site)
             points = (data.geom_xpos[geoms] - sole.xpos) @ sole.xmat.reshape(3, 3)
             area[geoms] = point_areas(points[:, :2], foot.fit.sole.length * foot.fit.sole.width)
-        self._own = area > 0.0
-        self._springs = np.outer(area, (-stiffness, -ground.own_damping)) * (1.0 - IMPEDANCE)
-        inverse = model.body_invweight0[model.geom_bodyid, 0]
-        longest = 1.0 / math.sqrt(stiffness * float((area * inverse).max()))
+        self._own = np.flatnonzero(area)
+        self._area = area[self._own]
+        self._floor = -np.array([ground.floor_stiffness or 0.0, ground.own_damping])
+        self._stretches = np.array(ground.giving).reshape(-1, 3)
+        self._rigid = model.geom_solref[self._own].copy(), model.geom_solimp[self._own, :2].copy()
+        self._inverse = model.body_invweight0[model.geom_bodyid, 0]
+        stiffness = max([ground.floor_stiffness or 0.0, *self._stretches[:, 2]])
+        longest = 1.0 / math.sqrt(stiffness * float((area * self._inverse).max()))
         if model.opt.timestep > longest:
             raise InputError(
                 f"a floor of {stiffness:.3g} N/m³ under these soles needs a physics step of {longest:.3g} s at most, "
                 f"got {model.opt.timestep:g} s: shorten the step, or leave floor_stiffness out for a rigid floor"
             )
         model.opt.impratio = FRICTION_IMPEDANCE
-        model.geom_solref[self._own] = (self._springs * inverse[:, None])[self._own]
-        model.geom_solimp[self._own, :2] = IMPEDANCE
+        self._write(model, data.geom_xpos[self._own, 0])
 
     def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Correct the parameters of the points that touch, by the rows of the step that has just been made.
@@ -109,13 +110,23 @@ class GivingFloor:
         """
         contact, step = data.contact, model.opt.timestep
         geoms, rows = contact.geom.max(axis=1, initial=0), contact.efc_address
-        touching = (rows >= 0) & self._own[geoms]
+        touching = (rows >= 0) & (model.geom_solimp[geoms, 0] == IMPEDANCE)
         geoms, rows = geoms[touching], rows[touching]
         s, b = -model.geom_solref[geoms].T
-        inverse = (
+        self._inverse[geoms] = (
             data.efc_R[rows] * (1.0 + step * (b + step * s) / IMPEDANCE) * (IMPEDANCE / (1.0 - IMPEDANCE))
         )
-        model.geom_solref[geoms] = self._springs[geoms] * inverse[:, None]
+        self._write(model, data.geom_xpos[self._own, 0])
+
+    def _write(self, model: mujoco.MjModel, x: Array) -> None:
+        """Write the parameters of all points, which are at some x, shape (n,), m, into the model."""
+        floor = np.tile(self._floor, (len(x), 1))
+        for start, end, stiffness in self._stretches:
+            floor[(x >= start) & (x < end)] = -stiffness, -DAMPING_TIME * stiffness
+        springs = (self._area * self._inverse[self._own])[:, None] * floor * (1.0 - IMPEDANCE)
+        gives, (solref, solimp) = floor[:, :1] < 0.0, self._rigid
+        model.geom_solref[self._own] = np.where(gives, springs, solref)
+        model.geom_solimp[self._own, :2] = np.where(gives, IMPEDANCE, solimp)
 
 
 def point_areas(points: Array, area: float) -> Array:

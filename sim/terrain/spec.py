@@ -81,6 +81,8 @@ class Terrain:
         floor_damping: Damping of the ground per area, Ns/m³; a hundredth of a second times its stiffness when None.
         slippery: Stretches across the whole ground on which it is slippery: from x (m), to x (m), coefficient of
             friction of a sole there, one stretch behind the other.
+        giving: Stretches whose stiffness differs from that of the other ground: from x (m), to x (m), N/m³, likewise;
+            their damping is a hundredth of a second times the stiffness.
     """
 
     parameters: Family
@@ -95,6 +97,7 @@ class Terrain:
     floor_stiffness: Annotated[Positive, "N/m³"] | None = None
     floor_damping: Annotated[NonNegative, "Ns/m³"] | None = None
     slippery: tuple[Number, ...] = ()
+    giving: tuple[Number, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the amplitude and the track against the family."""
@@ -109,14 +112,8 @@ class Terrain:
             )
         if self.floor_damping is not None and self.floor_stiffness is None:
             raise InputError("floor_damping is that of a floor that gives: it needs floor_stiffness, too")
-        parts = self.slippery
-        if len(parts) % 3 or any(
-            a >= b or mu < 0.0 for a, b, mu in zip(parts[::3], parts[1::3], parts[2::3], strict=False)
-        ):
-            raise InputError(
-                "slippery must be stretches of three numbers: from x (m), to a greater x (m), coefficient of friction "
-                f"of 0 or more; got {parts}"
-            )
+        _check_stretches("slippery", self.slippery, "coefficient of friction of 0 or more")
+        _check_stretches("giving", self.giving, "stiffness above 0 (N/m³)", above=True)
         self.parameters.check_track(self.length, self.width)
         if self.ramp > 0.0 and not self.parameters.ramps:
             raise InputError(f"terrain '{self.name}' has no ramp, its heights are exact; got {self.ramp:g} m")
@@ -136,6 +133,11 @@ class Terrain:
     def name(self) -> str:
         """Name of the family."""
         return self.parameters.name
+
+    @property
+    def gives(self) -> bool:
+        """True if the ground gives somewhere."""
+        return self.floor_stiffness is not None or bool(self.giving)
 
     @property
     def own_damping(self) -> float:
@@ -353,9 +355,19 @@ class Terrain:
             "height_field_bytes": 0 if map_ is None else 4 * map_.z.size,
             "smallest_feature_m": self._feature if math.isfinite(self._feature) else None,
             "slippery": list(self.slippery),
+            "giving": list(self.giving),
             **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
             "fingerprint": self.fingerprint(),
         }
+
+
+def _check_stretches(name: str, parts: tuple[float, ...], third: str, *, above: bool = False) -> None:
+    """Raise an `InputError` for numbers that are no stretches, or whose third number is below 0 (or 0 itself)."""
+    stretches = zip(parts[::3], parts[1::3], parts[2::3], strict=False)
+    if len(parts) % 3 or any(a >= b or value < 0.0 or (above and value == 0.0) for a, b, value in stretches):
+        raise InputError(
+            f"{name} must be stretches of three numbers: from x (m), to a greater x (m), {third}; got {parts}"
+        )
 
 
 def _as_text(value: Any) -> Any:
@@ -373,6 +385,7 @@ TRACK = (
     "floor_stiffness",
     "floor_damping",
     "slippery",
+    "giving",
 )
 """Fields of a terrain that have a default, which a family may change."""
 
@@ -388,8 +401,7 @@ def terrain(
         amplitude: Highest minus lowest point of the rough part, m; the default of the family when None.
         seed: Fixes every random draw.
         **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius in m; floor_stiffness in N/m³,
-            floor_damping in Ns/m³; slippery) and parameters of the
-            family; by default those of the family.
+            floor_damping in Ns/m³; slippery, giving) and parameters of the family; by default those of the family.
     """
     given = {field: values.pop(field) for field in TRACK if field in values}
     parameters = make_family(name, values) if isinstance(name, str) else replace(name, **values)

@@ -82,7 +82,7 @@ class WalkSpec(TrialSpec):
         terrain: Family of grounds that `wbc terrain` lists.
         amplitude: Highest minus lowest point of the ground, m.
         terrain_params: Parameters of the family of grounds, and of every ground: length, width, start, strip, ramp,
-            floor_stiffness, floor_damping, slippery.
+            floor_stiffness, floor_damping, slippery, giving.
         scene: Furniture, or ground that moves: a scene that `wbc terrain` lists.
         scene_params: Parameters of the scene.
         seed: Seed of the ground and of the sensor errors.

@@ -48,6 +48,15 @@ def test_the_flat_foot_is_the_robots_own_sole() -> None:
     assert fit.mass == fit.height_change == fit.added_inertia.mass == 0.0
 
 
+def test_the_soft_foot_of_the_iit_has_the_stiffness_and_the_mass_of_its_five_chains() -> None:
+    """Two hinges in a row that share an angle equally have a half of the stiffness and of the damping of each."""
+    design = foot("iit_softfoot")
+    assert isinstance(design, SoftFoot)
+    assert (design.stiffness, design.damping) == pytest.approx((5 * 0.8 / 2, 5 * 0.04 / 2))
+    chain = 6 * 5.24 + 4.82 + 6.93 + 9.56  # g
+    assert design.mass == pytest.approx(1e-3 * (5 * chain + 79.6 + 72.0 + 67.6), rel=0.01)
+
+
 @pytest.mark.parametrize("name", FITTING)
 def test_ankle_sits_where_the_design_says_whatever_the_axes_of_its_link(name: str) -> None:
     own = tilted_sole(1)

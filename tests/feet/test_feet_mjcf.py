@@ -28,6 +28,7 @@ DESIGNS: dict[str, Foot] = {
     "rigid": foot("rigid"),
     "soft": foot("soft"),
     "variable": foot("variable", stiffness=40.0),
+    "iit_softfoot": foot("iit_softfoot"),
     "six phalanges": foot("soft", phalanges=6, loop_phalanx=2),
 }
 

@@ -79,6 +79,33 @@ def test_a_sole_tilts_by_the_second_moment_of_its_area(axis: str, stiff: str) ->
     assert moment / angle - servo - ankle == pytest.approx(STIFFNESS * other * own**3 / 12.0, rel=0.05)
 
 
+def test_each_point_of_a_sole_rests_on_the_stretch_that_it_is_on() -> None:
+    """The springs on both sides of a border under a sole carry its weight together."""
+    middle, soft = 1.8, STIFFNESS
+    ground = terrain("flat", floor_stiffness=2.0 * soft, giving=(0.0, middle, soft))
+    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))
+    for _ in range(rig.steps(1.5)):
+        rig.step()
+    geoms = [rig.model.geom(name).id for name in rig.foot.contact_geoms]
+    areas, depth = depths(rig)
+    x = rig.data.geom_xpos[geoms, 0]
+    stiffness = np.where(x < middle, soft, 2.0 * soft)
+    assert set(stiffness.tolist()) == {soft, 2.0 * soft}
+    assert float((stiffness * areas) @ depth) == pytest.approx(rig.mass * GRAVITY, rel=0.005)
+
+
+@pytest.mark.parametrize("place", [-0.5, 0.5])
+def test_a_rigid_floor_gives_on_its_stretches_alone(place: float) -> None:
+    ground = terrain("flat", giving=(1.8, 5.0, STIFFNESS))
+    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, x=place))
+    for _ in range(rig.steps(1.5)):
+        rig.step()
+    size = rig.foot.fit.sole
+    static = rig.mass * GRAVITY / (STIFFNESS * size.length * size.width)
+    height = float(rig.data.site(rig.foot.wrench_site).xpos[2])
+    assert -height == pytest.approx(static if place > 0.0 else 0.0, rel=0.004, abs=1e-5)
+
+
 def test_a_foot_swings_on_the_floor_as_a_damped_oscillator_does() -> None:
     """The greatest depth of a foot that is let go is that of m z̈ + C ż + K z = 0 about the depth of rest."""
     stiffness, damping = 2e6, 4e3
@@ -205,5 +232,8 @@ def test_the_least_friction_of_stretches_counts_and_is_never_more_than_the_sole_
     "stretches", [(0.5,), (0.5, 1.0), (1.0, 0.5, 0.1), (0.5, 1.0, -0.1), (0.5, 1.0, math.nan)]
 )
 def test_stretches_that_are_none_are_refused(stretches: tuple[float, ...]) -> None:
-    with pytest.raises(InputError, match="slippery"):
-        terrain("flat", slippery=stretches)
+    for name in ("slippery", "giving"):
+        with pytest.raises(InputError, match=name):
+            terrain("flat", **{name: stretches})  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="stiffness above 0"):
+        terrain("flat", giving=(0.5, 1.0, 0.0))
