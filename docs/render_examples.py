@@ -1,6 +1,6 @@
 """Draw the sheet of all examples: `python docs/render_examples.py [FILE]`; without a display set MUJOCO_GL=egl.
 
-Every example that has a plant is run as it is, and drawn at one instant.
+Each of the examples of `INSTANTS` is run as it is, and drawn at one instant.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from render_walk import brighten
 
 from wbc.app.replay.film import renderer
 from wbc.app.view.stage import SimulatedStage
@@ -24,24 +25,27 @@ from wbc.sim.trial.trial import TrialHook, TrialTick
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 INSTANTS = {
-    "stand": 1.0,
-    "program": 4.6,
-    "reach_walking": 4.6,
-    "walk": 4.6,
-    "drive": 4.6,
-    "walk_stones": 5.7,
-    "walk_soles": 6.9,
-    "walk_stairs": 5.7,
-    "step_over_stones": 4.6,
-    "own_source": 3.0,
-    "own_robot": 1.0,
-    "hands/carry": 4.0,
-    "hands/press": 8.0,
+    "stand": (1.0, 170.0),
+    "program": (4.6, 130.0),
+    "reach_walking": (4.6, 130.0),
+    "walk": (4.9, 95.0),
+    "drive": (4.6, 150.0),
+    "walk_stones": (5.7, 130.0),
+    "walk_soles": (6.9, 60.0),
+    "walk_stairs": (5.7, 110.0),
+    "step_over_stones": (4.6, 150.0),
+    "own_source": (3.3, 160.0),
+    "own_robot": (1.0, 130.0),
+    "hands/carry": (4.0, 110.0),
+    "hands/press": (8.0, 130.0),
 }
-"""Time at which each example is drawn, s."""
+"""Time at which each example is drawn, s, and azimuth of the camera, degrees: behind the robot is 0."""
 
-WITHOUT_PLANT = ("arm", "cassie", "handles", "learn", "other_engine", "without_feet", "two_robots")
-"""Examples that are not drawn: they have no plant, a loop of their own, or two robots."""
+NOT_DRAWN = (
+    *("arm", "cassie", "handles", "learn", "motion", "other_engine", "without_feet", "two_robots"),
+    *("hands/cart", "hands/door", "hands/one_foot"),
+)
+"""Examples that are not drawn: they have no plant, a loop of their own or two robots, or take long."""
 
 SIZE = (300, 260)
 """Width and height of one picture, pixels."""
@@ -52,15 +56,15 @@ COLUMNS = 5
 class Catcher(TrialHook):
     """Takes a picture of a plant when its time has come."""
 
-    def __init__(self, instant: float) -> None:
-        self.instant, self.picture = instant, None
+    def __init__(self, instant: float, azimuth: float) -> None:
+        self.instant, self.azimuth, self.picture = instant, azimuth, None
         self.plant: Plant | None = None
 
     def update(self) -> None:
         """Look at the plant; called once a tick."""
         assert self.plant is not None
         if self.picture is None and self.plant.time >= self.instant - 1e-9:
-            self.picture = photograph(self.plant)
+            self.picture = photograph(self.plant, view=(3.3, self.azimuth, -14.0))
 
     def tick(self, tick: TrialTick) -> None:
         """The same for walks that `walk` runs."""
@@ -78,6 +82,7 @@ def photograph(
     The size is in pixels; the view has the distance in CoM heights, azimuth and elevation in degrees.
     """
     stage = SimulatedStage(plant, None)
+    brighten(stage.model)
     picture, height, camera = stage.picture(), stage.scale.height, mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = view[0] * height, *view[1:]
     camera.lookat[:] = (*picture.target[:2], stage.floor + 0.85 * height)
@@ -85,10 +90,10 @@ def photograph(
         return Image.fromarray(drawn.draw(stage, picture, camera))
 
 
-def picture_of(name: str, instant: float) -> Image.Image:
+def picture_of(name: str, instant: float, azimuth: float) -> Image.Image:
     """Run an example, and take its picture."""
     module, common = importlib.import_module(name.replace("/", ".")), importlib.import_module("_common")
-    catcher = Catcher(instant)
+    catcher = Catcher(instant, azimuth)
 
     @contextlib.contextmanager
     def watch(self: Any, plant: Plant, walking: Any = None) -> Iterator[Catcher]:
@@ -110,15 +115,15 @@ def main() -> None:
     sys.path[:0] = [str(EXAMPLES), str(EXAMPLES / "hands")]
     examples = (path for folder in (".", "hands") for path in (EXAMPLES / folder).glob("*.py"))
     found = {str(p.relative_to(EXAMPLES).with_suffix("")) for p in examples}
-    missing = found - {"_common", "hands/_arms", "hands/_hands", *WITHOUT_PLANT} - set(INSTANTS)
+    missing = found - {"_common", "hands/_arms", "hands/_hands", *NOT_DRAWN} - set(INSTANTS)
     if missing:
         raise RuntimeError(f"no instant for {', '.join(sorted(missing))}")
     rows = -(-len(INSTANTS) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * SIZE[0], rows * SIZE[1]), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(16)
-    for i, (name, instant) in enumerate(INSTANTS.items()):
+    for i, (name, (instant, azimuth)) in enumerate(INSTANTS.items()):
         corner = np.array([i % COLUMNS, i // COLUMNS]) * SIZE
-        sheet.paste(picture_of(name, instant), tuple(corner.tolist()))
+        sheet.paste(picture_of(name, instant, azimuth), tuple(corner.tolist()))
         pen.text(tuple((corner + (8, 6)).tolist()), f"{name}.py", fill="black", font=font)
     sheet.quantize(128).save(path, optimize=True)
     print(f"wrote {path}")
