@@ -14,7 +14,7 @@ from wbc.feet.sensing.roughness import roughness
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.catalog import foot, register_foot
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
-from wbc.feet.soles.soft import SoftFoot
+from wbc.feet.soles.soft import SoftFoot, VariableStiffnessFoot
 from wbc.feet.soles.sole import FootFit
 from wbc.feet.stiffness.model import StiffnessModel
 
@@ -24,6 +24,7 @@ __all__ = [
     "register_foot",
     # Designs
     "SoftFoot",
+    "VariableStiffnessFoot",
     # A design of your own
     "Foot",
     "FootFit",
