@@ -47,7 +47,18 @@ from wbc.app.view.marks import (
     sole_force,
     stiffness_colour,
 )
-from wbc.app.view.meshes import ENDLESS, PLANE_DEPTH, SHADES, ball, body_meshes, box, geom_mesh, merged
+from wbc.app.view.meshes import (
+    ENDLESS,
+    PLANE_DEPTH,
+    RINGS,
+    SHADES,
+    ball,
+    body_meshes,
+    box,
+    geom_mesh,
+    merged,
+    normals,
+)
 from wbc.app.view.stage import DescribedStage, SimulatedStage, zmp_of
 from wbc.app.view.walk_marks import MAP_PERIOD, MAX_STEPS, WalkMarks, outside_force, sole_corners
 from wbc.core.robot import GRAVITY
@@ -351,6 +362,12 @@ def test_faces_that_meet_at_a_sharp_edge_have_corners_of_their_own(kind: str) ->
     for one, other in itertools.combinations(sides.values(), 2):
         assert not one & other
     assert (np.einsum("ij,ij->i", normals, a) > 0.0).all(), "they look outwards"
+
+
+def test_normals_of_a_ball_point_away_from_its_middle() -> None:
+    mesh = ball(2.0, 2.0, 2.0)
+    away = (normals(mesh) * mesh.vertices / 2.0).sum(axis=1)
+    assert away.min() > math.cos(math.pi / (RINGS - 1)), "within the angle between two rings"
 
 
 def test_merged_meshes_keep_their_triangles() -> None:

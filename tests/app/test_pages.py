@@ -19,7 +19,7 @@ import wbc
 from wbc.app import MeshcatView
 from wbc.app.replay import player
 from wbc.app.replay.player import Player
-from wbc.app.view import base, meshcat_view, viser_page, walk_hook, workbench
+from wbc.app.view import base, meshcat_view, viser_page, workbench
 from wbc.app.view.base import CATCH_UP_TIME, FIRST_PORT, MAX_STEP, PORTS, View, free_port
 from wbc.app.view.controls import (
     DIRECTIONS,
@@ -416,7 +416,6 @@ class Shown:
         self.opened, self.options, self.closed = [what], options, False
         self.waits: list[float] = []
         self.updates: list[Any] = []
-        self.controls = "controls"
 
     def show(self, *what: Any) -> None:
         self.opened.append(what)
@@ -442,7 +441,7 @@ def pages(monkeypatch: pytest.MonkeyPatch) -> list[Shown]:
         made.append(Shown(*what, **options))
         return made[-1]
 
-    monkeypatch.setattr(walk_hook, "MeshcatView", make)
+    monkeypatch.setattr(meshcat_view, "MeshcatView", make)
     monkeypatch.setattr(workbench, "Workbench", make)
     return made
 
@@ -479,10 +478,11 @@ def test_a_hook_opens_one_page_waits_for_it_and_ends_it(pages: list[Shown]) -> N
 
 def test_a_page_that_stays_shows_the_next_trial(pages: list[Shown]) -> None:
     plant = wbc.Plant(HRP4)
-    hook = WatchWalk(workbench=True, stay=True)
+    hook = WatchWalk("workbench", stay=True)
     hook.open(trial_of(plant))
     hook.start(trial_of(plant))
     hook.end(None)
+    pages[0].controls = "controls"  # type: ignore[attr-defined]
     assert hook.controls == "controls" and not pages[0].closed
     hook.open(trial_of(plant))
     assert len(pages) == 1 and pages[0].opened == [(plant, "walking")] * 2

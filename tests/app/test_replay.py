@@ -23,8 +23,9 @@ import wbc
 from wbc.app import Log, Player, Recorder, Replay, convert_log, render_video
 from wbc.app.cli import main
 from wbc.app.drift import Drift
-from wbc.app.replay.film import Marks, RenderError, renderer
+from wbc.app.replay.film import RenderError, renderer
 from wbc.app.view.marks import Mark, Picture, stiffness_colour
+from wbc.app.view.mujoco_marks import MujocoMarks
 from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
@@ -228,7 +229,7 @@ def test_marks_are_drawn_where_they_are() -> None:
             drawn.update_scene(data, camera)
             before = drawn.render().astype(int)
             mark = Mark("m", kind, np.array(points, dtype=float), (1.0, 0.0, 0.0, 1.0), 0.1)  # type: ignore[arg-type]
-            Marks(drawn.scene).add([mark])
+            MujocoMarks(drawn.scene).add([mark])
             changed = np.abs(drawn.render().astype(int) - before).sum(axis=2) > 60
             assert changed[SIZE[1] // 2, SIZE[0] // 2], kind
             columns = np.flatnonzero(changed.any(axis=0))
@@ -253,7 +254,7 @@ def test_a_cloud_that_stays_is_drawn_as_one_that_is_made_anew(replay: Replay) ->
             picture.marks = [ball, *clouds]
             kept = drawn.draw(replay, picture, camera).astype(int)
             drawn.update_scene(replay.data, camera)
-            Marks(drawn.scene).add(picture.marks)
+            MujocoMarks(drawn.scene).add(picture.marks)
             np.testing.assert_allclose(drawn.render().astype(int), kept, atol=2)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,9 +19,12 @@ from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay import convert, film
-from wbc.app.replay.film import FOLLOW_TIME, Marks
+from wbc.app.replay.convert import RerunFile
+from wbc.app.replay.film import FOLLOW_TIME
 from wbc.app.replay.replay import MOST_PICTURES, Replay, _lists, _planned, _unit, _walk_marks
 from wbc.app.view.marks import LIFT, Mark, Picture, Scale, Walking
+from wbc.app.view.mujoco_marks import MujocoMarks
+from wbc.app.view.rerun_view import tint
 from wbc.base.errors import InputError
 
 TIME = 0.1 * np.arange(30)
@@ -143,7 +147,7 @@ def test_quaternions_have_length_one() -> None:
 def geoms_of(*marks: Mark, room: int = 100) -> list[Any]:
     model = mujoco.MjSpec().compile()
     scene = mujoco.MjvScene(model, maxgeom=room)
-    Marks(scene).add(marks)
+    MujocoMarks(scene).add(marks)
     return [scene.geoms[i] for i in range(scene.ngeom)]
 
 
@@ -298,6 +302,11 @@ class Rerun:
     class Mesh3D(SimpleNamespace):
         """A mesh."""
 
+        @classmethod
+        def from_fields(cls, **values: Any) -> Any:
+            """Return a part of one."""
+            return "part", values
+
 
 @pytest.fixture
 def told(tmp_path: Path) -> Iterator[tuple[Log, Rerun]]:
@@ -315,23 +324,30 @@ def told(tmp_path: Path) -> Iterator[tuple[Log, Rerun]]:
     yield made_log(tmp_path / "a.arrow", columns), Rerun()
 
 
+def file_of(log: Log, rerun: Any) -> Any:
+    """A file that writes into a record."""
+    file = RerunFile.__new__(RerunFile)
+    file._log, file._rerun, file._stream = log, rerun, rerun
+    return file
+
+
 def test_numbers_of_a_group_are_one_entity_without_those_that_are_none(told: tuple[Log, Rerun]) -> None:
     log, rerun = told
     signals = [log.signals[name] for name in ("v/x", "v/no", "v/one y", "state")]
-    convert._write_numbers(rerun, rerun, log, "v", signals)
+    file = file_of(log, rerun)
+    file.write_numbers("v", convert.with_numbers(log, signals))
     assert rerun.logged == [("v", ["x (m)", "one_y (m)"])]
     times, (values, sizes) = rerun.columns["v"]
     np.testing.assert_array_equal(times, TIME)
     np.testing.assert_allclose(values, np.column_stack([TIME, -TIME]))
     assert (sizes == 2).all()
-    convert._write_numbers(rerun, rerun, log, "w", [Signal("v/no"), Signal("state", kind="text")])
-    assert "w" not in rerun.columns
+    assert not convert.with_numbers(log, [Signal("v/no"), Signal("state", kind="text")])
 
 
 def test_texts_of_every_tick_are_states_and_others_events(told: tuple[Log, Rerun]) -> None:
     log, rerun = told
     for name in ("state", "event"):
-        convert._write_texts(rerun, rerun, log, name)
+        file_of(log, rerun).write_texts(name)
     times, columns = rerun.columns["state"]
     assert times == pytest.approx([0.0, 1.0, 1.5]) and columns == ("states", ["a", "b", "a"])
     times, columns = rerun.columns["event"]
@@ -339,8 +355,7 @@ def test_texts_of_every_tick_are_states_and_others_events(told: tuple[Log, Rerun
 
 
 def test_colours_of_meshes_are_bytes() -> None:
-    mesh: Any = SimpleNamespace(vertices=np.zeros((3, 3)), faces=np.zeros((1, 3)))
-    assert convert._mesh(Rerun, mesh, (0.0, 0.5, 1.0, 0.2)).albedo_factor == (0, 128, 255, 51)
+    assert tint((0.0, 0.5, 1.0, 0.2)) == (0, 128, 255, 51)
 
 
 class Scene(Rerun):
@@ -362,23 +377,20 @@ class Scene(Rerun):
     def set_time(self, name: str, duration: float) -> None:
         self.time = duration
 
-    def reset_time(self) -> None:
-        self.time = -1.0
-
     ViewCoordinates = SimpleNamespace(RIGHT_HAND_Z_UP="up")
 
     class Clear(SimpleNamespace):
         """An end."""
 
-    class Transform3D:
-        """Places."""
-
-        @staticmethod
-        def columns(mat3x3: Any, translation: Any) -> Any:
-            return np.array(mat3x3), np.array(translation)
+    @staticmethod
+    def Transform3D(quaternion: Any, translation: Any) -> Any:  # noqa: N802 - as Rerun has it
+        """Return a place."""
+        return SimpleNamespace(quaternion=np.array(quaternion), translation=np.array(translation))
 
 
-def test_a_scene_for_rerun_has_places_of_bodies_and_marks_where_they_change() -> None:
+def test_a_scene_for_rerun_has_places_of_bodies_and_marks_where_they_change(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><geom type="plane" size="1 1 0.1"/>
         <body name="a box" pos="0 0 1"><freejoint/><geom type="box" size="0.1 0.2 0.3" rgba="1 0.5 0 1"/></body>
@@ -401,12 +413,20 @@ def test_a_scene_for_rerun_has_places_of_bodies_and_marks_where_they_change() ->
         ticks=lambda rate: [0, 1, 2, 3] if rate == 7.0 else [],
     )
     scene = Scene()
-    convert._write_scene(scene, scene, replay, 7.0)
-    times, (turns, places) = scene.columns["robot/a_box"]
-    np.testing.assert_allclose(times, TIME[:4])
-    np.testing.assert_allclose(places, [[0.1 * k, -0.2 * k, 1.0] for k in range(4)], atol=1e-12)
-    np.testing.assert_allclose(turns, [data.xmat[1].reshape(3, 3)] * 4, atol=1e-12)
-    assert scene.at == [("marks/the_zmp", TIME[k]) for k in (0, 2, 3)]
+    monkeypatch.setitem(sys.modules, "rerun", scene)
+    file_of(log, scene).write_scene(replay, 7.0)  # type: ignore[arg-type]
+    places = [value for name, value in scene.logged if name == "robot/a_box"]
+    assert [at for at in scene.at if at[0] == "robot/a_box"] == [("robot/a_box", TIME[k]) for k in range(4)]
+    for k, place in enumerate(places):
+        np.testing.assert_allclose(place.translation, [0.1 * k, -0.2 * k, 1.0], atol=1e-12)
+        np.testing.assert_allclose(place.quaternion, [0.0, 0.8, 0.0, 0.6], atol=1e-12)
+    painted = [(name, value[1]["albedo_factor"]) for name, value in scene.logged if isinstance(value, tuple)]
+    assert ("robot/a_box/1", (255, 128, 0, 255)) in painted and len(painted) == 2, (
+        "once, as they stay the same"
+    )
+    assert [at for at in scene.at if at[0].startswith("marks/")] == [
+        ("marks/the_zmp", TIME[k]) for k in (0, 2, 3)
+    ]
     marks = [value for name, value in scene.logged if name.startswith("marks/")]
     assert isinstance(marks[0], Rerun.Mesh3D) and isinstance(marks[2], Scene.Clear)
     assert {name.rpartition("/")[0] for name in scene.static} == {"", "ground", "robot/a_box"}

@@ -206,15 +206,18 @@ def test_more_is_logged_when_asked_for(words: Any, level: int, monkeypatch: pyte
 # ---- live runs ------------------------------------------------------------------------------------------------------
 
 
-def test_a_run_is_watched_on_a_page_and_only_some_pages_change_it() -> None:
-    plain, view, bench_page = LiveView(), LiveView(view=True), LiveView(workbench=True)
-    assert [each.watched for each in (plain, view, bench_page)] == [False, True, True]
-    assert [each.changes for each in (plain, view, bench_page)] == [False, False, True]
-    drives = [LiveDrive(drive=d, workbench=w) for d in (False, True) for w in (False, True)]
-    assert [each.changes for each in drives] == [False, True, True, True]
-    assert LiveView(view=True, port=7001).port == 7001
-    with pytest.raises(InputError, match="--view"):
-        LiveView(port=7001)
+def test_a_run_is_shown_by_the_viewer_that_is_named_and_driven_from_the_workbench() -> None:
+    assert LiveView().viewer is None and LiveView(view="rerun").viewer == "rerun"
+    assert LiveDrive(drive=True).viewer == LiveDrive(drive=True, view="workbench").viewer == "workbench"
+    assert LiveView(view="meshcat", port=7001).port == LiveDrive(drive=True, port=7001).port == 7001
+    for options in (
+        {"port": 7001},
+        {"port": 7001, "view": "mujoco"},
+        {"view": "meshcat", "drive": True},
+        {"view": "x"},
+    ):
+        with pytest.raises(InputError, match="workbench"):
+            LiveDrive(**options)  # type: ignore[arg-type]
 
 
 def test_a_run_without_a_page_runs_once_and_one_with_a_page_as_often_as_it_asks(
@@ -224,8 +227,8 @@ def test_a_run_without_a_page_runs_once_and_one_with_a_page_as_often_as_it_asks(
     asks = [True, True, False]
 
     class Hook:
-        def __init__(self, **options: Any) -> None:
-            self.options, self.opened, self.closed = options, [], False
+        def __init__(self, viewer: str, **options: Any) -> None:
+            self.viewer, self.options, self.opened, self.closed = viewer, options, [], False
 
         def open(self, trial: Any) -> None:
             self.opened.append(trial)
@@ -248,9 +251,9 @@ def test_a_run_without_a_page_runs_once_and_one_with_a_page_as_often_as_it_asks(
 
     result, trial, hooks = run(LiveView())
     assert (result, trial, hooks, len(made)) == (7, made[0], [], 1)
-    result, trial, (hook,) = run(LiveView(workbench=True, port=0))
+    result, trial, (hook,) = run(LiveView(view="workbench", port=0))
     assert len(made) == 4 and trial is made[3] and hook.opened == made[1:] and hook.closed and not asks
-    assert hook.options["workbench"] and hook.options["port"] == 0
+    assert hook.viewer == "workbench" and hook.options["port"] == 0
 
 
 def test_changes_from_the_page_and_the_end_by_ctrl_c_stand_in_the_result() -> None:

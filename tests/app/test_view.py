@@ -5,7 +5,11 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import os
+import shutil
 import socket
+import subprocess
+import sys
 import urllib.error
 import urllib.request
 from dataclasses import replace
@@ -41,6 +45,8 @@ from wbc.app.view.marks import (
     stiffness_colour,
 )
 from wbc.app.view.meshes import PLANE_DEPTH, SHOWN_GROUPS, body_meshes, geom_mesh
+from wbc.app.view.mujoco_view import MujocoView
+from wbc.app.view.rerun_view import RerunView
 from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.app.view.walk_marks import drift_of
 from wbc.base.errors import InputError
@@ -539,19 +545,86 @@ def test_a_port_in_use_stops_a_walk_before_anything_is_written(
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = str(taken.getsockname()[1])
-        assert main([*WALK, "--view", "--port", port, "--record", str(log)]) == BAD_INPUT
+        assert main([*WALK, "--view", "meshcat", "--port", port, "--record", str(log)]) == BAD_INPUT
     captured = capsys.readouterr()
     assert port in captured.err and not captured.out and log.read_text() == "kept"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", ["--view", "--workbench"])
+@pytest.mark.parametrize("viewer", ["meshcat", "workbench", "rerun"])
 def test_the_command_shows_a_walk(
-    page: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    viewer: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live, "BROWSER_TIME", 0.0)
-    assert main([*WALK, page, "--port", "0"]) == RAN
+    assert main([*WALK, "--view", viewer, "--port", "0"]) == RAN
     assert json.loads(capsys.readouterr().out)["interactive"] is False
+
+
+@needs_chromium
+def test_rerun_counts_its_pages_and_shows_the_run_again(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    plant = wbc.Plant(HRP4)
+    with RerunView(plant, port=0, rate=1e6) as view, Browser(tmp_path / "profile") as browser:
+        assert view.pages == 0
+        port = int(view.url.split(":")[2].split("/")[0])
+        with socket.socket() as probe:  # a server for all addresses would answer at this one, too
+            assert probe.connect_ex(("127.0.0.2", port)) != 0
+        browser.open(view.url)
+        assert view.wait_for_page(60.0) and view.pages == 1
+        plant.step(plant.hold())
+        view.update()
+    assert view.pages == 0
+    with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+        pass  # the server has ended with the view
+
+
+def test_a_window_needs_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(ViewError, match="meshcat"):
+        MujocoView(wbc.Plant(HRP4))
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("Xvfb") is None, reason="no Xvfb on this machine")
+def test_the_window_of_mujocos_viewer_shows_a_copy_of_the_run(tmp_path: Path) -> None:
+    with subprocess.Popen(["Xvfb", "-displayfd", "1"], stdout=subprocess.PIPE, text=True) as screen:
+        try:
+            assert screen.stdout is not None
+            number = screen.stdout.readline().strip()
+            environment = os.environ | {"DISPLAY": f":{number}", "PYTHONPATH": os.pathsep.join(sys.path)}
+            done = subprocess.run(
+                [sys.executable, "-c", WINDOW],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=False,
+                timeout=300,
+            )
+        finally:
+            screen.terminate()
+    assert done.returncode == 0, done.stderr
+
+
+WINDOW = """
+import mujoco, numpy as np, wbc
+from wbc.app.view.mujoco_view import MujocoView
+plant = wbc.Plant(wbc.load_robot("hrp4_class"), foot="soft")
+before = plant.model.geom_rgba.copy()
+with MujocoView(plant, rate=1e6) as view:
+    for _ in range(3):
+        plant.step(plant.hold())
+        view.update()
+    window = view._window
+    assert view.pages == 1 and window.user_scn.ngeom > 5
+    assert window.d is not plant.data and np.array_equal(window.d.qpos, plant.data.qpos)
+    assert (window.m.geom_rgba != before).any() and np.array_equal(plant.model.geom_rgba, before)
+    window.close()
+    view.update()
+assert view.pages == 0
+"""
+"""Program of a child: MuJoCo chooses its way to draw when it is imported."""
 
 
 @pytest.mark.slow

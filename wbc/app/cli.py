@@ -10,9 +10,10 @@ import signal
 import sys
 import threading
 import traceback
+import typing
 from collections.abc import Iterator, Sequence
 
-from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, MissingArgumentError, Parameter
 
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 from wbc._version import __version__
@@ -21,6 +22,9 @@ from wbc.base.errors import InputError, WbcError, one_line
 
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: ran (whatever the result), failed, input that cannot be used, stopped by Ctrl-C."""
+
+RENAMED = {"--workbench": "--view workbench"}
+"""Options by their old names, with the new ones."""
 
 LONGEST_LINE = 1000
 """Longest line that says why a command line is refused, characters."""
@@ -98,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         print(end="", flush=True)  # there may be no stdout
     except (CycloptsError, InputError) as error:
-        print(f"wbc: {_one_line(error)}", file=sys.stderr)
+        print(f"wbc: {_one_line(error)}{_hint(error, words)}", file=sys.stderr)
         return BAD_INPUT
     except WbcError as error:
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
@@ -130,6 +134,18 @@ def _end(number: int, frame: object) -> None:
     """End with the exit code of a program that a signal ends."""
     del frame
     raise SystemExit(128 + number)
+
+
+def _hint(error: BaseException, words: Sequence[str]) -> str:
+    """Return the new name of an option, or the choices of one that has no value; empty for other errors."""
+    renamed = [f" {old} is called {new} now." for old, new in RENAMED.items() if old in words]
+    if renamed or not isinstance(error, MissingArgumentError) or error.argument is None:
+        return "".join(renamed)
+    hints = (error.argument.hint, *typing.get_args(error.argument.hint))
+    choices = [
+        f'"{each}"' for hint in hints if typing.get_origin(hint) is typing.Literal for each in hint.__args__
+    ]
+    return f" Choose from: {', '.join(choices)}." if choices else ""
 
 
 def _one_line(error: BaseException) -> str:

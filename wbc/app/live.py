@@ -6,12 +6,13 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import Field
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from wbc.app.output import progress_console
+from wbc.app.view import Viewer
 from wbc.base.errors import InputError
 from wbc.base.settings import settings
 from wbc.sim.trial.trial import TrialHook
@@ -33,31 +34,29 @@ BROWSER_TIME = 20.0
 
 @settings(kw_only=True)
 class LiveView:
-    """Options of the live view in a browser of this machine; from another one through `ssh -L`.
+    """Options of the live view, which shows the run in real time on this machine; from another one through `ssh -L`.
 
     Attributes:
-        view: Show the run in the browser, in real time.
-        workbench: Show it with controls of the run: push, gains, targets, pause, restart.
+        view: Viewer of the run: meshcat (a page in the browser), workbench (a page with controls of the run: push,
+            gains, targets, pause, restart), rerun (Rerun's page, in which the run can be looked at again) or mujoco
+            (the window of MuJoCo's viewer, on a screen).
         port: Port of the page; the first free one from 7000 on if not given.
     """
 
-    view: bool = False
-    workbench: bool = False
+    view: Viewer | None = None
     port: Port | None = None
 
     @property
-    def changes(self) -> bool:
-        """True if the page changes the run."""
-        return self.workbench
-
-    @property
-    def watched(self) -> bool:
-        """True if there is a page."""
-        return self.view or self.changes
+    def viewer(self) -> Viewer | None:
+        """Name of the viewer; None for a run that is not shown."""
+        return self.view
 
     def __post_init__(self) -> None:
-        if not self.watched and self.port is not None:
-            raise InputError("the port is that of the live view: it needs --view or --workbench")
+        if self.port is not None and self.viewer in (None, "mujoco"):
+            pages = ", ".join(name for name in get_args(Viewer) if name != "mujoco")
+            raise InputError(
+                f"the port is that of a page: it needs --view with one of {pages}, got {self.viewer}"
+            )
 
     def run(
         self,
@@ -72,17 +71,17 @@ class LiveView:
         """
         with ExitStack() as stack:
             hooks: list[WatchWalk] = []
-            if self.watched:
+            if self.viewer is not None:
                 from wbc.app.view.walk_hook import WatchWalk as Hook  # noqa: PLC0415 - most runs are not watched
 
-                hook = Hook(workbench=self.changes, port=self.port, wait=BROWSER_TIME, stay=True)
+                hook = Hook(self.viewer, port=self.port, wait=BROWSER_TIME, stay=True)
                 stack.callback(hook.close)
                 hooks.append(hook)
             while True:
                 trial = make()
                 for hook in hooks:
                     hook.open(trial)
-                with ended_by_interrupt(trial), shown_progress(trial, watched=self.watched):
+                with ended_by_interrupt(trial), shown_progress(trial, watched=bool(hooks)):
                     result = simulate(trial, hooks)
                 if not any(hook.restarted(outcome(result)) for hook in hooks):
                     return result, trial, hooks
@@ -99,9 +98,16 @@ class LiveDrive(LiveView):
     drive: bool = False
 
     @property
-    def changes(self) -> bool:
-        """True if the page changes the run."""
-        return self.workbench or self.drive
+    def viewer(self) -> Viewer | None:
+        """Name of the viewer; None for a run that is not shown."""
+        return "workbench" if self.drive else self.view
+
+    def __post_init__(self) -> None:
+        if self.drive and self.view not in (None, "workbench"):
+            raise InputError(
+                f"the page to drive from is the workbench: --drive needs no --view, got {self.view}"
+            )
+        super().__post_init__()
 
 
 def with_changes(

@@ -149,7 +149,7 @@ def _track(file: Path, options: TrackOptions, live: LiveView, output: Output) ->
         data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
     spec = TrackSpec(**{each.name: getattr(options, each.name) for each in fields(TrackSpec)})
     result, trial, hooks = live.run(
-        lambda: TrackTrial(clip, spec, visuals=live.watched),
+        lambda: TrackTrial(clip, spec, visuals=live.viewer is not None),
         lambda trial, hooks: trial.run(hooks),
         lambda ended: "tracked to its end" if ended.completed else f"fell after {ended.seconds:.2f} s",
     )

@@ -17,8 +17,7 @@ from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay.foxglove import FoxgloveFile
 from wbc.app.replay.replay import Replay
-from wbc.app.view.marks import Mark, changes, mark_mesh
-from wbc.app.view.meshes import Colour, Mesh, body_meshes
+from wbc.app.view.rerun_view import RerunScene, plain
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
@@ -26,6 +25,9 @@ from wbc.base.settings import Positive
 
 VIEWERS = {".rrd": ("rerun", "rerun"), ".mcap": ("foxglove", "foxglove")}
 """Ending of a file → the module that writes it, and the extra that brings this module."""
+
+WAIT = 3600.0
+"""Time after which Rerun writes rows that are no full chunk, s."""
 
 RATE = 30.0
 """Rate at which the scene is written, 1/s."""
@@ -71,46 +73,20 @@ def convert_log(
     for name, signal in log.signals.items():
         if name != "time":
             groups.setdefault(name.rpartition("/")[0] or name, []).append(signal)
-    write = _write_rrd if target.suffix.lower() == ".rrd" else _write_mcap
     with replacing(target) as new:
-        write(new, log, progress(list(groups.items())), replay, rate)
+        file: Any = (RerunFile if target.suffix.lower() == ".rrd" else FoxgloveFile)(new, log)
+        try:
+            for name, signals in progress(list(groups.items())):
+                if numbers := with_numbers(log, signals):
+                    file.write_numbers(name, numbers)
+                for signal in signals:
+                    if signal.kind == "text":  # lists are drawn in the scene
+                        file.write_texts(signal.name)
+            if replay is not None:
+                file.write_scene(replay, rate)
+        finally:
+            file.close()
     return reason
-
-
-def _write_mcap(
-    new: Path, log: Log, groups: Iterable[tuple[str, list[Signal]]], replay: Replay | None, rate: float
-) -> None:
-    file = FoxgloveFile(new)
-    try:
-        for name, signals in groups:
-            if numbers := with_numbers(log, signals):
-                file.write_numbers(log, name, numbers)
-            for signal in signals:
-                if signal.kind == "text":
-                    file.write_texts(log, signal.name)
-        if replay is not None:
-            file.write_scene(replay, rate)
-    finally:
-        file.close()
-
-
-def _write_rrd(
-    new: Path, log: Log, groups: Iterable[tuple[str, list[Signal]]], replay: Replay | None, rate: float
-) -> None:
-    import rerun as rr  # noqa: PLC0415 - an extra
-
-    stream: Any = rr.RecordingStream("wbc", default_enabled=True)
-    content = stream.binary_stream()  # a full disk is no error of a stream that writes a file
-    stream.send_recording_name(_plain(str(log.header.get("title") or log.path.stem)))
-    for name, signals in groups:
-        _write_numbers(rr, stream, log, _plain(name), signals)
-        for signal in signals:
-            if signal.kind == "text":  # lists are drawn in the scene
-                _write_texts(rr, stream, log, signal.name)
-    if replay is not None:
-        _write_scene(rr, stream, replay, rate)
-    new.write_bytes(content.read())
-    stream.disconnect()
 
 
 def with_numbers(log: Log, signals: Sequence[Signal]) -> list[Signal]:
@@ -118,63 +94,50 @@ def with_numbers(log: Log, signals: Sequence[Signal]) -> list[Signal]:
     return [s for s in signals if s.kind not in ("text", "list") and np.isfinite(log[s.name]).any()]
 
 
-def _plain(name: str) -> str:
-    return "_".join(name.split())
+class RerunFile:
+    """A file for Rerun that is being written; `close` completes it."""
 
+    def __init__(self, path: Path, log: Log) -> None:
+        """Begin the file of a log."""
+        import rerun  # noqa: PLC0415 - an extra
 
-def _write_numbers(rr: Any, stream: Any, log: Log, entity: str, signals: list[Signal]) -> None:
-    """Write the signals of a group that have a number in at least one tick."""
-    numbers = with_numbers(log, signals)
-    if not numbers:
-        return
-    names = [f"{_plain(signal.name.rpartition('/')[2])} ({signal.unit})" for signal in numbers]
-    stream.log(entity, rr.SeriesLines(names=names), static=True)
-    columns = rr.Scalars.columns(scalars=np.column_stack([log[signal.name] for signal in numbers]).ravel())
-    sizes = np.full(len(log), len(names))
-    stream.send_columns(entity, [rr.TimeColumn("time", duration=log.time)], columns.partition(sizes))
+        self._path, self._log, self._rerun = path, log, rerun
+        chunks = rerun.ChunkBatcherConfig(
+            flush_tick=WAIT
+        )  # large ones: each has a head of a kilobyte or more
+        self._stream: Any = rerun.RecordingStream("wbc", default_enabled=True, batcher_config=chunks)
+        self._content = self._stream.binary_stream()  # a full disk is no error of a stream that writes a file
+        self._stream.send_recording_name(plain(str(log.header.get("title") or log.path.stem)))
 
+    def write_numbers(self, group: str, signals: Sequence[Signal]) -> None:
+        """Write the numbers of a group as one entity."""
+        rerun, log, entity = self._rerun, self._log, plain(group)
+        names = [f"{plain(signal.name.rpartition('/')[2])} ({signal.unit})" for signal in signals]
+        self._stream.log(entity, rerun.SeriesLines(names=names), static=True)
+        values = np.column_stack([log[signal.name] for signal in signals]).ravel()
+        columns = rerun.Scalars.columns(scalars=values).partition(np.full(len(log), len(names)))
+        self._stream.send_columns(entity, [rerun.TimeColumn("time", duration=log.time)], columns)
 
-def _write_texts(rr: Any, stream: Any, log: Log, name: str) -> None:
-    """Write states as such, which last until the next one, and other texts as events."""
-    texts = log.texts(name)
-    told = [i for i, text in enumerate(texts) if text is not None]
-    if not told:
-        return
-    columns = rr.TextLog.columns(text=[texts[i] for i in told])
-    if len(told) == len(log):
-        told = [i for i in told if i == 0 or texts[i] != texts[i - 1]]
-        columns = rr.StateChange.columns(state=[texts[i] for i in told])
-    stream.send_columns(_plain(name), [rr.TimeColumn("time", duration=log.time[told])], columns)
+    def write_texts(self, name: str) -> None:
+        """Write states as such, which last until the next one, and other texts as events."""
+        texts, rerun = self._log.texts(name), self._rerun
+        told = [i for i, text in enumerate(texts) if text is not None]
+        if not told:
+            return
+        columns = rerun.TextLog.columns(text=[texts[i] for i in told])
+        if len(told) == len(texts):
+            told = [i for i in told if i == 0 or texts[i] != texts[i - 1]]
+            columns = rerun.StateChange.columns(state=[texts[i] for i in told])
+        times = rerun.TimeColumn("time", duration=self._log.time[told])
+        self._stream.send_columns(plain(name), [times], columns)
 
+    def write_scene(self, replay: Replay, rate: float) -> None:
+        """Write bodies and marks so many times a second, 1/s."""
+        scene = RerunScene(self._stream, replay)
+        for tick in replay.ticks(rate):
+            scene.draw(replay.picture(tick))
 
-def _write_scene(rr: Any, stream: Any, replay: Replay, rate: float) -> None:
-    """Write bodies under transforms, and marks at the times at which they change."""
-    ticks, meshes = replay.ticks(rate), body_meshes(replay.model)
-    moving = sorted({each.body for each in meshes} - {0})
-    names = {body: f"robot/{_plain(replay.model.body(body).name or str(body))}" for body in moving} | {
-        0: "ground"
-    }
-    places = np.empty((len(ticks), len(moving), 3))
-    turns = np.empty((len(ticks), len(moving), 3, 3))
-    shown: dict[str, Mark] = {}
-    stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for i, tick in enumerate(ticks):
-        picture = replay.picture(tick)
-        places[i] = replay.data.xpos[moving]
-        turns[i] = replay.data.xmat[moving].reshape(-1, 3, 3)
-        stream.set_time("time", duration=picture.time)
-        for name, mark in changes(shown, picture.marks):
-            drawn = rr.Clear(recursive=False) if mark is None else _mesh(rr, mark_mesh(mark), mark.colour)
-            stream.log(f"marks/{_plain(name)}", drawn)
-    stream.reset_time()
-    times = rr.TimeColumn("time", duration=replay.log.time[ticks])
-    for i, body in enumerate(moving):
-        placements = rr.Transform3D.columns(mat3x3=turns[:, i], translation=places[:, i])
-        stream.send_columns(names[body], [times], placements)
-    for number, (body, colour, mesh) in enumerate(meshes):
-        stream.log(f"{names[body]}/{number}", _mesh(rr, mesh, colour), static=True)
-
-
-def _mesh(rr: Any, mesh: Mesh, colour: Colour) -> Any:
-    tint = tuple(round(255 * part) for part in colour)
-    return rr.Mesh3D(vertex_positions=mesh.vertices, triangle_indices=mesh.faces, albedo_factor=tint)
+    def close(self) -> None:
+        """Complete the file."""
+        self._path.write_bytes(self._content.read())
+        self._stream.disconnect()

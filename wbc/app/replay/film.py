@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 
@@ -17,14 +16,14 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from wbc.app.replay.replay import Replay
-from wbc.app.view.marks import Mark, Picture, mark_mesh
+from wbc.app.view.marks import Picture
+from wbc.app.view.mujoco_marks import MOST_MARKS, MujocoMarks, paint_bodies
 from wbc.app.view.stage import Stage
 from wbc.base.checked import checked
 from wbc.base.drawing import RenderError, opening
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
 from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 
 Pixels = NDArray[np.uint8]
@@ -35,14 +34,8 @@ FFMPEG_HELP = 'a film needs the extra "film": pip install -e ".[film]" in the cl
 FOLLOW_TIME = 0.5
 """Time constant with which the camera follows the robot, s."""
 
-MOST_MARKS = 10_000
-"""Geoms of marks in a picture."""
-
 SHADOW = 1024
 """Side of the map of shadows, pixels; without a graphics card the time of a picture grows with it."""
-
-LEVEL, ONES = np.eye(3), np.ones(3)
-"""Axes of a mark that is level; size of a triangle, whose axes are its sides."""
 
 
 def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
@@ -60,13 +53,12 @@ class Renderer(mujoco.Renderer):  # type: ignore[misc]  # MuJoCo has no types
     def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
         """Begin a picture of a size in pixels."""
         super().__init__(model, height, width, max_geom=model.ngeom + MOST_MARKS)
-        self._marks = Marks(self.scene)
+        self._marks = MujocoMarks(self.scene)
 
     def draw(self, stage: Stage, picture: Picture, camera: mujoco.MjvCamera) -> Pixels:
         """Return a picture of a stage, whose bodies are where they are to be, with its marks."""
         model = stage.model
-        for body, colour in picture.colours.items():
-            model.geom_rgba[model.geom_bodyid == body] = colour
+        paint_bodies(model, picture.colours)
         model.light_pos[:] = camera.lookat - 4.0 * model.light_dir  # shadows are drawn around the lamp alone
         mujoco.mj_camlight(model, stage.data)
         self.update_scene(stage.data, camera)
@@ -130,59 +122,6 @@ def _pictures(replay: Replay, ticks: Iterable[int], rate: float, size: tuple[int
             picture = replay.picture(tick)
             camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
             yield _with_caption(drawn.draw(replay, picture, camera), replay.title, picture)
-
-
-class Marks:
-    """Geoms of marks in MuJoCo's pictures.
-
-    A cloud has thousands of points. Its geoms come first behind those of the model, which every picture makes anew, and
-    stay from picture to picture while the cloud is the same.
-    """
-
-    def __init__(self, scene: mujoco.MjvScene) -> None:
-        self._scene, self._geoms = scene, scene.geoms
-        self._kept: list[Mark] = []
-        self._places = (0, 0)  # first of the geoms that are kept, and the one after the last
-
-    def add(self, marks: Sequence[Mark]) -> None:
-        """Add the marks of a picture behind the geoms of the model; those beyond the room are left out."""
-        scene, clouds = self._scene, [mark for mark in marks if mark.kind == "cloud"]
-        first, same = scene.ngeom, len(clouds) == len(self._kept)
-        if same and first == self._places[0] and all(map(operator.is_, clouds, self._kept)):
-            scene.ngeom = self._places[1]
-        else:
-            for mark in clouds:
-                self._draw(mark)
-            self._kept, self._places = clouds, (first, scene.ngeom)
-        for mark in marks:
-            if mark.kind != "cloud":
-                self._draw(mark)
-
-    def _draw(self, mark: Mark) -> None:
-        kinds, size, points = mujoco.mjtGeom, np.full(3, mark.size), np.asarray(mark.points, dtype=np.float64)
-        if mark.kind == "ball":
-            self._add(kinds.mjGEOM_SPHERE, mark, size, points[0])
-        elif mark.kind == "arrow":
-            geom = self._add(kinds.mjGEOM_ARROW, mark, size, points[0])
-            if geom is not None:
-                mujoco.mjv_connector(geom, kinds.mjGEOM_ARROW, mark.size, points[0], points[1])
-                geom.size[2] *= 2.0  # it is drawn half as long as the connector says
-        else:
-            vertices, faces = mark_mesh(mark)
-            corner, one, other = np.asarray(vertices, dtype=np.float64)[faces].swapaxes(0, 1)
-            sides = np.stack([one - corner, other - corner, np.cross(one - corner, other - corner)], axis=-1)
-            for place, axes in zip(corner, sides, strict=True):
-                self._add(kinds.mjGEOM_TRIANGLE, mark, ONES, place, axes)
-
-    def _add(self, kind: mujoco.mjtGeom, mark: Mark, size: Array, place: Array, axes: Array = LEVEL) -> Any:
-        """Add a geom and return it; None where there is no room."""
-        scene = self._scene
-        if scene.ngeom >= scene.maxgeom:
-            return None
-        geom = self._geoms[scene.ngeom]
-        mujoco.mjv_initGeom(geom, kind, size, place, axes.ravel(), np.array(mark.colour, dtype=np.float32))
-        scene.ngeom += 1
-        return geom
 
 
 def _with_caption(pixels: Pixels, title: str, picture: Picture) -> Pixels:

@@ -26,17 +26,17 @@ WORLD = "world"
 class FoxgloveFile:
     """A file that is being written; `close` completes it."""
 
-    def __init__(self, path: Path) -> None:
-        """Begin an empty file, which is replaced."""
+    def __init__(self, path: Path, log: Log) -> None:
+        """Begin the file of a log; an empty file of this name is replaced."""
         import foxglove  # noqa: PLC0415 - an extra
         from foxglove import channels, messages  # noqa: PLC0415
 
         self._foxglove, self._channels, self._messages = foxglove, channels, messages
-        self._context = foxglove.Context()
+        self._log, self._context = log, foxglove.Context()
         self._writer = foxglove.open_mcap(path, allow_overwrite=True, context=self._context)
         self._said: Any = channels.LogChannel("/texts", context=self._context)
 
-    def write_numbers(self, log: Log, group: str, signals: Sequence[Signal]) -> None:
+    def write_numbers(self, group: str, signals: Sequence[Signal]) -> None:
         """Write the numbers of a group, one message a tick; a value that is not known is left out."""
         names = [signal.name.rpartition("/")[2] for signal in signals]
         properties = {
@@ -45,15 +45,15 @@ class FoxgloveFile:
         }
         schema = {"type": "object", "title": f"wbc.{group.replace('/', '.')}", "properties": properties}
         topic = self._foxglove.Channel(f"/{group}", schema=schema, context=self._context)
-        rows = np.column_stack([log[signal.name] for signal in signals])
-        for time, row in zip(log.time, rows.tolist(), strict=True):
+        rows = np.column_stack([self._log[signal.name] for signal in signals])
+        for time, row in zip(self._log.time, rows.tolist(), strict=True):
             known = {name: value for name, value in zip(names, row, strict=True) if np.isfinite(value)}
             topic.log(known, log_time=_nanoseconds(time))
 
-    def write_texts(self, log: Log, name: str) -> None:
+    def write_texts(self, name: str) -> None:
         """Write the texts of a signal where they change."""
         last = None
-        for time, text in zip(log.time, log.texts(name), strict=True):
+        for time, text in zip(self._log.time, self._log.texts(name), strict=True):
             if text is not None and text != last:
                 at = self._timestamp(time)
                 level = self._messages.LogLevel.Info

@@ -1,4 +1,4 @@
-"""Live views in the browser, and the controls of a run.
+"""Live views in the browser or in a window, and the controls of a run.
 
     with MeshcatView(plant) as view:  # or a MujocoLoop, or a description and update(state, measurement=…)
         while plant.time < 10.0:
@@ -6,8 +6,22 @@
             view.update()
 
     with Workbench(plant, control) as view:  # the same, with controls of everything that the run has
-    walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
+    walk(spec, hooks=[WatchWalk("rerun")])  # a simulated walk, with its footsteps, in one of the `VIEWERS`
 
 Robot, feet, ground and things are the geoms of one MuJoCo model (`meshes`); everything else is a mark (`marks`,
-`walk_marks`). A new control of a run goes into `controls`.
+`walk_marks`). A new control of a run goes into `controls`; a new viewer is a `View` and a line in `VIEWERS`.
 """
+
+from typing import Literal
+
+Viewer = Literal["meshcat", "workbench", "rerun", "mujoco"]
+"""Names of the live views: the page of MeshCat shows the run, that of the workbench changes it, that of Rerun keeps it;
+mujoco is the window of MuJoCo's viewer."""
+
+VIEWERS: dict[str, tuple[str, str]] = {
+    "meshcat": ("wbc.app.view.meshcat_view", "MeshcatView"),
+    "workbench": ("wbc.app.view.workbench", "Workbench"),
+    "rerun": ("wbc.app.view.rerun_view", "RerunView"),
+    "mujoco": ("wbc.app.view.mujoco_view", "MujocoView"),
+}
+"""Module and class of each live view, which are imported when a run is shown: some need an extra."""

@@ -62,7 +62,7 @@ class PortError(ViewError, InputError):
 
 
 class View(ABC):
-    """A page in the browser that shows a robot as it moves.
+    """A page in the browser, or a window, that shows a robot as it moves.
 
     Robot, feet, ground and things are those of the simulation's model. Marks: contact forces (an arrow as long as the
     centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon; of a walk
@@ -74,7 +74,7 @@ class View(ABC):
         walking: Controller of a walk; None for any other.
         steered: Controller of a walk, or a trained policy; None for any other.
         frames: Number of pictures so far.
-        url: Address of the page.
+        url: Address of the page; empty for a window.
         closed: True after `close`.
         speed: Multiple of real time that the run is held back to; None never waits.
     """
@@ -92,7 +92,7 @@ class View(ABC):
         rate: Annotated[Positive, "1/s"] = RATE,
         speed: Positive | None = None,
     ) -> None:
-        """Start serving the page; its address goes to the standard error.
+        """Open the view; the address of a page goes to the standard error.
 
         Args:
             source: A plant or a `MujocoLoop`; or the description of a robot whose states are given to `update`.
@@ -105,7 +105,7 @@ class View(ABC):
 
         Raises:
             PortError: The port is in use.
-            ViewError: A workbench without viser.
+            ViewError: The view needs an extra or a screen that is not there.
         """
         self._period = 1.0 / rate
         self.speed = speed
@@ -114,11 +114,16 @@ class View(ABC):
         self._set_source(source, control, program)
         self._open(free_port(port))
         self._begin()
-        print(
-            f"live view: {self.url} (of this machine alone; from another: ssh -L)",
-            file=sys.stderr,
-            flush=True,
-        )
+        if self.url:
+            told = f"live view: {self.url} (of this machine alone; from another: ssh -L)"
+            print(told, file=sys.stderr, flush=True)
+
+    def show(
+        self, source: MujocoRobot | RobotDescription, control: Any = None, program: Program | None = None
+    ) -> None:
+        """Show another run in the same view, for example after `ended`."""
+        self._set_source(source, control, program)
+        self._begin()
 
     def _set_source(
         self, source: MujocoRobot | RobotDescription, control: Any, program: Program | None
@@ -153,7 +158,7 @@ class View(ABC):
 
     @abstractmethod
     def _open(self, port: int) -> None:
-        """Serve the page at a port, and set its link."""
+        """Serve the page at a port and set its link, or check that a window can be opened."""
 
     @abstractmethod
     def _build(self) -> None:
@@ -162,7 +167,7 @@ class View(ABC):
     @property
     @abstractmethod
     def pages(self) -> int:
-        """Number of open browser pages; 0 after `close`."""
+        """Number of open pages or windows; 0 after `close`."""
 
     @abstractmethod
     def _send(self, picture: Picture) -> None:
@@ -244,7 +249,7 @@ class View(ABC):
     def wait_for_page(self, seconds: Annotated[NonNegative, "s"]) -> bool:
         """Wait, for some seconds at most, until a page is open; say so on the standard error. True if one is."""
         end = clock.perf_counter() + seconds
-        if seconds > 0.0:
+        if seconds > 0.0 and self.pages == 0:
             print(f"open it now: the run begins with it, or in {seconds:.0f} s", file=sys.stderr, flush=True)
         while self.pages == 0 and not self.closed and clock.perf_counter() < end:
             clock.sleep(0.02)

@@ -107,7 +107,8 @@ class MeshcatServer:
             raise
 
     async def _listen(self, port: int) -> None:
-        app = Application()  # only under the names of this machine, and with the origin of the page itself
+        # Only under the names of this machine, and for the origin of the page itself; requests are not told.
+        app = Application(log_function=lambda _: None)
         app.add_handlers(
             "|".join(map(re.escape, HOSTS)),
             [
@@ -131,7 +132,7 @@ class MeshcatServer:
     async def _send(self, orders: list[tuple[tuple[str, ...], bytes]], caption: str | None) -> None:
         for (kind, path, *rest), data in orders:
             if kind == "delete":
-                for gone in [key for key in self._scene if key[1] == path]:
+                for gone in [key for key in self._scene if f"{key[1]}/".startswith(f"{path}/")]:
                     del self._scene[gone]
             else:
                 self._scene[kind, path, *rest] = data

@@ -44,6 +44,7 @@ class MeshcatView(View):
     def _build(self) -> None:
         height, properties = self.stage.scale.height, self._commands.SetProperty
         self._orders: list[tuple[tuple[str, ...], bytes]] = []  # of the present picture
+        self._order(ROOT, self._commands.Delete)  # of the run before
         self._order("/Background", properties, "top_color", [0.95, 0.97, 1.0])
         self._order("/Background", properties, "bottom_color", [0.82, 0.86, 0.90])
         self._order("/Axes", properties, "visible", False)

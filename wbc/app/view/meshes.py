@@ -120,6 +120,15 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
     return Mesh(vertices, np.concatenate(faces).astype(np.uint32))
 
 
+def normals(mesh: Mesh) -> Array:
+    """Return the outward normal at each vertex, shape (n, 3): the mean of its triangles by their areas."""
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    found = np.zeros(mesh.vertices.shape)
+    np.add.at(found, mesh.faces, np.cross(b - a, c - a)[:, None])
+    unit: Array = found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-12)
+    return unit
+
+
 def box(x: float, y: float, z: float) -> Mesh:
     """Return a box of half sizes, m."""
     corners = np.array(list(itertools.product((-x, x), (-y, y), (-z, z))))

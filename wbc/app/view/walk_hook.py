@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any
 
+from wbc.app.view import VIEWERS, Viewer
 from wbc.app.view.base import View
-from wbc.app.view.meshcat_view import MeshcatView
 from wbc.base.checked import checked
 from wbc.base.settings import NonNegative, Positive
-from wbc.robots import RobotDescription
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.trial.trial import TrialHook
 
 if TYPE_CHECKING:
     from wbc.app.view.controls import LiveControls
-    from wbc.app.view.workbench import Workbench
     from wbc.sim.trial.trial import Trial, TrialTick
 
 
@@ -30,53 +29,40 @@ class WatchWalk(TrialHook):
     @checked
     def __init__(
         self,
+        viewer: Viewer = "meshcat",
         *,
-        workbench: bool = False,
         port: int | None = None,
         speed: Positive | None = 1.0,
         wait: Annotated[NonNegative, "s"] = 0.0,
         stay: bool = False,
     ) -> None:
-        """Store the options of a `MeshcatView` or of a `Workbench`.
+        """Store the name and the options of a live view.
 
         `wait` is the longest time that the trial waits for a page to be opened, s; a negative time is an `InputError`.
         With `stay` the view stays open at the end, for `restarted` and `close`.
         """
-        self._wait, self._stay = wait, stay
-        self._workbench = workbench
+        self._wait, self._stay, self._viewer = wait, stay, viewer
         self._options: dict[str, Any] = {"port": port, "speed": speed}
         self.view: View | None = None
 
     @property
-    def bench(self) -> Workbench | None:
-        """The view, if it is a workbench."""
-        return self.view if self._workbench else None  # type: ignore[return-value]
-
-    @property
     def controls(self) -> LiveControls | None:
         """Controls of the page, with the changes made there; None for a page without controls."""
-        return None if self.bench is None else self.bench.controls
+        return getattr(self.view, "controls", None)
 
     def open(self, trial: Trial) -> None:
         """Open the view of a trial; otherwise `start` does it.
 
-        A caller learns early in this way whether the port is free.
+        A caller learns early in this way whether the port is free. Of a simulation without a model of MuJoCo's the
+        robot alone is shown.
         """
-        source: MujocoRobot | RobotDescription
-        source, walking = (
-            trial.plant.description,
-            None,
-        )  # of a loop without a model of MuJoCo's the robot alone is shown
-        if isinstance(trial.plant, MujocoRobot):
-            source, walking = trial.plant, trial.control
-        if not self._workbench:
-            self.view = MeshcatView(source, walking, **self._options)
-        elif self.bench is not None and not self.bench.closed:
-            self.bench.show(source, walking)
+        known = isinstance(trial.plant, MujocoRobot)
+        shown = (trial.plant, trial.control) if known else (trial.plant.description, None)
+        if self.view is not None and not self.view.closed:
+            self.view.show(*shown)
         else:
-            from wbc.app.view.workbench import Workbench  # noqa: PLC0415 - needs an extra
-
-            self.view = Workbench(source, walking, **self._options)
+            module, name = VIEWERS[self._viewer]
+            self.view = getattr(import_module(module), name)(*shown, **self._options)
 
     def start(self, trial: Trial) -> None:
         """See `TrialHook`."""

@@ -21,8 +21,6 @@ from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, LiveControls
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
 from wbc.app.view.viser_page import ROOT, ViserPage, text_html, when
-from wbc.robots import RobotDescription
-from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.tasks.behaviours import Program
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
@@ -48,13 +46,6 @@ class Workbench(View):
     Attributes:
         controls: Controls of the page, with the changes made so far.
     """
-
-    def show(
-        self, source: MujocoRobot | RobotDescription, control: Any = None, program: Program | None = None
-    ) -> None:
-        """Show another run on the same page, for example after `ended`; its list of interventions starts empty."""
-        self._set_source(source, control, program)
-        self._begin()
 
     def _open(self, port: int) -> None:
         self._page = ViserPage(port, self.stage.title)
