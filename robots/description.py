@@ -378,24 +378,13 @@ class RobotDescription:
     @cached_property
     def digest(self) -> str:
         """Hash of all data that models are made from, 12 hexadecimal digits."""
-        names = [
-            "half_sitting",
-            "armature",
-            "hands",
-            "gains",
-            "damping",
-            "frictionloss",
-            "springs",
-            "torque_ranges",
-        ]
+        names = (
+            *("half_sitting", "armature", "hands", "gains", "damping", "frictionloss", "springs"),
+            *("torque_ranges", "foot_inertia"),
+        )
         values = [sorted(getattr(self, name).items()) for name in names]
-        content = (self.xml, self.soles, self.imu, self.torso, self.servo, *values)
-        if self.base == "fixed":
-            content = (*content, self.base)
-        if self.foot_inertia:
-            content = (*content, sorted(self.foot_inertia.items()))
-        if self.closures:
-            content = (*content, self.closures, self.passive)
+        content = (self.xml, self.soles, self.imu, self.torso, self.servo, self.base, *values)
+        content = (*content, self.closures, self.passive)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
     @cached_property

@@ -96,6 +96,7 @@ def test_the_range_of_an_activation_bounds_a_torque() -> None:
         '<position joint="a" gear="3" kp="200" kv="10"/>',
         '<position joint="a" gear="-3" kp="200" kv="10"/><position joint="a" gear="2" kp="50" kv="4"/>',
         '<general joint="a" gear="0.5" gainprm="70" biastype="affine" biasprm="3 -70 -8"/>',
+        '<pid joint="a" gear="2" kp="900" kv="9"/>',
     ],
 )
 def test_gains_are_how_fast_the_torques_of_mujoco_change_with_place_and_speed(drives: str) -> None:
@@ -252,6 +253,24 @@ NOTES = {  # sections, attributes of joint a, actuators → figures of the only 
         '<motor joint="a" delay=".01" nsample="8"/><motor joint="b" delay=".02" nsample="8"/><motor joint="a"/>',
         ("delay of 2 actuators, up to 20 ms",),
     ),
+    "lags": (
+        "",
+        "",
+        '<general joint="a" dyntype="filter" dynprm=".1"/><general joint="b" dyntype="filterexact" dynprm=".05"/>'
+        '<general joint="b" dyntype="none" dynprm=".5"/>',
+        ("lag of 2 actuators, up to 100 ms",),
+    ),
+    "an integral": ("", "", '<pid joint="a" kp="900" ki="1"/>', ("'a' of joint 'a'", "pid with an integral")),
+    "integrated": ("", "", '<intvelocity joint="a" kp="9" actrange="-1 1"/>', ("integrated control",)),
+    "a damper": ("", "", '<damper joint="a" kv="2" ctrlrange="0 1"/>', ("gain that depends on",)),
+    "a muscle": ("", "", '<muscle joint="a" lengthrange="0 1"/>', ("muscle",)),
+    "a muscle that is off": (
+        '<option actuatorgroupdisable="3"/>',
+        "",
+        '<muscle joint="a" lengthrange="0 1" group="3"/>',
+        ("1 actuators whose group is disabled", "'a' (group 3)"),
+    ),
+    "another group": ('<option actuatorgroupdisable="3"/>', "", '<motor joint="a" group="4"/>', None),
     "crane's delay": ("", "", '<motor joint="lift" delay=".01" nsample="8"/>', None),
     "friction": (
         '<option o_friction="0.7 0.7 0 0 0"><flag override="enable"/></option>',

@@ -231,6 +231,14 @@ def test_a_root_of_its_own_stays_and_one_that_floats_or_is_the_world_goes() -> N
         )
 
 
+def test_a_joint_of_another_type_is_refused_with_the_types_and_the_way_out_if_there_is_one() -> None:
+    for kind, way in (("screw", ""), ("planar", "; write it as two prismatic joints and a continuous one")):
+        with pytest.raises(ModelError) as error:
+            read(arm(joint("j", "a", "b", "", kind)))
+        said = f"joint 'j' is of type '{kind}'; supported: revolute, continuous, prismatic, fixed{way}"
+        assert str(error.value) == said
+
+
 def test_trees_that_are_none_are_refused_by_link() -> None:
     twice = arm(joint("j", "a", "b"), joint("k", "a", "c"), joint("l", "b", "c"), more="").replace(
         '<link name="d">', '<link name="x">'

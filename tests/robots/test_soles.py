@@ -149,8 +149,11 @@ def test_a_frame_at_the_centre_of_its_sole_is_the_frame_of_the_sole(away: float,
 
 
 def test_a_sole_is_told_with_its_place_from_the_frame_that_was_given() -> None:
-    derived = RobotDescription.from_urdf(biped(), **FEET).derived
-    assert "left_foot: sole frame 'left_foot_sole' at (30, 0, -60) mm from 'l_ankle_roll_link'" in derived
+    for y, said in ((0.0, "0"), (-2e-4, "0"), (-7e-4, "-1"), (0.012, "12")):
+        foot = FOOT_BOX.replace('xyz="0.03 0 ', f'xyz="0.03 {y} ')
+        derived = RobotDescription.from_urdf(biped(geometry=foot), **FEET).derived
+        told = f"left_foot: sole frame 'left_foot_sole' at (30, {said}, -60) mm from 'l_ankle_roll_link'"
+        assert told in derived
 
 
 def test_soles_above_the_centre_of_mass_are_refused() -> None:

@@ -1,0 +1,225 @@
+"""Descriptions as values: what their hash is of, what they refuse, and names and files by which they are found."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from urdf_biped import FEET, FOOT_BOX, biped
+
+import wbc
+from wbc.base.errors import InputError, ModelError
+from wbc.core.frames import FrameDescription
+from wbc.core.robot import Closure
+from wbc.robots import RobotDescription, files, load, registry
+from wbc.robots.derivation.servo import ServoRule
+from wbc.robots.source_of import source_of
+
+
+def own() -> RobotDescription:
+    return RobotDescription.from_urdf(biped(), **FEET)
+
+
+def test_a_hash_is_of_all_that_models_are_made_from_and_of_nothing_else() -> None:
+    description = own()
+    left, right = description.soles
+    tie = Closure("tie", "l_elbow_link", "r_elbow_link", False)
+    changes: list[dict[str, Any]] = [
+        {"armature": description.armature | {"l_knee": 0.5}},
+        {"half_sitting": description.half_sitting | {"l_elbow": 0.5}},
+        {"hands": {"left_hand": "l_elbow_link"}},
+        {"gains": {"l_knee": (100.0, 1.0)}},
+        {"damping": {"l_knee": 0.5}},
+        {"frictionloss": {"l_knee": 0.5}},
+        {"springs": {"l_knee": (5.0, 0.1)}},
+        {"torque_ranges": {"l_knee": (-5.0, 80.0)}},
+        {"foot_inertia": {"left_foot": (0.5, *[0.0] * 3, 1e-3, 0.0, 1e-3, 0.0, 0.0, 1e-3)}},
+        {"soles": (left, dataclasses.replace(right, length=0.19))},
+        {"imu": FrameDescription("mine", "trunk", (0.0, 0.0, 0.1))},
+        {"torso": "l_hip_yaw_link"},
+        {"servo": ServoRule(frequency=9.0)},
+        {"closures": (tie,)},
+        {"passive": ("l_elbow",)},
+        {"xml": description.xml.replace('mass value="15"', 'mass value="15.5"')},
+    ]
+    hashes = [dataclasses.replace(description, **change).digest for change in changes]
+    assert len({description.digest, *hashes}) == len(changes) + 1
+    for same in (
+        {"name": "other"},
+        {"licence": "own"},
+        {"source": "me"},
+        {"height": 1.0},
+        {"derived": ("a",)},
+    ):
+        assert dataclasses.replace(description, **same).digest == description.digest
+    bare = RobotDescription.from_urdf(biped())
+    assert dataclasses.replace(bare, base="fixed").digest != bare.digest
+
+
+WRONG: dict[str, tuple[dict[str, Any], str]] = {
+    "one sole": ({"soles": 1}, "soles must be"),
+    "bolted feet": ({"base": "fixed"}, "a robot with feet is not bolted"),
+    "a base of its own": ({"base": "welded"}, "welded"),
+    "no knee": ({"half_sitting": {"l_elbow": 0.0}}, "half-sitting must give every joint; missing: l_hip_yaw"),
+    "no rotor": ({"armature": {"l_elbow": 0.0}}, "armature must give every joint"),
+    "negative rotor": ({"armature": "-"}, "armature of joint 'l_knee'"),
+    "negative damping": ({"damping": {"l_knee": -1.0}}, "damping of joint 'l_knee'"),
+    "negative friction": ({"frictionloss": {"l_knee": -1.0}}, "friction of joint 'l_knee'"),
+    "negative gain": ({"gains": {"l_knee": (-1.0, 0.0)}}, "kp of joint 'l_knee'"),
+    "negative damping gain": ({"gains": {"l_knee": (1.0, -1.0)}}, "kd of joint 'l_knee'"),
+    "unknown spring": ({"springs": {"knee": (1.0, 0.0)}}, "'knee'"),
+    "unknown passive": ({"passive": ("knee",)}, "'knee'"),
+    "unknown range": ({"torque_ranges": {"knee": (-1.0, 1.0)}}, "'knee'"),
+    "too far": ({"half_sitting": "+"}, "half-sitting of joint 'l_knee'"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_values_that_cannot_be_are_refused_by_joint(what: str) -> None:
+    description = own()
+    changes, said = WRONG[what]
+    if changes.get("soles"):
+        changes = {"soles": description.soles[:1]}
+    if changes.get("armature") == "-":
+        changes = {"armature": description.armature | {"l_knee": -0.1}}
+    if changes.get("half_sitting") == "+":
+        changes = {"half_sitting": description.half_sitting | {"l_knee": 2.6}}
+    with pytest.raises((InputError, ModelError), match=said):
+        dataclasses.replace(description, **changes)
+
+
+def test_xml_with_a_joint_without_torque_limit_or_with_damping_is_not_tidy() -> None:
+    xml = own().xml
+    for wrong in (
+        xml.replace('effort="80"', 'effort="0"', 1),
+        xml.replace('<axis xyz="0 0 1"', '<dynamics damping="0.5" /><axis xyz="0 0 1"', 1),
+    ):
+        assert wrong != xml
+        with pytest.raises(ModelError, match="must be tidy"):
+            dataclasses.replace(own(), xml=wrong)
+
+
+def test_servos_know_what_it_takes_to_stand_and_which_gains_are_the_users() -> None:
+    description = dataclasses.replace(own(), gains={"l_knee": (100.0, 2.0)})
+    robot, servos = description.robot(), description.servos
+    assert servos.tipping == pytest.approx(robot.mass * 9.80665 * robot.com[2], rel=1e-9)
+    assert set(servos.ankles) == {f"{s}_{joint}" for s in "lr" for joint in ("ankle_pitch", "ankle_roll")}
+    i = robot.joint_index("l_knee")
+    assert (servos.kp[i], servos.kd[i]) == (100.0, 2.0) and servos.given == {"l_knee"}
+    sources = {name: gains.source for name, gains in description.servo_gains.items()}
+    assert {name for name, source in sources.items() if source == "given"} == {"l_knee"}
+    arm = RobotDescription.from_urdf(biped())
+    assert arm.servos.tipping == 0.0 and arm.servos.ankles == ()
+    np.testing.assert_allclose(arm.kp, (2.0 * np.pi * 8.0) ** 2 * arm.effective_inertia)
+    with pytest.raises(
+        InputError, match="a walk needs two feet.*--left l_ankle_roll_link --right r_ankle_roll_link"
+    ):
+        arm.needs_feet("a walk")
+    description.needs_feet("a walk")
+
+
+def test_one_foot_alone_is_refused() -> None:
+    for foot in FEET:
+        with pytest.raises(InputError, match="left_sole and right_sole, or none of both"):
+            RobotDescription.from_urdf(biped(), **{foot: FEET[foot]})  # type: ignore[arg-type]
+
+
+def test_shapes_without_geometry_or_of_another_kind_are_left_out() -> None:
+    def shape(inside: str, material: str = "") -> str:
+        return f'<visual><origin xyz="0 0 0.1"/>{inside}{material}</visual>'
+
+    odd = shape("") + shape("<geometry/>") + shape('<geometry><plane size="1"/></geometry>')
+    ball = '<geometry><sphere radius="0.1"/></geometry>'
+    colours = {
+        '<material name="m"><color rgba="0.1 2 -1 1"/></material>': (0.1, 1.0, 0.0, 1.0),
+        '<material name="n"><color rgba="0.1 0.2 0.3"/></material>': None,
+        '<material><color rgba="0 0 1 1"/></material>': (0.0, 0.0, 1.0, 1.0),
+        "": None,
+    }
+    for material, colour in colours.items():
+        description = RobotDescription.from_urdf(
+            biped(geometry=FOOT_BOX + odd + shape(ball, material)), **FEET
+        )
+        shapes = [each for each in source_of(description.xml).shapes() if each.link == "l_ankle_roll_link"]
+        assert [each.kind for each in shapes] == ["box", "sphere"]
+        assert shapes[0].size.tolist() == [0.1, 0.045, 0.01] and shapes[1].size.tolist() == [0.1]
+        assert shapes[1].colour == colour and shapes[1].place.translation.tolist() == [0.0, 0.0, 0.1]
+
+
+# Names and files
+
+
+def test_a_description_is_found_by_the_name_that_a_spec_keeps() -> None:
+    g1, mine = load("g1"), own()
+    assert registry.name_of(g1) == "g1" and registry.name_of("g1") == "g1"
+    name = registry.name_of(mine)
+    assert name == f"biped#{mine.digest}" and load(name) is mine and registry.stamped(name) == name
+    disguised = dataclasses.replace(mine, name="g1")
+    assert registry.name_of(disguised) == f"g1#{mine.digest}" and load("g1") is g1
+    assert {"panda", "go1"} <= set(registry.others()) and not {*registry.others()} & {*registry.names()}
+    assert wbc.load_robot("panda") is load("panda")
+
+
+def test_stamps_are_of_each_file_once_and_of_folders_above_a_description(tmp_path: Path) -> None:
+    """Files may refer to each other; five folders above the one of a file may hold its packages."""
+    assert files.stamps(tmp_path / "gone.xml") == ()
+    for one, other in (("a.xml", "b.xml"), ("b.xml", "a.xml")):
+        (tmp_path / one).write_text(f'<mujoco><include file="{other}"/></mujoco>')
+    assert sorted(Path(path).name for path, *_ in files.stamps(tmp_path / "a.xml")) == ["a.xml", "b.xml"]
+    deep = tmp_path
+    for depth in range(7):
+        folder = deep / f"p{depth}"
+        folder.mkdir()
+        (folder / "m.stl").write_text(str(depth))
+        deep = deep / f"d{depth}"
+        deep.mkdir()
+    meshes = "".join(f'<mesh filename="package://p{depth}/m.stl"/>' for depth in range(7))
+    (deep / "r.urdf").write_text(f"<robot>{meshes}</robot>")
+    found = {Path(path).parent.name for path, *_ in files.stamps(deep / "r.urdf")}
+    assert found == {"d6", "p6", "p5", "p4", "p3", "p2"}
+
+
+@pytest.mark.parametrize(
+    ("name", "path"),
+    [("a.toml", True), ("a.XML", True), ("a/b", True), ("a\\b", True), ("g1", False), ("urdf", False)],
+)
+def test_names_with_an_ending_or_a_slash_are_paths(name: str, path: bool) -> None:
+    assert files.is_path(name) == path
+
+
+def test_a_file_of_a_robot_that_is_not_there_or_names_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"no robot file .*gone\.xml"):
+        load(tmp_path / "gone.xml")
+    (tmp_path / "a.toml").write_text("feet = false\n")
+    with pytest.raises(InputError, match="must name the file of the robot"):
+        load(tmp_path / "a.toml")
+
+
+def test_the_hand_of_panda_points_straight_down_in_front_of_it() -> None:
+    robot = load("panda").robot()
+    hand = robot.placement("panda_hand")
+    np.testing.assert_allclose(hand.rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-9)
+    assert hand.translation[0] > 0.3 and abs(hand.translation[1]) < 1e-9 and hand.translation[2] > 0.3
+
+
+def test_go1_stands_on_feet_below_its_hips_with_knees_to_the_rear() -> None:
+    """Thighs and calves of one length, bent by 0.9 and −1.8 rad: each foot is under its hip."""
+    robot = load("go1").robot()
+    for leg in ("FL", "FR", "RL", "RR"):
+        hip, calf, foot = (robot.placement(f"{leg}_{part}").translation for part in ("thigh", "calf", "foot"))
+        assert foot[0] == pytest.approx(hip[0], abs=1e-3) and calf[0] < hip[0] - 0.1
+        assert foot[2] < calf[2] < hip[2]
+
+
+def test_talos_bends_forward_by_its_second_torso_joint() -> None:
+    talos = load("talos")
+    assert talos.half_sitting["torso_2_joint"] == 0.006761 and talos.half_sitting["torso_1_joint"] == 0.0
+    robot = talos.robot()
+    up = robot.placement("torso_2_link").rotation[:, 2]
+    assert up == pytest.approx([np.sin(0.006761), 0.0, np.cos(0.006761)], abs=1e-9)
+    left, right = (pin.SE3(robot.placement(f"{side}_sole")).translation for side in ("left", "right"))
+    assert left[0] == pytest.approx(right[0], abs=1e-9) and left[1] == pytest.approx(-right[1], abs=1e-9)
