@@ -123,14 +123,11 @@ def effective_inertia(
     total = sum(spatial, np.zeros((6, 6)))
     driven = driven_joints(model)
     base, result = model.nv - len(driven), np.zeros(len(driven))
-    coupled = len(driven) < model.njoints - 1 - (base > 0)
-    own = np.diag(pin.crba(model, model.createData(), q)) - model.armature if coupled else None
+    own = np.diag(pin.crba(model, model.createData(), q)) - model.armature  # with what is coupled to a joint
     for joint in driven:
         column = data.J.reshape(6, -1)[:, model.joints[joint].idx_v]
         below = sum((spatial[i] for i in model.subtrees[joint]), np.zeros((6, 6)))
-        inertia = float(column @ below @ column)
-        if own is not None:  # what is coupled to the joint moves as well
-            inertia = float(own[model.joints[joint].idx_v])
+        inertia = float(own[model.joints[joint].idx_v])
         if joint in legs:
             inertia = max(inertia, stance_share * float(column @ (total - below) @ column))
         result[model.joints[joint].idx_v - base] = inertia

@@ -46,6 +46,8 @@ def test_a_mesh_that_the_file_moves_is_the_box_around_it(
     path.write_text(robot(asset, arm='<geom type="mesh" mesh="box" mass="0" contype="0" conaffinity="0"/>'))
     assert compiled(path, meshes=True)[1] == ({"box"} if moved else set())
     description = RobotDescription.from_mjcf(path, base="fixed")
+    assert description.source == str(path)
+    assert any("mesh 'box'" in line for line in description.derived) == moved
     kinds = {shape.kind for shape in source_of(description.xml).shapes() if shape.link == "arm"}
     assert ("mesh" in kinds) != moved and ("box" in kinds) == moved
     sizes = [sorted(s.size) for s in source_of(description.xml).shapes() if s.kind == "box"]
@@ -159,6 +161,7 @@ def test_geoms_of_a_body_are_drawn_by_their_group_and_collide_by_their_masks() -
         assert [shape.kind for shape in own if shape.role == "visual"] == drawn
         assert [shape.kind for shape in own if shape.role == "collision"] == touching
         if geoms == shown:
+            assert own[0].colour != own[1].colour
             assert own[1].colour == pytest.approx((0.1, 0.2, 0.3, 0.4), abs=1e-6)
     alone = robot().replace(
         '<geom size=".1"/>\n<body name="tip"', hidden.replace('mass="0"', "") + '<body name="tip"'
@@ -167,6 +170,27 @@ def test_geoms_of_a_body_are_drawn_by_their_group_and_collide_by_their_masks() -
     (box,) = [shape for shape in source_of(description.xml).shapes() if shape.link == "arm"]
     assert (box.kind, box.role) == ("box", "visual") and box.size == pytest.approx([0.1, 0.2, 0.3])
     assert any("ellipsoid 'g'" in line for line in description.derived)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_colour_of_a_geom_is_that_of_its_material(number: int) -> None:
+    assets = '<asset><material name="m0" rgba=".1 .2 .3 1"/><material name="m1" rgba=".4 .5 .6 1"/></asset>'
+    geom = f'<geom type="box" size=".1 .1 .1" material="m{number}" rgba=".5 .5 .5 1" mass="0"/>'
+    plain = '<geom type="box" size=".2 .1 .1" rgba=".7 .8 .9 1" mass="0"/>'
+    shapes = source_of(RobotDescription.from_mjcf(robot(assets, arm=geom + plain), base="fixed").xml).shapes()
+    own, other = (shape.colour for shape in shapes if shape.kind == "box" and shape.role == "visual")
+    model = mujoco.MjModel.from_xml_string(robot(assets, arm=geom + plain))
+    assert own == pytest.approx(model.mat_rgba[number].tolist())
+    assert other == pytest.approx((0.7, 0.8, 0.9, 1.0))
+
+
+def test_a_field_of_heights_is_no_shape_of_a_robot() -> None:
+    assets = '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>'
+    description = RobotDescription.from_mjcf(
+        robot(assets, arm='<geom name="hill" type="hfield" hfield="h" mass="0"/>'), base="fixed"
+    )
+    assert any("hfield 'hill', left out" in line for line in description.derived)
+    assert {shape.kind for shape in source_of(description.xml).shapes()} == {"sphere"}
 
 
 def test_gains_and_rotors_of_a_file_give_way_to_those_that_are_given() -> None:

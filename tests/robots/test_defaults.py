@@ -182,6 +182,24 @@ def test_a_sole_at_the_ankle_is_one_that_nobody_placed() -> None:
                 RobotDescription.from_urdf(biped(geometry=""), sole_size=(0.2, 0.1), **feet)
 
 
+def test_a_sole_that_nothing_places_is_told_with_the_reason() -> None:
+    with pytest.raises(ModelError, match="'l_ankle_roll_link' has no geometry that says where the ground is"):
+        RobotDescription.from_urdf(biped(geometry=""), **FEET)
+
+
+def test_an_arm_without_torque_limits_needs_them_and_what_looks_like_a_humanoid_feet() -> None:
+    xml = biped(limits="")
+    with pytest.raises(ModelError, match=r"give torque_limits, or its feet: left_sole="):
+        RobotDescription.from_urdf(xml)
+    arm = (
+        '<robot name="arm"><link name="base"/>'
+        + link("tip", 1.0, "base").replace('effort="9" ', "")
+        + "</robot>"
+    )
+    with pytest.raises(ModelError, match=r"joints without torque limits: tip_joint; give torque_limits$"):
+        RobotDescription.from_urdf(arm, base="fixed")
+
+
 def test_soles_that_are_given_must_be_those_of_two_legs_left_and_right() -> None:
     def sole(name: str, side: str, frame: str, depth: float = 0.06) -> Sole:
         return Sole(frame, f"{side}_ankle_roll_link", (0.0, 0.0, -depth), name=name, length=0.2, width=0.1)

@@ -122,6 +122,15 @@ def test_servos_know_what_it_takes_to_stand_and_which_gains_are_the_users() -> N
     description.needs_feet("a walk")
 
 
+def test_the_stiffest_leg_is_that_of_the_height_over_its_soles_wherever_the_robot_is() -> None:
+    description = own()
+    model, frames = description.pinocchio_model(), tuple(sole.frame for sole in description.soles)
+    q = description.robot().half_sitting
+    raised = q + np.eye(len(q))[2]
+    rule = description.servo
+    np.testing.assert_allclose(rule.bound(model, raised, frames), rule.bound(model, q, frames))
+
+
 def test_one_foot_alone_is_refused() -> None:
     for foot in FEET:
         with pytest.raises(InputError, match="left_sole and right_sole, or none of both"):
@@ -148,6 +157,23 @@ def test_shapes_without_geometry_or_of_another_kind_are_left_out() -> None:
         assert [each.kind for each in shapes] == ["box", "sphere"]
         assert shapes[0].size.tolist() == [0.1, 0.045, 0.01] and shapes[1].size.tolist() == [0.1]
         assert shapes[1].colour == colour and shapes[1].place.translation.tolist() == [0.0, 0.0, 0.1]
+
+
+def test_a_material_may_be_used_before_the_link_that_defines_it() -> None:
+    use = '<visual><geometry><sphere radius="0.1"/></geometry><material name="red"/></visual>'
+    define = use.replace('name="red"/>', 'name="red"><color rgba="1 0 0 1"/></material>')
+    xml = (
+        biped()
+        .replace('<link name="trunk">', f'<link name="trunk">{use}')
+        .replace('<link name="r_elbow_link">', f'<link name="r_elbow_link">{define}')
+    )
+    shapes = [
+        each
+        for each in source_of(RobotDescription.from_urdf(xml, **FEET).xml).shapes()
+        if each.kind == "sphere"
+    ]
+    assert [each.link for each in shapes] == ["trunk", "r_elbow_link"]
+    assert [each.colour for each in shapes] == [(1.0, 0.0, 0.0, 1.0)] * 2
 
 
 # Names and files

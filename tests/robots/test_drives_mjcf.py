@@ -406,17 +406,18 @@ def test_equalities_that_hold_the_robot_are_named(tie: str, named: bool) -> None
     )
 
 
-def test_drives_of_one_direction_alone_are_ranges_of_a_description() -> None:
-    description = RobotDescription.from_mjcf(
-        ARM.format(
-            a="",
-            b="",
-            root="",
-            turn=0.0,
-            extra='<actuator><motor joint="a" ctrlrange="-5 5"/><motor joint="b" ctrlrange="-2 5"/></actuator>',
-        ),
-        root="base",
-        base="fixed",
-    )
-    assert description.torque_ranges == {"b": (-2.0, 5.0)}
-    assert description.torque_limit.tolist() == [5.0, 5.0]
+@pytest.mark.parametrize(
+    ("controls", "torques"), [("-2 5", (-2.0, 5.0)), ("-9 -4", (-9.0, -4.0)), ("0 3", (0.0, 3.0))]
+)
+def test_drives_of_one_direction_alone_are_ranges_of_a_description(
+    controls: str, torques: tuple[float, float]
+) -> None:
+    drives = f'<motor joint="a" ctrlrange="-5 5"/><motor joint="b" ctrlrange="{controls}"/>'
+    xml = ARM.format(a="", b="", root="", turn=0.0, extra=f"<actuator>{drives}</actuator>")
+    description = RobotDescription.from_mjcf(xml, root="base", base="fixed")
+    robot = description.robot()
+    assert description.torque_ranges == {"b": torques}
+    assert list(zip(robot.torque_lower.tolist(), robot.torque_upper.tolist(), strict=True)) == [
+        (-5.0, 5.0),
+        torques,
+    ]

@@ -130,6 +130,20 @@ def test_a_foot_that_is_named_leaves_the_other_to_be_found() -> None:
     assert "left_foot: 210 x 100 mm, from 2 boxes and a sphere of body 'left_foot'" in mixed.derived
 
 
+def test_a_robot_that_looks_backward_is_not_turned_against_the_side_that_a_foot_is_named_for() -> None:
+    """Its right foot lies to the left of its root: named as the left one, toes behind it say nothing."""
+    xml = biped()
+    start, end = xml.index('<body name="left_hip"'), xml.rindex("</body>", 0, xml.index("</worldbody>"))
+    backward = f'{xml[:start]}<frame euler="0 0 180">{xml[start:end]}</frame>{xml[end:]}'
+    for named, turned in (
+        ({}, True),
+        ({"left_sole": "right_foot"}, False),
+        ({"right_sole": "left_foot"}, False),
+    ):
+        derived = RobotDescription.from_mjcf(backward, **named).derived  # type: ignore[arg-type]
+        assert any("new root link" in line for line in derived) == turned
+
+
 def test_a_size_that_is_given_needs_a_site_or_a_geom_that_says_where_the_sole_is() -> None:
     site = '<site name="{0}_sole" pos="0.03 0 -0.07"/>'
     xml = biped("")

@@ -8,11 +8,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 import pytest
+from closed_chains import three_bars
 from mjcf_biped import biped as mjcf_biped
 from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped
 
 from wbc.base.errors import InputError, ModelError
 from wbc.core.frames import Sole
+from wbc.core.robot import Closure
 from wbc.robots import RobotDescription
 from wbc.robots.derivation import posture
 from wbc.robots.derivation.complete import heading
@@ -229,6 +231,19 @@ def test_where_toes_say_nothing_a_robot_looks_to_where_its_knees_go(knee: str, z
         found = RobotDescription.from_urdf(turned.text, **FEET)
         assert any("new root link" in line for line in found.derived)
         assert dict(found.half_sitting) == pytest.approx(dict(description.half_sitting), abs=1e-6)
+
+
+def test_a_chain_that_does_not_close_is_refused_with_the_least_gap_that_its_joints_leave() -> None:
+    """Of three bars of 0.2, 0.3 and 0.2 m that turn by ±1 rad, in steps of 0.04 rad."""
+    first, second, third = np.meshgrid(*[np.linspace(-1.0, 1.0, 51)] * 3)
+    x = 0.2 * np.sin(first) + 0.3 * np.cos(first + second) - 0.2 * np.sin(first + second + third)
+    z = 0.2 * np.cos(first) - 0.3 * np.sin(first + second) - 0.2 * np.cos(first + second + third)
+    least = float(np.hypot(x - 0.9, z).min())
+    tie = Closure("tie", "end", "place", False)
+    with pytest.raises(ModelError, match="'end' and 'place' stay") as error:
+        RobotDescription.from_urdf(three_bars(0.9), base="fixed", closures=[tie])
+    gap = float(str(error.value).split("stay ")[1].split(" mm")[0])
+    assert 1e3 * least - 5.0 < gap <= 1e3 * least + 0.1
 
 
 def test_what_is_wrong_with_a_posture_is_told_by_its_largest_parts() -> None:

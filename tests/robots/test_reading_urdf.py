@@ -112,15 +112,13 @@ def test_a_fixed_joint_needs_neither_axis_nor_leader() -> None:
     odd = joint("k", "b", "c", '<mimic joint="j" multiplier="2"/>', "fixed").replace("0 3 4", "0 0 0")
     assert read(arm(joint("j", "a", "b"), odd)).joint_names == ("j",)
     for mimic, place in (
-        ('<mimic joint="k" multiplier="2" offset="0.4"/>', 0.4),
+        ('<mimic joint="k" multiplier="2" offset="1.4"/>', 1.4),
         ('<mimic joint="j" multiplier="0" offset="-0.3"/>', -0.3),
     ):
         follower = joint("l", "c", "d", LIMIT + mimic)
         found = read(arm(joint("j", "a", "b"), joint("k", "b", "c", "", "fixed"), follower))
-        still = read(
-            arm(joint("j", "a", "b"), joint("k", "b", "c", "", "fixed"), joint("l", "c", "d")),
-            lock={"l": place},
-        )
+        wide = joint("l", "c", "d", LIMIT.replace('upper="1"', 'upper="2"'))
+        still = read(arm(joint("j", "a", "b"), joint("k", "b", "c", "", "fixed"), wide), lock={"l": place})
         assert found.joint_names == ("j",) and any(f"fixed at {place:g}" in line for line in found.derived)
         np.testing.assert_allclose(found.robot().mass_matrix, still.robot().mass_matrix, atol=1e-12)
         assert found.robot().placement("d").isApprox(still.robot().placement("d"), 1e-12)
@@ -204,6 +202,15 @@ def test_joints_that_follow_do_not_count_as_joints_that_move() -> None:
     tied = many.replace("</joint>", '<mimic joint="m1"/></joint>', 1)
     with pytest.raises(ModelError, match="must have 1 to 256 joints that move, got 257"):
         read(f'<robot name="arm">{link("a")}{tied}</robot>')
+
+
+def test_a_servo_moves_what_is_coupled_to_its_joint_with_it() -> None:
+    """What the mass matrix shows, rotors included."""
+    follower = joint("k", "a", "c", LIMIT + '<mimic joint="j" multiplier="-2" offset="0.5"/>')
+    description = read(arm(joint("j", "a", "b"), follower, joint("l", "c", "d")), armature=0.3)
+    robot = description.robot()
+    assert description.joint_names == ("j", "l")
+    np.testing.assert_allclose(description.effective_inertia, np.diag(robot.mass_matrix), rtol=1e-9)
 
 
 def test_a_root_of_its_own_stays_and_one_that_floats_or_is_the_world_goes() -> None:

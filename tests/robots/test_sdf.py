@@ -41,6 +41,14 @@ def pair(
     return model_of(folder, links, joint)
 
 
+def test_a_model_has_its_name_and_one_without_is_a_robot(tmp_path: Path) -> None:
+    for name, found in (('name="bars"', "bars"), ("", "robot")):
+        (tmp_path / "a.sdf").write_text(
+            f"<sdf><model {name}>{LINK.format(name='a', pose='0 0 0 0 0 0', more='')}</model></sdf>"
+        )
+        assert read_sdf(tmp_path / "a.sdf").modelname == found
+
+
 def test_mass_and_inertia_are_those_of_the_file_or_one_each(tmp_path: Path) -> None:
     model = model_of(tmp_path, LINK.format(name="a", pose="0 0 0 0 0 0", more=INERTIAL))
     body = model.body("a")

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from meshes import FACES, dae, stl
-from urdf_biped import ANKLE, FEET, FOOT_BOX, biped
+from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped
 
 from wbc.base.errors import ModelError
+from wbc.core.frames import FrameDescription
 from wbc.robots import RobotDescription
 from wbc.robots.derivation.soles import footprint, mesh_defect, no_sole, plausible, points_of
 
@@ -146,6 +147,25 @@ def test_a_frame_at_the_centre_of_its_sole_is_the_frame_of_the_sole(away: float,
     assert (said in description.derived) != own
     robot = description.robot()
     assert robot.placement(description.soles[0].frame).translation[2] == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("z", [0.0, -0.5, 0.3])
+def test_a_foot_without_geometry_has_the_sole_of_a_leg_of_its_length(z: float) -> None:
+    """Length and breadth of a foot over the height of the hip, wherever the root is: 0.152 and 0.055 over 0.530."""
+    xml = biped(geometry="")
+    for y in (0.1, -0.1):
+        old = f'xyz="0 {y} 0"/><axis xyz="0 0 1"/>'
+        assert old in xml
+        xml = xml.replace(old, f'xyz="0 {y} {z}"/><axis xyz="0 0 1"/>')
+    below = {
+        f"{side}_sole": FrameDescription("at", f"{side[0]}_ankle_roll_link", (0.0, 0.0, -ANKLE))
+        for side in ("left", "right")
+    }
+    description = RobotDescription.from_urdf(xml, **below)
+    for sole in description.soles:
+        sides = np.array([0.152, 0.055]) / 0.530 * (THIGH + SHIN + ANKLE)
+        assert (sole.length, sole.width) == pytest.approx(tuple(sides))
+    assert f"from the hip height {THIGH + SHIN + ANKLE:.3f} m" in "".join(description.derived)
 
 
 def test_a_sole_is_told_with_its_place_from_the_frame_that_was_given() -> None:
