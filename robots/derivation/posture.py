@@ -276,9 +276,6 @@ def _solve(
     narrowest = NEXT + max(sole.width for sole in soles)
     widths = [max(narrowest, float(width)) for width in (*apart_at, 0.0)]
     bent = [(7 + _index(model, joint), sign) for joint, sign in knees]
-    for i, sign in bent:
-        if i - 7 in free:
-            q[i] = sign * KNEE_BEND
     solved_for = 7 + np.array(free)
 
     # Legs without an ankle roll cannot shift the centre of mass sideways on flat soles: it stays where it is.
@@ -303,7 +300,7 @@ def _solve(
         )
 
     low, high = lower[free], upper[free]
-    first = np.clip(q[solved_for], low, high)
+    first = q[solved_for]
     with np.errstate(invalid="ignore"):  # of joints that turn without end
         middle = np.clip(np.nan_to_num(0.5 * (low + high)), first - SPREAD, first + SPREAD)
     best: tuple[float, Array, Array] | None = None
