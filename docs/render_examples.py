@@ -60,7 +60,7 @@ class Catcher(TrialHook):
         self.instant, self.azimuth, self.picture = instant, azimuth, None
         self.plant: Plant | None = None
 
-    def update(self) -> None:
+    def update(self, *_: Any) -> None:
         """Look at the plant; called once a tick."""
         assert self.plant is not None
         if self.picture is None and self.plant.time >= self.instant - 1e-9:
@@ -96,7 +96,7 @@ def picture_of(name: str, instant: float, azimuth: float) -> Image.Image:
     catcher = Catcher(instant, azimuth)
 
     @contextlib.contextmanager
-    def watch(self: Any, plant: Plant, walking: Any = None) -> Iterator[Catcher]:
+    def watch(self: Any, plant: Plant, *_: Any) -> Iterator[Catcher]:
         if catcher.picture is None:
             catcher.plant = plant
         yield catcher

@@ -139,6 +139,18 @@ def test_the_repository_and_the_version_are_named_alike_everywhere() -> None:
         assert re.findall(r"version *[=:] \{?([\d.]+)", text_of(page))[-1] == wbc.__version__
 
 
+def test_the_sheet_of_examples_has_all_that_it_does_not_leave_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    sheet = script("render_examples", monkeypatch)
+    found = {
+        str(file.relative_to(sheet.EXAMPLES).with_suffix(""))
+        for folder in (sheet.EXAMPLES, sheet.EXAMPLES / "hands")
+        for file in folder.glob("*.py")
+        if not file.stem.startswith("_")
+    }
+    assert found == {*sheet.INSTANTS, *sheet.NOT_DRAWN}
+    assert len(sheet.INSTANTS) == 13 and "Thirteen of the examples" in text_of("examples/README.md")
+
+
 def test_as_many_examples_print_more_than_a_line_as_their_page_says() -> None:
     files = [*(ROOT / "examples").glob("*.py"), *(ROOT / "examples" / "hands").glob("*.py")]
     more = [file.stem for file in files if file.stem != "_common" and "print(" in file.read_text()]
