@@ -182,13 +182,13 @@ def _rooms(inside: list[str], graph: Graph, x: float, y: float, width: float) ->
     used = set().union(*own.values())
     order = sorted(inside, key=lambda room: (-len(reachable(own, room)), room not in used, room))
     step = width / max(1, len(order))
-    top, half = y + 1.6 * ROW, 0.5 * step - 10.0
+    top, half = y + 1.6 * ROW, 0.5 * step - min(10.0, 0.08 * step)
     middle = {room: x + (i + 0.5) * step for i, room in enumerate(order)}
     out: list[str] = []
     for room in order:
         out.append(_box(middle[room] - half, top, 2.0 * half, BOX, "#ffffff", "#78909c"))
         name = room.rpartition(".")[2]
-        size = min(13, int(2.0 * half / (0.6 * len(name))))  # a letter is 0.6 of its size wide
+        size = min(13, int(2.0 * half / (0.55 * len(name))))  # a letter is 0.55 of its size wide
         out.append(_text(middle[room], top + 0.5 * BOX + 5.0, name, size, "middle"))
     depth = 0.0
     for a, b in reduced(own):

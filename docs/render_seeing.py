@@ -64,7 +64,7 @@ def main() -> None:
     result = trial.run([seen])
     cells = np.array(list(seen.cells.values()))
     sole = trial.plant.feet[0].fit.sole
-    figure, (side, above) = plt.subplots(2, 1, figsize=(9.0, 6.2), height_ratios=(1, 2), sharex=True)
+    figure, (side, above) = plt.subplots(2, 1, figsize=(9.0, 6.6), height_ratios=(1, 2), sharex=True)
     x = np.linspace(-0.1, 2.1, 900)
     y = seen.plan.left.y + np.linspace(-0.5, 0.5, 21)[:, None] * sole.width
     side.fill_between(

@@ -1,4 +1,4 @@
-"""Learn a residual on top of the walk: the walk keeps the balance, PPO corrects the velocity that it is asked for.
+"""Learn a residual on top of the walk: the walk keeps the balance, SAC corrects the velocity that it is asked for.
 
 An action of zero is the plain walk, straight ahead over stones. The policy adds to its velocity what pays: the reward
 is the way ahead, and a fall costs one. It needs `pip install -e ".[gymnasium]"` in the clone, and
@@ -14,7 +14,7 @@ import gymnasium
 import numpy as np
 from _common import parse, report
 from gymnasium.wrappers import TransformAction
-from stable_baselines3 import PPO
+from stable_baselines3 import SAC
 
 VELOCITY, REACH = np.array([0.2, 0.0, 0.0]), np.array([0.1, 0.05, 0.1])
 """Velocity of the plain walk, and what a residual of one adds to it: ahead, m/s, to the left, m/s, and turn, rad/s."""
@@ -27,7 +27,7 @@ def walk(seconds: float, **fields: Any) -> gymnasium.Env[Any, Any]:
     """Return the environment, whose actions from -1 to 1 are residuals."""
     env = gymnasium.make(
         "wbc.sim.environment:wbc/Walk-v0",
-        period=0.2,  # s
+        period=1.0,  # s, about a step: a shorter action ends before its reward has come
         seconds=seconds,
         terrain="stones",
         amplitude=0.02,
@@ -53,9 +53,9 @@ def rewards(env: gymnasium.Env[Any, Any], policy: Callable[[Any], Any], hooks: S
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
-    options = parse(__doc__, arguments, seconds=8.0, steps=2000)
+    options = parse(__doc__, arguments, seconds=6.0, steps=240)
     env = walk(options.seconds)
-    learner = PPO("MlpPolicy", env, n_steps=128, learning_rate=1e-3, gamma=0.95, seed=0, device="cpu")
+    learner = SAC("MlpPolicy", env, learning_rate=1e-3, gamma=0.8, ent_coef=0.01, learning_starts=40, seed=0)
     learner.learn(options.steps)
     return report(
         plain_m=rewards(env, lambda observation: np.zeros(3, np.float32)),
