@@ -19,7 +19,7 @@ from wbc.app.log.header import make_header
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signals
 from wbc.app.log.sources import foot_names, joint_units, torque_units
-from wbc.app.log.stances import MIN_LOAD, corners, stances, support_box
+from wbc.app.log.stances import MIN_LOAD, level_corners, stances, support_box
 from wbc.app.log.writer import LogWriter
 from wbc.app.plot import balance
 from wbc.app.plot.balance import _errors, _repeats
@@ -119,7 +119,7 @@ def rectangle(centre: np.ndarray, yaw: float, size: tuple[float, float]) -> np.n
 
 def test_soles_from_above_are_rectangles_counter_clockwise() -> None:
     centre, yaw = np.array([(1.0, 2.0, 9.0), (0.0, 0.0, 0.0)]), np.array([0.3, -1.2])
-    found = corners(centre, yaw, (0.2, 0.1))
+    found = level_corners((0.2, 0.1), centre, yaw)
     for i in range(2):
         np.testing.assert_allclose(found[i], rectangle(centre[i], yaw[i], (0.2, 0.1)))
     x, y = found[0].T

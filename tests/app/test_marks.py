@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.app.drift import Drift
+from wbc.app.drift import Drift, sole_corners
 from wbc.app.view import stage, walk_marks
 from wbc.app.view.marks import (
     COM_COLOUR,
@@ -60,7 +60,7 @@ from wbc.app.view.meshes import (
     normals,
 )
 from wbc.app.view.stage import DescribedStage, SimulatedStage, zmp_of
-from wbc.app.view.walk_marks import MAP_PERIOD, MAX_STEPS, WalkMarks, outside_force, sole_corners
+from wbc.app.view.walk_marks import MAP_PERIOD, MAX_STEPS, WalkMarks, outside_force
 from wbc.core.robot import GRAVITY
 from wbc.feet.soles.actuator import STIFFEST
 from wbc.robots import load
@@ -172,7 +172,7 @@ def test_a_ring_is_a_level_circle_around_its_point() -> None:
 
 def test_corners_of_a_sole_are_half_its_size_from_its_centre() -> None:
     turn, place = pin.rpy.rpyToMatrix(0.1, 0.2, 0.5), np.array([1.0, 2.0, 0.3])
-    found = sole_corners(0.2, 0.1, pin.SE3(turn, place).homogeneous)
+    found = sole_corners((0.2, 0.1), place, turn)
     wanted = [turn @ (x, y, 0.0) + place for x, y in ((0.1, 0.05), (-0.1, 0.05), (-0.1, -0.05), (0.1, -0.05))]
     np.testing.assert_allclose(found, wanted)
 

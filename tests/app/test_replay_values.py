@@ -120,7 +120,7 @@ def test_scans_stay_from_their_tick_on_and_maps_until_the_next_one(tmp_path: Pat
     )
     assert _lists(log, "nothing", ("x",)) == []
     marks = {
-        mark.name + str(start): (start, end, mark.points) for start, end, mark in _walk_marks(log, STILL)
+        mark.name + str(start): (start, end, mark.points) for start, end, mark in _walk_marks(log, STILL, [])
     }
     spans = [(start, end) for start, end, _ in marks.values()]
     assert spans == [(4, 30), (9, 30), (5, 20), (20, 30)]

@@ -1,4 +1,4 @@
-"""Drift of the estimate: where the world of the estimate and of the plans lies in the true one."""
+"""Geometry of pictures and figures: the drift of the estimate, headings, and the corners of soles."""
 
 from __future__ import annotations
 
@@ -59,3 +59,14 @@ def yaw_of(quaternions: Array) -> Array:
     x, y, z, w = quaternions.T
     heading: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return heading
+
+
+def sole_corners(size: tuple[float, float], centre: Array, axes: Array) -> Array:
+    """Return the corners of soles, counter-clockwise from above, shape (…, 4, k), m.
+
+    The size is length and width, m; centres have shape (…, k), m, and axes (…, k, 2 or 3): forward and left are the
+    first two columns. In the plane k is 2, in space 3.
+    """
+    local = 0.5 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * size
+    corners: Array = centre[..., None, :] + local @ axes[..., :2].swapaxes(-1, -2)
+    return corners

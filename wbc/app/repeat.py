@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.app.log.reader import Log
-from wbc.app.view.controls import LiveControls
+from wbc.app.view.controls import END, INTERVENTIONS, LiveControls
 from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, parsing
 from wbc.robots import load
@@ -24,9 +24,6 @@ from wbc.sim.walks.trained import stamped
 if TYPE_CHECKING:
     from wbc.sim.trial.trial import Trial, TrialTick
     from wbc.sim.walks.trial import WalkTrial
-
-END = "end"
-"""Intervention that ends a run: Ctrl-C."""
 
 NOT_COMPARED = ("tick/", "stiffness/computing", "view/change")
 """Beginnings of the names of signals that hold wall-clock times, or what is repeated."""
@@ -40,23 +37,12 @@ def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
         return [_checked(entry) for text in found if text for entry in json.loads(text)]
 
 
-CHANGES: dict[str, dict[str, type]] = {
-    "push": {"direction": str, "impulse": float},
-    "stop": {},
-    "drive": {"forward": float, "left": float, "turn": float},
-    "set": {"name": str, "value": float},
-    "target": {"task": str, "target": list},
-    END: {},
-}
-"""Kinds of interventions, with the types of what is recorded of them beside their time."""
-
-
 def _checked(entry: Any) -> dict[str, Any]:
     """Return an intervention; `ValueError` for one that cannot be repeated."""
-    parts = CHANGES.get(str(entry.get("what"))) if isinstance(entry, dict) else None
-    if parts is None:
-        raise ValueError(f"a recorded change must be one of {', '.join(CHANGES)}, got {shown(entry)}")
-    for name, kind in {"time": float, **parts}.items():
+    known = INTERVENTIONS.get(str(entry.get("what"))) if isinstance(entry, dict) else None
+    if known is None:
+        raise ValueError(f"a recorded change must be one of {', '.join(INTERVENTIONS)}, got {shown(entry)}")
+    for name, kind in {"time": float, **known[1]}.items():
         value = entry.get(name)
         number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
         if not (number if kind is float else isinstance(value, kind)):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.app.drift import Drift, yaw_of
+from wbc.app.drift import Drift, sole_corners, yaw_of
 from wbc.app.log.reader import Log
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
@@ -18,17 +18,10 @@ MIN_LOAD = 0.02
 """Smallest share of the weight on a foot that counts as contact where no contact is planned."""
 
 
-def corners(centre: Array, yaw: Array, size: tuple[float, float]) -> Array:
-    """Return the corners of sole rectangles seen from above, shape (n, 4, 2), m, counter-clockwise.
-
-    Centres have shape (n, 2) or more, m, yaws (n,), rad; the size is length and width, m.
-    """
-    local = 0.5 * np.array(size) * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
-    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
-    x, y = local.T
-    turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-    placed: Array = np.asarray(centre)[:, None, :2] + turned
-    return placed
+def level_corners(size: tuple[float, float], centre: Array, yaw: Array) -> Array:
+    """Return the corners of level soles from above, shape (n, 4, 2), m; centres have shape (n, ≥2), yaws (n,)."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return sole_corners(size, centre[:, :2], np.moveaxis(np.array([(c, -s), (s, c)]), -1, 0))
 
 
 def _robot_of(log: Log) -> Mapping[str, Any]:
@@ -55,9 +48,8 @@ def support_box(log: Log) -> tuple[Array, Array]:
     weight = float(_robot_of(log)["mass_kg"]) * GRAVITY
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         place = f"foot/{side}/{'reference' if walk else 'estimated'}"
-        shape = corners(
-            log.vector(f"{place}/position", 2), yaw_of(log.vector(f"{place}/orientation", 4)), size
-        )
+        yaw = yaw_of(log.vector(f"{place}/orientation", 4))
+        shape = level_corners(size, log.vector(f"{place}/position", 2), yaw)
         loaded = log[f"foot/{side}/wrench_measured/fz"] > MIN_LOAD * weight
         on = log[f"foot/{side}/contact"] > 0.5 if walk else loaded
         low[on] = np.minimum(low[on], shape[on].min(axis=1))
@@ -84,9 +76,9 @@ class Stance:
     corners: Array
 
 
-def stances(log: Log, which: str = "reference") -> list[Stance]:
-    """Return all stances of both feet whose places are known, ordered by touch-down."""
-    made, drift = [], Drift.of(log)
+def stances(log: Log, which: str = "reference", drift: Drift | None = None) -> list[Stance]:
+    """Return all stances of both feet whose places are known, ordered by touch-down; the drift is that of the log."""
+    made, drift = [], drift or Drift.of(log)
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         foot = f"foot/{side}/{'estimated' if which == 'truth' else 'reference'}"
         position = log.vector(f"truth/foot/{side}/position" if which == "truth" else f"{foot}/position", 3)
@@ -96,7 +88,7 @@ def stances(log: Log, which: str = "reference") -> list[Stance]:
         for start, end in edges.reshape(-1, 2).tolist():
             middle = (start + end) // 2  # the foot has settled by then
             turned = yaw[middle] + (drift.turn[middle] if which == "truth" else 0.0)
-            flat = corners(position[middle : middle + 1], np.array([turned]), size)[0]
+            flat = level_corners(size, position[middle : middle + 1], np.array([turned]))[0]
             shape = np.column_stack([flat, np.full(4, np.nan_to_num(position[middle, 2]))])
             shape = shape if which == "truth" else drift(shape, start)
             if np.isfinite(shape).all():

@@ -8,14 +8,11 @@ import numpy as np
 
 from wbc.app.replay.replay import Replay
 from wbc.app.view.base import free_port
-from wbc.app.view.viser_page import ViserPage, when
+from wbc.app.view.viser_page import SPEEDS, ViserPage, when
 from wbc.base.checked import checked
 
 RATE = 30.0
 """Largest rate of pictures, 1/s."""
-
-SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
-"""Choices of the speed, multiples of real time."""
 
 
 class Player:

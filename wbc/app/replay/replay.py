@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import mujoco
 import numpy as np
@@ -12,7 +12,7 @@ from wbc.app.drift import Drift
 from wbc.app.log.header import read_description, read_plant
 from wbc.app.log.reader import Log
 from wbc.app.log.sources import furniture_signals, position_signal
-from wbc.app.log.stances import stances
+from wbc.app.log.stances import Stance, stances
 from wbc.app.view.marks import (
     Force,
     Instant,
@@ -92,8 +92,8 @@ class Replay:
             self._push = (
                 (log.vector("truth/push/point", 3), log.vector("truth/push/force", 3)) if push else None
             )
-            self._marks = list(_walk_marks(log, drift))
-            self._stances = stances(log, "truth") if self._marks else []
+            self._stances = stances(log, "truth", drift) if _shows_walk(log) else []
+            self._marks = list(_walk_marks(log, drift, self._stances))
             names = ("program/state", "walk/phase", "step/side")
             self._texts = {name: log.texts(name) for name in names if name in log}
 
@@ -171,14 +171,18 @@ def _planned(log: Log, drift: Drift) -> Iterator[tuple[str, Array]]:
         yield "DCM", drift(np.column_stack([log.vector("dcm/reference", 2), zmp[:, 2]]))
 
 
-def _walk_marks(log: Log, drift: Drift) -> Iterator[tuple[int, int, Mark]]:
+def _shows_walk(log: Log) -> bool:
+    return "foot/left/contact" in log and "dcm/reference/x" in log
+
+
+def _walk_marks(log: Log, drift: Drift, real: Sequence[Stance]) -> Iterator[tuple[int, int, Mark]]:
     """Yield first tick, tick after the last one and mark of footsteps, scans and maps of a walk; none of other runs."""
     end = len(log)
-    if "foot/left/contact" in log and "dcm/reference/x" in log:
-        for k, stance in enumerate(stance for stance in stances(log) if stance.start > 0):
-            yield 0, end, planned_step(k, stance.side, stance.corners)
-        for k, stance in enumerate(stances(log, "truth")):
-            yield stance.start, end, real_step(k, stance.side, stance.corners)
+    planned = stances(log, drift=drift) if _shows_walk(log) else []
+    for k, stance in enumerate(stance for stance in planned if stance.start > 0):
+        yield 0, end, planned_step(k, stance.side, stance.corners)
+    for k, stance in enumerate(real):
+        yield stance.start, end, real_step(k, stance.side, stance.corners)
     for k, (tick, along) in enumerate(_lists(log, "stiffness/scan", ("x", "lateral", "z"))):
         heading = float(log["stiffness/scan/heading"][tick])
         c, s = math.cos(heading), math.sin(heading)

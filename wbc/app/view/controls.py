@@ -74,6 +74,23 @@ MAX_ORDERS = 16
 """Largest number of orders that wait for a tick; older ones are dropped."""
 
 
+END = "end"
+"""Intervention that ends a run: Ctrl-C."""
+
+INTERVENTIONS: dict[str, tuple[str, dict[str, type]]] = {
+    "push": ("pushed {direction} with {impulse:g} Ns/kg", {"direction": str, "impulse": float}),
+    "stop": ("told to stop", {}),
+    "drive": (
+        "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
+        {"forward": float, "left": float, "turn": float},
+    ),
+    "set": ("{name} set to {value:g}", {"name": str, "value": float}),
+    "target": ("target of task {task} moved", {"task": str, "target": list}),
+    END: ("ended", {}),
+}
+"""Kinds of interventions: text, and types of what is recorded of them beside their time."""
+
+
 class Setting(NamedTuple):
     """A number of a run that may be changed while it goes on."""
 
@@ -276,12 +293,4 @@ def target_of(task: Any, value: Any) -> Any:
 
 def intervention_text(entry: dict[str, Any]) -> str:
     """Return an intervention as text."""
-    what = {
-        "push": "pushed {direction} with {impulse:g} Ns/kg",
-        "stop": "told to stop",
-        "drive": "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
-        "set": "{name} set to {value:g}",
-        "target": "target of task {task} moved",
-        "end": "ended",
-    }[entry["what"]]
-    return f"{entry['time']:.2f} s: {what.format(**entry)}"
+    return f"{entry['time']:.2f} s: {INTERVENTIONS[entry['what']][0].format(**entry)}"

@@ -17,7 +17,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
-from unittest.mock import patch
 from urllib.parse import urlsplit
 
 HOSTS = ("127.0.0.1", "localhost", "::1")
@@ -54,8 +53,12 @@ class PageGuard:
                 process_request, self.stands = partial(self.answer, process_request), True
             return serve(handler, *places, process_request=process_request, **how)
 
-        with _one_at_a_time, patch.object(server, "serve", serve_guarded):
-            yield
+        with _one_at_a_time:
+            server.serve = serve_guarded  # type: ignore[assignment,misc]
+            try:
+                yield
+            finally:
+                server.serve = serve  # type: ignore[misc]
 
     def answer(self, answer: Callable[[Any, Any], Any], connection: Any, request: Any) -> Any:
         """Return the answer to a request (None lets a web socket in), or a refusal."""

@@ -23,6 +23,9 @@ from wbc.base.numbers import Array
 ROOT = "/wbc"
 """Root of all nodes."""
 
+SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
+"""Choices of the speed, multiples of real time."""
+
 PLOTTED = {"dcm": ("DCM", DCM_COLOUR), "zmp": ("ZMP", ZMP_COLOUR)}
 """Marks that are plotted over time: label and colour; of those as planned the rings, with dashes."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from wbc.app.drift import Drift
+from wbc.app.drift import Drift, sole_corners
 from wbc.app.view.marks import (
     Force,
     Instant,
@@ -75,7 +75,8 @@ class WalkMarks:
         done = progress.steps_done
         self._planned = {i: mark for i, mark in self._planned.items() if done - MAX_STEPS <= i < done}
         for i, step in enumerate(progress.upcoming[:MAX_STEPS], start=done):
-            corners = sole_corners(*self._sizes[SIDES.index(step.side)], step.placement.homogeneous)
+            place = step.placement
+            corners = sole_corners(self._sizes[SIDES.index(step.side)], place.translation, place.rotation)
             self._planned[i] = planned_step(i, step.side, drift(corners, 0))
         for side, pose, size in zip(SIDES, soles, self._sizes, strict=True):
             if side == progress.swing_side:
@@ -85,7 +86,7 @@ class WalkMarks:
                 self._standing[side] = self._stances
                 self._stances += 1
             number = self._standing[side]
-            self._real[number] = real_step(number, side, sole_corners(*size, pose))
+            self._real[number] = real_step(number, side, sole_corners(size, pose[:3, 3], pose[:3, :3]))
         while len(self._real) > MAX_STEPS:
             del self._real[next(iter(self._real))]
         now.marks += [*self._planned.values(), *self._real.values()]
@@ -129,13 +130,6 @@ def sole_poses(places: RobotPlaces, data: mujoco.MjData) -> list[Array]:
         pose[:3, :3], pose[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
         poses.append(pose @ place.homogeneous)
     return poses
-
-
-def sole_corners(length: float, width: float, pose: Array) -> Array:
-    """Return the corners of a sole with a homogeneous pose, shape (4, 3), m."""
-    local = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * (0.5 * length, 0.5 * width)
-    corners: Array = np.column_stack([local, np.zeros(4)]) @ pose[:3, :3].T + pose[:3, 3]
-    return corners
 
 
 def drift_of(robot: MujocoRobot, walking: WalkingControl) -> Drift:

@@ -20,11 +20,8 @@ from wbc.app.view.base import View
 from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, LiveControls, Setting
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
-from wbc.app.view.viser_page import ROOT, ViserPage, text_html, when
+from wbc.app.view.viser_page import ROOT, SPEEDS, ViserPage, text_html, when
 from wbc.tasks.behaviours import Program
-
-SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
-"""Choices of the run's speed, multiples of real time."""
 
 PAUSE_TICK = 0.02
 """Period at which a page is asked whether a run that waits may go on, s."""
@@ -132,9 +129,10 @@ class Workbench(View):
         gui, offered, order = self._gui, self.controls.offered, self.controls.order
         self._page.text(lambda: text_html(self.controls.message))
         self._page.checkbox("pause", False, lambda on: setattr(self, "_paused", on))
-        speed = next((name for name, value in SPEEDS.items() if value == self.speed), "1")
-        chosen = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
-        when(chosen.on_update, lambda _: setattr(self, "speed", SPEEDS[chosen.value]))
+        speeds = {**SPEEDS, "as fast as it goes": None}
+        speed = next((name for name, value in speeds.items() if value == self.speed), "1")
+        chosen = gui.add_dropdown("speed", tuple(speeds), initial_value=speed)
+        when(chosen.on_update, lambda _: setattr(self, "speed", speeds[chosen.value]))
         if program is not None:
             with gui.add_folder("program"):
                 self._page.text(lambda: program_text(program))
