@@ -536,8 +536,8 @@ def test_meshcat_gets_what_changes_and_its_caption_while_a_page_is_open(
     assert [path for path, kind, _ in sent if kind == "SetProperty"] == ["a", "b"]
     marks = {path.rpartition("/")[2]: on_top for path, kind, on_top in sent if kind == "mesh"}
     assert marks == {"b": True, "l": False}
-    camera = next(values[0] for path, _, values in sent if path == "/Cameras/default")
-    assert camera[:3, 3] == pytest.approx([1.0, 2.0, stage.floor + 0.8 * stage.scale.height])
+    world = next(values[0] for path, _, values in sent if path == meshcat_view.ROOT)
+    assert world[:3, 3] == pytest.approx([-1.0, -2.0, -stage.floor - 0.8 * stage.scale.height])
     body = next(values[0] for path, _, values in sent if path.endswith("body 2"))
     np.testing.assert_allclose(body[:3, 3], plant.data.xpos[2])
     np.testing.assert_allclose(body[:3, :3], plant.data.xmat[2].reshape(3, 3))

@@ -647,11 +647,14 @@ def test_a_browser_shows_the_robot_where_it_is(tmp_path: Path) -> None:
         assert said[0] == f"{trial.plant.time:.2f} s" and {"ZMP", "push", "contact force"} <= set(said)
         x, y, z = trial.plant.data.xpos[head].tolist()
         path = json.dumps(["meshcat", "wbc", f"body {head}"])
-        there = f"viewer.scene_tree.find({path}).object.matrixWorld.elements.slice(12, 15)"
-        near = f"Math.hypot(p[0] - {x}, p[1] - {z}, p[2] + {y}) < 1e-3"  # y is up in the viewer's world
-        browser.wait(
-            f"(() => {{ viewer.scene.updateMatrixWorld(true); const p = {there}; return {near}; }})()"
-        )
+        there = f"viewer.scene_tree.find({path}).object"
+        near = f"Math.hypot(p[0] - {x}, p[1] - {y}, p[2] - {z}) < 1e-3"
+        browser.wait(f"(() => {{ const p = {there}.matrix.elements.slice(12, 15); return {near}; }})()")
+        script = f"viewer.scene.updateMatrixWorld(true), {there}.matrixWorld.elements.slice(12, 15)"
+        ahead, up, _ = browser.evaluate(
+            f"({script})"
+        )  # y is up in the viewer's world, whose camera looks at the origin
+        assert abs(ahead) < 0.2 and abs(up - z + 0.8 * view.stage.scale.height) < 0.05
         names = browser.evaluate("Object.keys(viewer.scene_tree.find(['meshcat', 'wbc', 'mark']).children)")
         assert {"com", "zmp", "dcm", "planned step 0", "real step 0"} <= set(names)
         assert not browser.errors

@@ -50,7 +50,6 @@ class MeshcatView(View):
         self._order("/Axes", properties, "visible", False)
         eye = [1.9 * height, 0.5 * height, 1.9 * height]
         self._order("/Cameras/default/rotated/<object>", properties, "position", eye)
-        self._move("/Grid", np.array([0.0, 0.0, self.stage.floor]))
         self._marks: dict[str, Mark] = {}
         self._colours: dict[int, Colour] = {}
         self._meanings: dict[str, Colour] = {}
@@ -90,8 +89,10 @@ class MeshcatView(View):
             else:
                 on_top = mark.kind in ("ball", "arrow")
                 self._set_mesh(path, mark_mesh(mark), mark.colour, on_top=on_top)
-        middle = self.stage.floor + 0.8 * self.stage.scale.height
-        self._move("/Cameras/default", np.array([*picture.target[:2], middle]))
+        # MeshCat's camera looks at the origin wherever it stands: the world moves so that the robot stays there.
+        away = -np.array([*picture.target[:2], self.stage.floor + 0.8 * self.stage.scale.height])
+        self._move(ROOT, away)
+        self._move("/Grid", away + (0.0, 0.0, self.stage.floor))
         self._post(self._caption(picture))
 
     def _caption(self, picture: Picture) -> str | None:
