@@ -99,7 +99,7 @@ def file() -> FoxgloveFile:
     return made
 
 
-def test_a_scene_has_shapes_once_places_and_marks_at_every_picture_and_clouds_where_they_change(
+def test_a_scene_has_shapes_where_their_colours_change_places_and_marks_at_every_picture_and_clouds_where_they_change(
     file: FoxgloveFile,
 ) -> None:
     model = mujoco.MjModel.from_xml_string(MODEL)
@@ -114,14 +114,20 @@ def test_a_scene_has_shapes_once_places_and_marks_at_every_picture_and_clouds_wh
     def picture(tick: int) -> Picture:
         data.qpos[:] = [0.1 * tick, -0.2 * tick, 1.0, 0.6, 0.0, 0.8, 0.0]
         mujoco.mj_kinematics(model, data)
-        return Picture(float(TIME[tick]), [ball, clouds[tick // 2]])
+        soft = {1: (0.0, 0.0, 1.0, 1.0)} if tick == 3 else {}  # as a sole that is set to another stiffness
+        return Picture(float(TIME[tick]), [ball, clouds[tick // 2]], colours=soft)  # type: ignore[arg-type]
 
     replay: Any = SimpleNamespace(model=model, data=data, ticks=ticks, picture=picture)
     file.write_scene(replay, 12.5)
     assert rates == [12.5]
     times = [round(1e9 * time) for time in TIME[:4]]
     (begun, robot), *later = CHANNELS["/robot"]
-    assert begun == times[0] and not later
+    assert begun == times[0]
+    ((changed, update),) = later
+    (painted,) = update.entities
+    assert changed == times[3] and painted.frame_id == "box"
+    tint = painted.triangles[0].color
+    assert (tint.r, tint.g, tint.b, tint.a) == (0.0, 0.0, 1.0, 1.0)
     shapes = {shape.id: shape for shape in robot.entities}
     assert {shape.frame_id for shape in shapes.values()} == {"world", "box"}
     assert all(shape.frame_locked for shape in shapes.values())

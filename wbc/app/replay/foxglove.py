@@ -67,16 +67,13 @@ class FoxgloveFile:
         meshes = body_meshes(replay.model)
         moving = sorted({each.body for each in meshes} - {0})
         names = {0: WORLD} | {body: replay.model.body(body).name or str(body) for body in moving}
-        shapes = [
-            self._entity(f"{names[body]}/{number}", names[body], mesh, colour, locked=True)
-            for number, (body, colour, mesh) in enumerate(meshes)
-        ]
+        painted: dict[int, Colour] = {}  # shapes as they were written last
         robot, marks, ground = (
             channels.SceneUpdateChannel(topic, context=context) for topic in ("/robot", "/marks", "/map")
         )
         places = channels.FrameTransformsChannel("/tf", context=context)
         clouds: list[Mark] = []
-        for k, tick in enumerate(replay.ticks(rate)):
+        for tick in replay.ticks(rate):
             picture = replay.picture(tick)
             at, log_time = self._timestamp(picture.time), _nanoseconds(picture.time)
             transforms = []
@@ -94,7 +91,12 @@ class FoxgloveFile:
                     )
                 )
             places.log(messages.FrameTransforms(transforms=transforms), log_time=log_time)
-            if k == 0:
+            shapes = []
+            for number, (body, own, mesh) in enumerate(meshes):
+                if painted.get(number) != (colour := picture.colours.get(body, own)):
+                    painted[number], name = colour, f"{names[body]}/{number}"
+                    shapes.append(self._entity(name, names[body], mesh, colour, locked=True))
+            if shapes:
                 robot.log(messages.SceneUpdate(entities=shapes), log_time=log_time)
             marks.log(self._scene([m for m in picture.marks if m.kind != "cloud"]), log_time=log_time)
             found = [mark for mark in picture.marks if mark.kind == "cloud"]
