@@ -93,7 +93,7 @@ def read_drives(tree: Tree) -> JointData:
         drives.gains[name] = kp - float(each.bias[1]) * gear**2, kd - float(each.bias[2]) * gear**2
     for name in {**ranges, **sums}:
         low, high = _inside(sums.get(name, UNBOUNDED), ranges.get(name, UNBOUNDED))
-        if math.isfinite(max(-low, high)) and max(-low, high) > 0.0:
+        if math.isfinite(high) and max(-low, high) > 0.0:
             drives.torque[name] = low, high
     if not sums:
         tree.notes.append("no actuators in the file that act: all joints are taken as driven")

@@ -92,11 +92,13 @@ def test_of_two_equal_sides_the_one_that_looks_straight_down_is_flat() -> None:
             edge + [-0.2, 0.0, 0.3],
         ]
     )
-    np.testing.assert_allclose(_flat_side(points, UP), UP, atol=1e-3)
     longer = points.copy()
     longer[4:6] = edge + np.array([0.6 * np.cos(rise), 0.0, 0.6 * np.sin(rise)])
     longer[6:8] = edge + [-0.2, 0.0, 0.9]
-    np.testing.assert_allclose(_flat_side(longer, UP), [-np.sin(rise), 0.0, np.cos(rise)], atol=1e-3)
+    for mirror in ([1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]):
+        np.testing.assert_allclose(_flat_side(points * mirror, UP), UP, atol=1e-3)
+        steep = np.multiply([-np.sin(rise), 0.0, np.cos(rise)], mirror)
+        np.testing.assert_allclose(_flat_side(longer * mirror, UP), steep, atol=1e-3)
 
 
 TOE = """<geom class="foot" type="box" size="0.05 0.05 0.02" pos="-0.02 0 -0.05"/><body name="{0}_toe"
@@ -229,6 +231,23 @@ def test_bodies_are_carried_by_what_moves_them() -> None:
     ):
         tree = find_tree(model, None, lock)
         assert {model.body(b).name: model.body(c).name for b, c in tree.carrier.items()} == carriers
+
+
+@pytest.mark.parametrize(
+    ("drive", "moves"), [("", False), ("gear='0'", False), ("group='3'", False), ("gear='2'", True)]
+)
+def test_a_ball_joint_is_fixed_unless_something_drives_it(drive: str, moves: bool) -> None:
+    ball = ARM.format("tail", "", '<joint name="ball" type="ball"/>', "")
+    motor = f'<motor joint="ball" {drive}/>' if drive else ""
+    extra = f'<option actuatorgroupdisable="3"/><actuator><motor joint="limb0_joint"/>{motor}</actuator>'
+    hinge = limb(1).replace("<joint ", '<joint name="limb0_joint" ')
+    model = world(ARM.format("robot", "", "<freejoint/>", ball + hinge), extra=extra)
+    if moves:
+        with pytest.raises(ModelError, match="'ball' is a ball joint"):
+            find_tree(model, None, {})
+    else:
+        tree = find_tree(model, None, {})
+        assert tree.balls() == ["ball"] and [*tree.joints] == ["limb0_joint"]
 
 
 def coupled(ties: str, driven: str, lock: dict[str, float] | None = None) -> object:

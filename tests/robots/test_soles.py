@@ -165,6 +165,9 @@ def test_a_foot_without_geometry_has_the_sole_of_a_leg_of_its_length(z: float) -
     for sole in description.soles:
         sides = np.array([0.152, 0.055]) / 0.530 * (THIGH + SHIN + ANKLE)
         assert (sole.length, sole.width) == pytest.approx(tuple(sides))
+    assert f"left_foot: {1e3 * sides[0]:.0f} x {1e3 * sides[1]:.0f} mm, from the hip" in "".join(
+        description.derived
+    )
     assert f"from the hip height {THIGH + SHIN + ANKLE:.3f} m" in "".join(description.derived)
 
 
