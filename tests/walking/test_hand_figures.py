@@ -19,7 +19,7 @@ from wbc.robots import load
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
-from wbc.walking.hands.frames import carried
+from wbc.walking.hands.frames import PELVIS, Frames, carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.source import Reference
 from wbc.walking.swing import FootMotion
@@ -49,6 +49,24 @@ def test_a_frame_that_moves_and_turns_carries_what_moves_in_it() -> None:
     spins = [pin.log3(b.rotation @ a.rotation.T) / h for a, b in ((before, now), (now, after))]
     np.testing.assert_allclose(speed[3:], 0.5 * (spins[0] + spins[1]), atol=1e-4)
     np.testing.assert_allclose(push[3:], (spins[1] - spins[0]) / h, atol=1e-3)
+
+
+@pytest.mark.parametrize("solved", [True, False])
+def test_the_pelvis_accelerates_as_the_last_solution_says(solved: bool) -> None:
+    """By differences of its velocity along q̈ of the solution, zero without one."""
+    robot, rng = load("hrp4_class").robot(), np.random.default_rng(5)
+    q = pin.integrate(robot.model, robot.half_sitting, 0.3 * rng.normal(size=robot.nv))
+    v, acceleration, h = rng.normal(size=robot.nv), 3.0 * rng.normal(size=robot.nv) * solved, 1e-4
+    solution = SimpleNamespace(accelerations=acceleration) if solved else None
+    frames = Frames(SimpleNamespace(robot=robot, solution=solution))  # type: ignore[arg-type]
+
+    def moving(time: float) -> Any:
+        step = time * v + 0.5 * time**2 * acceleration
+        robot.update(pin.integrate(robot.model, q, step), v + time * acceleration)
+        return frames.now(PELVIS)
+
+    before, after, now = (moving(time) for time in (-h, h, 0.0))
+    np.testing.assert_allclose(now[2], (after[1] - before[1]) / (2.0 * h), atol=1e-3)
 
 
 def _turned(rotation: Any, velocity: Any, acceleration: Any, time: float) -> Any:
