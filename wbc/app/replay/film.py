@@ -126,7 +126,7 @@ def _pictures(replay: Replay, ticks: Iterable[int], rate: float, size: tuple[int
 
 def _with_caption(pixels: Pixels, title: str, picture: Picture) -> Pixels:
     """Return a picture with title, time and text."""
-    image, size = Image.fromarray(pixels), max(10, len(pixels) // 36)
+    image, size = Image.fromarray(pixels), max(10, min(pixels.shape[:2]) // 36)
     text = "\n".join([f"{title}   {picture.time:.2f} s", *picture.text])
     font = ImageFont.load_default(size)
     ImageDraw.Draw(image).multiline_text((size, size), text, fill=(30, 30, 30), font=font, spacing=4)

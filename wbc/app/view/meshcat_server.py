@@ -24,7 +24,7 @@ PATIENCE = 3.0
 
 CAPTION = """
 <div id="caption"><div id="caption-lines"></div>
-<details open hidden><summary>Legend</summary><div id="caption-legend"></div></details></div>
+<details hidden><summary>Legend</summary><div id="caption-legend"></div></details></div>
 <style>
 #caption { position: fixed; top: 0; left: 0; margin: 8px; padding: 6px 10px; max-width: 45vw; pointer-events: none;
     font: 13px/1.45 sans-serif; color: #111; background: rgba(255, 255, 255, 0.8); border-radius: 4px; }
@@ -34,6 +34,7 @@ CAPTION = """
 #caption-legend span { display: inline-block; width: 0.8em; height: 0.8em; margin-right: 0.5em; border-radius: 50%; }
 </style>
 <script>
+document.querySelector("#caption details").open = innerWidth > 600;
 new WebSocket(location.origin.replace("http", "ws") + "/caption").onmessage = message => {
     const caption = JSON.parse(message.data);
     const line = text => Object.assign(document.createElement("div"), {textContent: text});
