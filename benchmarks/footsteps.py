@@ -2,7 +2,7 @@
 
     python benchmarks/footsteps.py                                     # three robots, three ways, three seeds, torque
     python benchmarks/footsteps.py --robot talos --mode hybrid --seeds 1
-    python benchmarks/footsteps.py --kind planned                      # the same by planned steps
+    python benchmarks/footsteps.py --mode position                     # the same by planned steps
 
 The ways are 1.5 m straight on; 0.5 m, a turn of 1.2 rad and 0.5 m; and eight steps aside. A line has the distances in
 the estimated and in the true world, mean and greatest, mm, and the greatest force on a sole over the weight.
@@ -70,11 +70,10 @@ def main() -> None:
     parser.add_argument("--robot", action="append", choices=ROBOTS)
     parser.add_argument("--way", action="append", choices=tuple(WAYS))
     parser.add_argument("--mode", default="torque", choices=("position", "torque", "hybrid"))
-    parser.add_argument("--kind", choices=("planned", "free"), help="of the steps")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=FIRST_SEED)
     given = parser.parse_args()
-    settings = replace(WalkingControlSettings(), mode=given.mode, step_kind=given.kind)
+    settings = replace(WalkingControlSettings(), mode=given.mode)
     for name in given.robot or ROBOTS:
         all_of_it: list[float] = []
         for way in given.way or WAYS:

@@ -110,7 +110,7 @@ class Tour:
         start[2] += setup.drop
         self.loop.reset(start)
         robot.update(standing(robot), np.zeros(robot.nv))
-        settings = setup.settings or WalkingControlSettings(mode=setup.mode, step_kind="free")
+        settings = setup.settings or WalkingControlSettings(mode=setup.mode)
         observer = None
         if setup.delay > 0.0:
             stated = ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)

@@ -108,7 +108,7 @@ class StandTrial(Trial):
         robot, plant, observer = spec.build(visuals=visuals)
         control: WalkingControl | DriveControl
         if spec.steps == "allowed":
-            settings = WalkingControlSettings(mode=spec.chosen, step_kind="free")
+            settings = WalkingControlSettings(mode=spec.chosen)
             control = WalkingControl(robot, None, spec.period, settings, observer=observer)
         else:
             controller = balance_controller(robot, spec.period, spec.gains)

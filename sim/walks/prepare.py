@@ -23,7 +23,7 @@ from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.reach import Reach, check_plan, sized
+from wbc.walking.plans.reach import check_plan, sized
 from wbc.walking.stepping.gait import SteppingWalk
 
 
@@ -101,7 +101,7 @@ def prepare(
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
     given = plan.footsteps is not None or plan.stairs is not None
-    free = "free" in settings.kinds and not ("planned" in settings.kinds and plan.climbs)
+    free = settings.free
     walked = steps if given or not free else replace(steps, steps=())
     try:
         if plan.velocity is not None and not free:
@@ -116,8 +116,6 @@ def prepare(
         if plan.velocity is not None:
             check_velocity(plan.velocity, walking.velocity_limits, f"steps of '{model.name}'")
         orders, time = _orders(plan, steps, walking.source)
-        if given:
-            check_plan(steps, Reach.of(model), extent)
     else:
         check_plan(steps, walking.walk.reach, extent)
         cycle = step_gait.cycle

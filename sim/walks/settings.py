@@ -22,7 +22,7 @@ from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.walking.lipm.preview import PreviewSettings
 from wbc.walking.lipm.walk import PhaseSettings, WalkSettings
-from wbc.walking.settings import Kind, WalkingControlSettings
+from wbc.walking.settings import WalkingControlSettings
 
 PRESETS = ("default", "frizza", "no_bias")
 """Names of presets: the best settings on all soles, the law of the paper, and the same without bias estimate, with the
@@ -80,7 +80,6 @@ class WalkTrialSettings(WalkingControlSettings):
             return WalkTrialSettings()
         paper, plain = name == "frizza", StabilizerGains.mc_rtc()
         return WalkTrialSettings(
-            step_kind="planned",
             feedforward=False,
             gains=replace(plain, **PAPER_GAINS) if paper else plain,
             distribution=DistributionSettings.mc_rtc(),
@@ -96,6 +95,10 @@ class WalkTrialSettings(WalkingControlSettings):
 
 def trial_settings(preset: str, changes: Changes, mode: Mode, timestep: float) -> WalkTrialSettings:
     """Return a preset with changes that `checked_changes` returned."""
+    if preset != PRESETS[0] and mode != "position":
+        raise InputError(
+            f"the preset '{preset}' is one of planned steps, which mode='position' takes, got '{mode}'"
+        )
     trial = changed(WalkTrialSettings.preset(preset), changes)
     return replace(trial, mode=mode, physics=replace(trial.physics, timestep=timestep))
 
@@ -109,33 +112,21 @@ def checked_changes(preset: str, changes: Changes) -> Changes:
     return normal
 
 
-OF_KIND: dict[Kind, tuple[str, ...]] = {
-    "planned": (
-        "drive",
-        "walk",
-        "gains",
-        "distribution",
-        "lean",
-        "bias",
-        "tasks",
-        "load",
-        "hands",
-        "feedforward",
-    ),
-    "free": ("stepping",),
+OF_STEPS = {
+    True: ("stepping",),
+    False: ("drive", "walk", "gains", "distribution", "lean", "bias", "tasks", "feedforward"),
 }
-"""Kind of steps → settings that count in these alone."""
+"""True for free steps, False for planned ones → settings that count in these alone."""
 
 
 def check_read(changes: Changes, trial: WalkTrialSettings) -> None:
-    """Refuse changes of settings of a kind of steps that a walk does not take."""
-    for kind, groups in OF_KIND.items():
-        for path, _ in changes if kind not in trial.kinds else ():
-            if path.partition(".")[0] in groups:
-                takes = "mode='torque'" if kind == "free" else "step_kind='planned'"
-                raise InputError(
-                    f"'{path}' is a setting of {kind} steps, all steps are {trial.kinds[0]} here: {takes} for others"
-                )
+    """Refuse changes of settings of steps that a walk does not take."""
+    for path, _ in changes:
+        if path.partition(".")[0] in OF_STEPS[not trial.free]:
+            steps, mode = ("planned", "position") if trial.free else ("free", "torque")
+            raise InputError(
+                f"'{path}' is a setting of {steps} steps, which mode='{mode}' takes, got mode='{trial.mode}'"
+            )
 
 
 OLD_PLACES = {
@@ -157,12 +148,12 @@ def without_law(spec: Mapping[str, Any]) -> dict[str, Any]:
         next(new + name[len(old) :] for old, new in places if name.startswith(old)): value
         for name, value in changes.items()
     }
-    footsteps = bool({"stairs", "footsteps"} & set(values.get("plan") or {}))
     mode = values.get("mode") or ("position" if law == "lipm" else "torque")
-    if law == "stepping" and (mode == "position" or footsteps):
-        renamed["step_kind"] = "free"
-    if law == "lipm" and mode != "position" and values.get("gains", PRESETS[0]) == PRESETS[0]:
-        renamed["step_kind"] = "planned"
+    if law != "auto" and (law == "lipm") != (mode == "position"):
+        raise InputError(
+            f"a walk of law '{law}' in {mode} control is no more: mode='position' takes planned steps ('lipm'), torque "
+            "and hybrid control free ones ('stepping')"
+        )
     if law != "lipm":
         values["mode"] = mode
     if law == "stepping":

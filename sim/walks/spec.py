@@ -25,7 +25,7 @@ from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.trial.spec import CONTROL_PERIOD, TrialSpec
+from wbc.sim.trial.spec import TrialSpec
 from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import (
@@ -87,12 +87,12 @@ class WalkSpec(TrialSpec):
         scene_params: Parameters of the scene.
         seed: Seed of the ground and of the sensor errors.
         noise_seed: Separate seed for the sensor errors; `seed` if not given.
-        mode: Kind of drive commands. If not given: position, or hybrid for soft servos. Steps are free in torque and
-            hybrid control, except on stairs and with a gait.
+        mode: Kind of drive commands. If not given: position, or hybrid for soft servos. Steps are planned in position
+            control, and free in torque and hybrid control.
         machine: Delays, friction, payload, and which sensors exist. The observer knows the delays, unless the settings
             have other ones ("observer.command_delay").
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
-        gait: Sizes and timings of the steps; steps are then planned.
+        gait: Sizes and timings of planned steps.
         eyes: Sensors by which the robot sees the ground: none, depth (a camera) or toes (range sensors).
         gains: Preset of settings: default; frizza, the law of the paper; or no_bias, the law of the paper without the
             estimate of the bias.
@@ -146,7 +146,7 @@ class WalkSpec(TrialSpec):
         store("changes", checked_changes(self.gains, self.changes))
         trial = self.settings()
         check_read(self.changes, trial)
-        store("_free", "free" in trial.kinds and not ("planned" in trial.kinds and self.plan.climbs))
+        store("_free", trial.free)
         ground = self.ground()
         store("terrain_params", _as_used(ground, self.terrain_params))
         if self.scene is None and self.scene_params:
@@ -208,14 +208,9 @@ class WalkSpec(TrialSpec):
             wanted["physics"] = changed_physics[0]
         return wanted
 
-    def _usual_period(self) -> float:
-        """Return the control period when none is given, s: free steps are decided anew every 2 ms on any drives."""
-        free = dict(self.changes).get("step_kind") == "free"
-        return CONTROL_PERIOD["torque"] if free else super()._usual_period()
-
     @property
     def free(self) -> bool:
-        """True if the steps are decided as the robot goes; False for a walk with planned steps."""
+        """True if the steps are decided as the robot goes, in torque and hybrid control; False for planned steps."""
         free: bool = self._free  # type: ignore[attr-defined]
         return free
 
@@ -261,13 +256,12 @@ class WalkSpec(TrialSpec):
         trial = trial_settings(self.gains, self.changes, self.chosen, self.timestep)
         given = [path.removeprefix("observer.") for path, _ in self.changes]
         trial = replace(trial, observer=self.with_delays(trial.observer, given))
-        if not self.gait.given:
-            return trial
-        if trial.step_kind == "free":
+        if trial.free and self.gait.given:
             raise InputError(
-                f"free steps have no gait, got {', '.join(self.gait.given)}; their settings are 'stepping.…'"
+                f"free steps have no gait, got {', '.join(self.gait.given)}; their settings are 'stepping.…', and "
+                "mode='position' takes planned steps"
             )
-        return replace(trial, step_kind="planned")
+        return trial
 
     def prepare(self) -> PreparedWalk:
         """Return the parts that do not depend on seeds; they are built once for all specs that differ only in seeds."""

@@ -28,13 +28,11 @@ from wbc.app.plot.signals import MAX_SIGNALS, draw_signals, select
 from wbc.app.plot.stiffness import scans
 from wbc.app.plot.study import draw_study
 from wbc.app.plot.style import (
-    BLACK,
     COLOURS,
     LEGEND_ROW,
     STYLES,
     labels,
     legend,
-    mark_events,
     mark_states,
     new_figure,
 )
@@ -489,24 +487,6 @@ def test_every_other_state_is_shaded_and_named_without_its_machine() -> None:
     axes = new_figure(4.0, 3.0).subplots()
     mark_states(axes, Told(), names=True)  # type: ignore[arg-type]
     assert not axes.patches and not axes.texts
-
-
-def test_changes_of_the_steps_are_lines_whose_names_are_shown_once() -> None:
-    class Told(dict[str, Any]):
-        time = np.arange(5.0)
-
-        def __len__(self) -> int:
-            return 5
-
-        def texts(self, name: str) -> Any:
-            return np.array(["planned", "free", "free", "free", "planned"], dtype=object)
-
-    for names in (True, False):
-        axes = new_figure(4.0, 3.0).subplots()
-        mark_events(axes, Told({"walk/step_kind": 0}), names=names)  # type: ignore[arg-type]
-        assert [line.get_xdata()[0] for line in axes.lines] == [1.0, 4.0]
-        assert {line.get_color() for line in axes.lines} == {BLACK}
-        assert [t.get_text().split()[0] for t in axes.texts] == (["free", "planned"] if names else [])
 
 
 @pytest.mark.parametrize(("count", "columns", "rows"), [(4, 4, 1), (5, 4, 2), (9, 3, 3), (2, 4, 1)])

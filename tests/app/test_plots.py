@@ -26,7 +26,7 @@ from wbc.app.log.stances import SIDES, sole_sizes, stances, support_box
 from wbc.app.plot.figures import FIGURES, draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
-from wbc.app.plot.style import labels, mark_events, new_figure
+from wbc.app.plot.style import labels, mark_pushes, new_figure
 from wbc.app.replay.replay import Replay
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.tasks import Behaviour, Program, StateMachine, after
@@ -276,22 +276,17 @@ class Marked(dict[str, Any]):
     def vector(self, name: str, size: int) -> Any:
         return self[name][:, :size]
 
-    def texts(self, name: str) -> Any:
-        return np.array(["planned"] * 4 + ["free"] * 2, dtype=object)
 
-
-def test_pushes_and_changes_of_the_law_are_marked() -> None:
+def test_pushes_are_marked() -> None:
     force = np.zeros((6, 3))
     force[1:3, 1], force[5, 0] = 30.0, np.nan
     force[4, 0] = -10.0
-    log = Marked({"truth/push/force/x": 0, "truth/push/force": force, "walk/step_kind": 0})
+    log = Marked({"truth/push/force/x": 0, "truth/push/force": force})
     axes = new_figure(4.0, 3.0).subplots()
-    mark_events(axes, log, names=True)  # type: ignore[arg-type]
+    mark_pushes(axes, log)  # type: ignore[arg-type]
     assert [patch.get_x() for patch in axes.patches] == [1.0, 4.0]
     assert [patch.get_width() for patch in axes.patches] == [2.0, 1.0]
     assert axes.get_legend_handles_labels()[1] == ["push"]
-    assert [line.get_xdata()[0] for line in axes.lines] == [4.0]
-    assert [text.get_text().strip() for text in axes.texts] == ["free steps"]
 
 
 @pytest.mark.parametrize("name", ["plan", "balance"])

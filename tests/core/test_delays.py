@@ -98,7 +98,6 @@ def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> N
         machine=Machine(force_sensors=False),
         plan=WalkPlan(distance=0.2),
         noise="realistic",
-        changes=(("step_kind", "planned"),),
     )
     trial = WalkTrial(spec)
     result = trial.run([contacts])

@@ -154,9 +154,7 @@ def test_a_torque_walk_does_not_jump_when_an_ankle_in_the_air_meets_its_limit() 
     """Over 0.6 m the steps widen until the ankle of the swing foot rolls to its limit."""
     robot = wbc.load_robot("g1").robot()
     stance = wbc.FootstepPlan.standing(robot)
-    walking = wbc.WalkingControl(
-        robot, stance, 0.004, WalkingControlSettings(mode="torque", step_kind="planned")
-    )
+    walking = wbc.WalkingControl(robot, stance, 0.004, WalkingControlSettings(mode="torque"))
     forces: list[float] = []
     saturated = 0
 
@@ -178,9 +176,7 @@ def walks(mode: str, rate: float, speed: float, *, heavier: bool, seed: int) -> 
     """Let it down, and walk 2 m along a plan."""
     robot = wbc.load_robot("g1").robot()
     stance = wbc.FootstepPlan.standing(robot)
-    walking = wbc.WalkingControl(
-        robot, stance, 1.0 / rate, WalkingControlSettings(mode=mode, step_kind="planned")
-    )  # type: ignore[arg-type]
+    walking = wbc.WalkingControl(robot, stance, 1.0 / rate, WalkingControlSettings(mode=mode))  # type: ignore[arg-type]
     starts: list[np.ndarray] = []
 
     def walk(robot: HangingMachine, runner: Runner, free: float) -> None:

@@ -139,7 +139,6 @@ def test_a_robot_of_a_file_is_taken_over_and_walks_on() -> None:
     [
         (DT, False, {}),
         (0.001, True, {}),
-        (DT, True, {"step_kind": "planned"}),
         (DT, False, {"mode": "position"}),
     ],
 )

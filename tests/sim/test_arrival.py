@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from wbc.core.drive.control import Mode
-from wbc.sim import WalkPlan, WalkSpec, WalkTrial, walk
+from wbc.sim import WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.trial import TrialHook, TrialTick
 from wbc.sim.walks.arrival import GOAL_DISTANCE, GOAL_TURN, Arrival
 from wbc.walking.plans.footsteps import mean_heading
@@ -97,15 +96,3 @@ def test_a_robot_that_does_its_steps_elsewhere_has_strayed() -> None:
     result = WalkTrial(spec).run([Carry(0.6, 0.7, back=1.4)])
     assert result.outcome == "strayed" and not result.fell and result.steps_done == result.steps_planned
     assert (result.goal_error, result.track_error) == pytest.approx((0.0, 0.6), abs=0.03)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("mode", "seed"), [("torque", 3), ("hybrid", 4)])
-def test_planned_steps_on_torques_keep_their_line(mode: Mode, seed: int) -> None:
-    """Narrow soles, realistic sensors: their constant errors move the ZMP within the sole, and no landing."""
-    changes = {"step_kind": "planned"}
-    result = walk(
-        robot="g1", foot="flat", terrain="flat", distance=3.0, mode=mode, seed=seed, changes=changes
-    )
-    assert result.outcome == "completed"
-    assert result.track_error is not None and result.track_error < 0.1

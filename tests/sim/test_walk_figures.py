@@ -234,14 +234,13 @@ def test_a_plan_keeps_of_a_lower_one_what_belongs_to_its_kind() -> None:
 def test_a_planned_walk_takes_the_time_of_its_phases() -> None:
     """Shift, n swings with n − 1 double supports between them, rest; a walk is given half as long again and 5 s."""
     gait = Gait(single_support=0.7, double_support=0.2, initial_double_support=0.6, final_double_support=0.8)
-    changes = (("step_kind", "planned"),)
     for plan in (WalkPlan(distance=0.5), WalkPlan(turn=0.4)):
-        prepared = WalkSpec(plan=plan, gait=gait, mode="position", changes=changes).prepare()
+        prepared = WalkSpec(plan=plan, gait=gait, mode="position").prepare()
         n = len(prepared.plan)
         assert n >= 2 and prepared.nominal_time == pytest.approx(0.6 + 0.7 * n + 0.2 * (n - 1) + 0.8)
         assert prepared.time_limit == math.ceil(1.5 * prepared.nominal_time + 5.0)
     rows = ((0.0, 0.1, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0))
-    driven = WalkSpec(plan=WalkPlan(drive=rows), gait=gait, mode="position", changes=changes).prepare()
+    driven = WalkSpec(plan=WalkPlan(drive=rows), gait=gait, mode="position").prepare()
     assert driven.nominal_time == pytest.approx(3.0 + 2.0 * 0.9 + 0.8) and driven.arrival() is None
 
 
@@ -268,10 +267,9 @@ def test_a_walk_with_free_steps_has_time_to_set_off_go_turn_and_stop() -> None:
     assert orders[0] == (0.0, 0.2, 0.0, 0.0) and orders[1][1:] == (0.0, 0.0, 0.0)
     step = (twelve.orders[1][0] - orders[1][0]) / 6.0
     assert 0.2 < step < 1.0 and twelve.nominal_time == pytest.approx(twelve.orders[1][0] + pause)
-    free = (("step_kind", "free"),)
     for distance in (0.3, 0.6):  # landings that are given: a slow step for each
         steps = WalkSpec(plan=WalkPlan(distance=distance), mode="position").prepare().plan.steps
-        given = WalkSpec(plan=WalkPlan(footsteps=steps), mode="torque", changes=free).prepare()
+        given = WalkSpec(plan=WalkPlan(footsteps=steps), mode="torque").prepare()
         assert given.nominal_time == pytest.approx(len(steps) * step + pause)
     rows = ((0.0, 0.1, 0.0, 0.0), (4.0, 0.0, 0.0, 0.0))
     driven = WalkSpec(plan=WalkPlan(drive=rows), mode="torque").prepare()

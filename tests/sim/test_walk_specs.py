@@ -27,7 +27,6 @@ from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.gait import Gait
 
-FREE, PLANNED = {"step_kind": "free"}, {"step_kind": "planned"}
 SHORT = WalkPlan(distance=0.3)
 
 
@@ -37,22 +36,11 @@ SHORT = WalkPlan(distance=0.3)
         ({"law": "lipm"}, {}),
         ({"law": "lipm", "changes": {"gains.dcm_p": 3.0}}, {"changes": {"gains.dcm_p": 3.0}}),
         ({"law": "lipm", "mode": "position"}, {"mode": "position"}),
-        ({"law": "lipm", "mode": "torque"}, {"mode": "torque", "changes": PLANNED}),
-        (
-            {"law": "lipm", "mode": "hybrid", "gains": "default"},
-            {"mode": "hybrid", "gains": "default", "changes": PLANNED},
-        ),
-        ({"law": "lipm", "mode": "torque", "gains": "frizza"}, {"mode": "torque", "gains": "frizza"}),
         ({"law": "stepping"}, {"mode": "torque"}),
         ({"law": "stepping", "mode": "hybrid"}, {"mode": "hybrid"}),
-        ({"law": "stepping", "mode": "position"}, {"mode": "position", "changes": FREE}),
-        (
-            {"law": "stepping", "plan": {"footsteps": []}},
-            {"mode": "torque", "plan": {"footsteps": []}, "changes": FREE},
-        ),
         (
             {"law": "stepping", "plan": {"stairs": "together"}},
-            {"mode": "torque", "plan": {"stairs": "together"}, "changes": FREE},
+            {"mode": "torque", "plan": {"stairs": "together"}},
         ),
         (
             {"law": "stepping", "gait": {"apex": 0.5}, "changes": {"gait.sway": 1.0, "mpc.rate": 2.0}},
@@ -141,11 +129,10 @@ def test_seeds_are_below_their_limit_and_sensors_may_have_their_own() -> None:
 def test_free_steps_are_decided_every_two_milliseconds_and_planned_ones_every_five() -> None:
     periods = {
         "position": WalkSpec(plan=SHORT, mode="position").period,
-        "free on positions": WalkSpec(plan=SHORT, mode="position", changes=FREE).period,  # type: ignore[arg-type]
         "torque": WalkSpec(plan=SHORT, mode="torque").period,
         "given": WalkSpec(plan=SHORT, mode="torque", control_period=0.004).period,
     }
-    assert list(periods.values()) == [0.005, 0.002, 0.002, 0.004]
+    assert list(periods.values()) == [0.005, 0.002, 0.004]
 
 
 def test_a_ramp_is_written_and_counts_where_it_is_not_the_usual_one() -> None:
@@ -189,7 +176,7 @@ def test_a_walk_with_free_steps_takes_the_time_of_its_way_its_turn_and_its_steps
     assert made.orders == ((0.0, 0.1, 0.0, 0.1), (pytest.approx(end), 0.0, 0.0, 0.0))
     assert time == pytest.approx(end + pause)
     steps = WalkSpec(plan=SHORT, mode="position").prepare().plan.steps
-    time, _ = prepared(WalkPlan(footsteps=steps), changes=FREE)
+    time, _ = prepared(WalkPlan(footsteps=steps))
     assert time == pytest.approx(len(steps) * s.slow_time + pause)
 
 
@@ -219,38 +206,50 @@ def test_a_ground_is_as_long_as_the_way_of_planned_or_of_free_steps() -> None:
     assert climb.ground().length == 1.2
 
 
-def test_steps_are_free_in_torque_control_unless_planned_ones_are_asked_for() -> None:
+def test_steps_are_planned_in_position_control_and_free_in_torque_and_hybrid_control() -> None:
     steps = WalkSpec(plan=SHORT, mode="position").prepare().plan.steps
     given = WalkPlan(footsteps=steps)
-    for plan, mode, changes, free in (
-        (SHORT, "position", {}, False),
-        (SHORT, "torque", {}, True),
-        (SHORT, "torque", PLANNED, False),
-        (given, "torque", {}, True),
-        (given, "torque", FREE, True),
-        (given, "position", {}, False),
+    for plan, mode, free in (
+        (SHORT, "position", False),
+        (SHORT, "torque", True),
+        (SHORT, "hybrid", True),
+        (given, "torque", True),
+        (given, "position", False),
     ):
-        spec = WalkSpec(plan=plan, mode=mode, changes=changes)  # type: ignore[arg-type]
+        spec = WalkSpec(plan=plan, mode=mode)  # type: ignore[arg-type]
         assert spec.free == free
         assert len(spec.prepare().plan) == (len(steps) if plan is given or not free else 0)
     assert WalkSpec(plan=SHORT, eyes="toes").prepare().plan.gait.full.apex == TOE_GAIT.full.apex
     own = Gait(apex=0.6)
     assert WalkSpec(plan=SHORT, eyes="toes", gait=own).prepare().plan.gait.full.apex == 0.6
-    assert WalkSpec(plan=SHORT, gait=own).settings().step_kind == "planned"
-    with pytest.raises(InputError):
-        WalkSpec(plan=SHORT, mode="torque", gait=own, changes=FREE)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"mode": "torque", "gait": Gait(apex=0.5)}, "no gait, got apex.*mode='position'"),
+        ({"mode": "hybrid", "gains": "frizza"}, "'frizza'.*mode='position'"),
+        (
+            {"mode": "torque", "changes": {"step_kind": "planned"}},
+            "'step_kind'.*mode='position' takes planned",
+        ),
+        ({"mode": "position", "changes": {"stepping.cruise": 0.1}}, "'stepping.cruise'.*mode='torque'"),
+        ({"mode": "torque", "changes": {"gains.dcm_p": 4.0}}, "'gains.dcm_p'.*mode='position'"),
+    ],
+)
+def test_what_steps_of_the_mode_do_not_have_is_refused_with_the_mode_that_has_it(
+    given: dict[str, Any], named: str
+) -> None:
+    with pytest.raises(InputError, match=named):
+        WalkSpec(plan=SHORT, **given)
+    for old in ({"law": "lipm", "mode": "torque"}, {"law": "stepping", "mode": "position"}):
+        with pytest.raises(InputError, match="mode='position' takes planned steps"):
+            without_law(old)
 
 
 def test_rows_of_a_drive_that_cannot_be_are_told_by_their_number() -> None:
     with pytest.raises(InputError, match="0.5 s in row 3 after 1 s"):
         WalkPlan(drive=((0.0, 0.1, 0.0, 0.0), (1.0, 0.1, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0)))
-
-
-def test_a_setting_of_steps_that_are_not_taken_is_refused_with_the_mode_that_takes_them() -> None:
-    with pytest.raises(InputError, match=r"free steps, all steps are planned here: mode='torque'"):
-        WalkSpec(plan=SHORT, mode="position", changes={"stepping.cruise": 0.1})  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"planned steps, all steps are free here: step_kind='planned'"):
-        WalkSpec(plan=SHORT, mode="position", changes={"gains.dcm_p": 4.0} | FREE)  # type: ignore[arg-type]
 
 
 def test_the_file_of_a_policy_is_known_by_its_content_and_that_of_its_description(tmp_path: Path) -> None:

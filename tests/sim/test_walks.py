@@ -29,7 +29,6 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.contact import Event
 from wbc.walking.plans.gait import Gait, StepGait
-from wbc.walking.settings import Kind
 
 TWO_STEPS = WalkPlan(distance=0.1)
 EXAMPLE = Path(__file__).parents[2] / "examples" / "biped.xml"
@@ -311,7 +310,6 @@ def test_specs_are_values() -> None:
         {"terrain": "stones"},
         {"terrain": "steps", "amplitude": 0.01},
         {"mode": "torque"},
-        {"changes": (("step_kind", "free"),)},
         {"robot": "g1"},
         {"foot": "variable"},
         {"foot": "soft", "stiffness": 5.0},
@@ -399,13 +397,10 @@ def test_the_limit_of_threads_is_taken_away_by_the_last_of_overlapping_trials() 
 
 
 @pytest.mark.parametrize("mode", ["position", "hybrid", "torque"])
-@pytest.mark.parametrize("kind", [None, "planned", "free"])
-def test_every_kind_of_steps_is_prepared_in_every_mode(kind: Kind | None, mode: Mode) -> None:
-    changes = () if kind is None else (("step_kind", kind),)
-    spec = WalkSpec(mode=mode, plan=WalkPlan(distance=0.5), changes=changes)
+def test_a_walk_is_prepared_in_every_mode(mode: Mode) -> None:
+    spec = WalkSpec(mode=mode, plan=WalkPlan(distance=0.5))
     prepared = spec.prepare()
     assert prepared.nominal_time > 0.0 and spec.free == (not prepared.plan.steps)
-    assert spec.free == (mode != "position" if kind is None else kind == "free")
 
 
 def test_changes_reach_the_controller() -> None:

@@ -301,9 +301,7 @@ def run(task: str, mode: str, names: Sequence[str], *, lasting: bool) -> Report:
         start, end, every = (0.8, 2.0, None) if lasting else (0.4, 3.0, 0.1)
     else:
         plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
-        spec = WalkSpec(
-            robot="hrp4_class", foot="rigid", mode=mode, plan=plan, changes={"step_kind": "planned"}
-        )
+        spec = WalkSpec(robot="hrp4_class", foot="rigid", mode=mode, plan=plan)
         trial = WalkTrial(spec)
         plant, control, command = trial.plant, trial.control.control, trial.control.command
         start, end, every = 2.2, 5.5, 0.15

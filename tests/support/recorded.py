@@ -40,7 +40,7 @@ def make_walk(mode: str = "position", velocity_ratio: float = 1.0) -> tuple[wbc.
     model = description.robot()
     model.velocity_limit[:] *= velocity_ratio
     plan = walk_distance(FootstepPlan.standing(model, GAIT), 0.15)
-    settings = WalkingControlSettings(mode="torque" if mode == "torque" else "position", step_kind="planned")
+    settings = WalkingControlSettings(mode="torque" if mode == "torque" else "position")
     return plant, WalkingControl(model, plan, period, settings)
 
 

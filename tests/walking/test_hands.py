@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
@@ -280,19 +279,9 @@ def test_a_hand_that_finds_no_surface_stops() -> None:
     assert hands.all["left_hand"].state is HandState.FREE
 
 
-def test_a_robot_that_takes_free_steps_alone_says_that_they_count_no_forces_on_hands() -> None:
-    walking = WalkingControl(
-        load("g1").robot(), None, 0.005, WalkingControlSettings(mode="torque", step_kind="free")
-    )
-    with pytest.raises(InputError, match=re.escape("free steps alone count no forces")):
-        walking.hands.press("left_hand", 5.0, DOWN)
-
-
 def test_a_robot_in_torque_control_without_sensors_at_its_wrists_refuses_to_press() -> None:
-    """Its hands press in planned steps, and it stands by free ones until then."""
     walking = WalkingControl(load("g1").robot(), None, 0.005, WalkingControlSettings(mode="torque"))
     Trial(Plant(load("g1")), walking).advance(0.1)
-    assert walking.step_kind == "free"
     with pytest.raises(InputError, match="must have a force sensor"):
         walking.hands.press("left_hand", 5.0, DOWN)
 

@@ -21,15 +21,16 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.source import WholeBody
+from wbc.walking.source import StandSource, WholeBody
 
 DESCRIPTION = load("hrp4_class")
 DT = 0.005
 
 
 def standing(settings: WalkingControlSettings) -> tuple[Robot, WalkingControl]:
-    robot, settings = DESCRIPTION.robot(), replace(settings, step_kind="planned")
-    return robot, WalkingControl(DESCRIPTION.robot(), FootstepPlan.standing(robot), DT, settings)
+    robot, own = DESCRIPTION.robot(), DESCRIPTION.robot()
+    source = FootstepPlan.standing(robot) if settings.mode == "position" else StandSource(own)
+    return robot, WalkingControl(own, source, DT, settings)
 
 
 def sensors(

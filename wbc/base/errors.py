@@ -89,12 +89,18 @@ def shown_path(path: str | Path) -> str:
     return whole if str(path).isprintable() else f"{whole} ({BACKSLASH})"
 
 
+GONE = {"step_kind": "mode='position' takes planned steps, torque and hybrid control take free ones"}
+"""Names of earlier versions, and what takes their place."""
+
+
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     """Raise `UnknownNameError` for a name of a kind ("frame", "joint", "robot", …) that is not among the choices."""
     names = sorted({*choices})
     given = shown(name).strip("'") if isinstance(name, str) else shown(name)
     near = difflib.get_close_matches(given, names, n=3, cutoff=0.5)
-    if near:
+    if given in GONE:
+        hint = GONE[given]
+    elif near:
         hint = "did you mean " + " or ".join(f"'{n}'" for n in near) + "?"
     elif len(names) <= 20:
         hint = "choices: " + (", ".join(names) or "none")

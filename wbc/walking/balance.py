@@ -1,6 +1,6 @@
-"""Balance of planned steps: the stabilizer, and what is known of the pendulum's errors.
+"""Balance by the stabilizer, of planned steps and of sources of one's own, with what is known of the pendulum's errors.
 
-    state = balance.correct(state)                  DCM less its bias and the shift by hands; load in the hands
+    state = balance.correct(state)                  DCM less its bias and the shift by hands
     reference = balance.update(reference, state)    hands, stabilizer, lean
 
 In position control the feet yield to the measured wrenches, the QP moves the commanded robot, and the servos get the
@@ -22,7 +22,6 @@ from wbc.tasks.stabilizer.pendulum import natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.hands.hands import Hands
-from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference
@@ -44,7 +43,6 @@ class Balance:
         wrenches: Name of a foot's contact → wrench that the torques are to make in place of the QP's; None for those.
     """
 
-    load: HeldLoad | None = None
     output: StabilizerOutput | None = None
     leaning: LeanMotion = UPRIGHT
     wrenches: Mapping[str, Array] | None = None
@@ -53,7 +51,8 @@ class Balance:
         self,
         control: DriveControl,
         task: StabilizerTask,
-        arms: Arms,
+        hands: Hands | None,
+        load: HeldLoad | None,
         settings: WalkingControlSettings,
         height: float,
     ) -> None:
@@ -63,17 +62,9 @@ class Balance:
         self._dt = control.controller.dt
         omega = natural_frequency(height)
         self._divisor = scalar(omega)  # of velocities in the DCM
-        left, _ = robot.soles
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
         self.bias = None if s.bias is None else BiasEstimator(s.bias.sized(robot.length_scale))
-        self.hands: Hands | None = None
-        estimate = control.observer.robot
-        if robot.frames:  # a loss is survived within a sole: while the robot walks it has no more
-            edges = 0.5 * left.length, 0.5 * left.width
-            self.hands = Hands(control.controller, estimate, s.hands, edges, height, arms)
-        if s.load is not None:
-            self.load = HeldLoad(estimate, s.load)
-            self._outside = control.observer.observe_outside()
+        self.hands, self.load = hands, load
         self._feedforward = s.mode == "position"
         if self._feedforward:
             self.wrenches = {}
@@ -85,21 +76,10 @@ class Balance:
         """Feedback and admittances."""
         return self._task.stabilizer
 
-    def begin(self) -> None:
-        """Forget what was felt, on both feet."""
-        self._last, self.output, self.leaning = None, None, UPRIGHT
-        if self.lean is not None:
-            self.lean.reset()
-        if self.bias is not None:
-            self.bias.pause()
-
     def correct(self, state: State) -> State:
-        """Return the state with the DCM that references are to be compared with.
-
-        The models get the load that the state shows from the next tick on.
-        """
-        if self.load is not None:
-            self._hold(self.load)
+        """Return the state with the DCM that references are to be compared with."""
+        if self.load is not None and self.lean is not None:
+            self.lean.set_mass(self._robot.mass)
         robot, hands = state.robot, self.hands
         self._bias = None if self.bias is None else self._estimate_bias(self.bias, robot)
         dcm = robot.com + robot.com_velocity / self._divisor
@@ -141,13 +121,6 @@ class Balance:
             x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
             self.leaning = self.lean.update((x, y), dt)
         return reference
-
-    def _hold(self, load: HeldLoad) -> None:
-        """Follow the estimate of the load; the models have it from the next tick on."""
-        if self.hands is None or not self.hands.active:  # what they press on is no load
-            load.update(self._outside, self._dt)
-        if self.lean is not None:
-            self.lean.set_mass(self._robot.mass)
 
     def _estimate_bias(self, estimator: BiasEstimator, robot: Robot) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""

@@ -122,17 +122,9 @@ class Body:
         self._off = math.inf  # of the trunk from its direction, rad
         self.active = False
 
-    def follow(self, com_height: float, reaching: float) -> None:
-        """Go on with a law whose CoM is at another height, m, and whose posture yields to the neck by another ratio.
-
-        The CoM goes on from where it is now; a height that is set stays.
-        """
-        if self._goal[0]:
-            self._goal[0] += self._nominal - com_height
-        self._nominal, self._reaching = com_height, reaching
+    def begin(self) -> None:
+        """Begin anew from the height that the CoM has now; a height that is set stays."""
         self._now[0] = self._rate[0] = 0.0
-        if self._gaze is not None and not self._gaze.idle:
-            self._gaze.scale = 1.0 / reaching
 
     # ---- set-points -------------------------------------------------------------------------------------------------
 
@@ -151,14 +143,11 @@ class Body:
             self._check_low(what, height, self._lift(), self._nominal)
         self._set(0, height - self._nominal)
 
-    def check_steps(self, lift: float, com_height: float | None) -> None:
-        """Refuse steps that a lowered body leaves the legs no travel for, with feet lifted by a height, m.
-
-        The law of the steps has its CoM at a height, m; None is that of the present law.
-        """
-        nominal = self._nominal if com_height is None else com_height
-        if self._goal[0] and self.com_height < nominal:
-            self._check_low(f"com_height (m) of '{self._robot.name}'", self.com_height, lift, nominal)
+    def check_steps(self, lift: float) -> None:
+        """Refuse steps that a lowered body leaves the legs no travel for, with feet lifted by a height, m."""
+        if self._goal[0] < 0.0:
+            what = f"com_height (m) of '{self._robot.name}'"
+            self._check_low(what, self.com_height, lift, self._nominal)
 
     def _check_low(self, what: str, height: float, lift: float, nominal: float) -> None:
         if self._lowest is None:

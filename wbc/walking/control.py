@@ -1,26 +1,20 @@
 """Control of a robot that stands and walks: a measurement in, a command out.
 
     state = control.estimate(measurement)              plausibility, observer              `wbc.core.drive.control`
-    state = balance.correct(state)                     bias of the DCM, load in the hands      `wbc.walking.balance`
-    reference = source.update(state)                   pendulum, feet, contacts                `wbc.walking.source`
+    state = balance.correct(state)                     bias of the DCM                     `wbc.walking.balance`
+    reference = source.update(state)                   pendulum, feet, contacts            `wbc.walking.source`
     reference = balance.update(reference, state)       desired wrenches, admittances, lean     `wbc.walking.balance`
-    tasks.follow(reference, lean)                      targets of tasks and contacts           `wbc.walking.tasks`
+    tasks.follow(reference, lean)                      targets of tasks and contacts       `wbc.walking.tasks`
     command = control.act(state, balance.wrenches)     QP, drive, gate                     `wbc.core.drive.control`
 
-Steps are of two kinds. Places and times of *planned* steps are fixed ahead, and the stabilizer balances the robot on
-its way. Places and times of *free* steps are decided as the robot goes, and they balance it. The kind follows from the
-drives and from what is asked for:
-
-    position control              planned steps
-    torque and hybrid control     free steps; planned ones on stairs, for hands that press or grip, and for loads
-
-It changes between two ticks while the robot stands. Both kinds share robot, controller, drives, estimate, arms and
-body; source, tasks and balance are exchanged. docs/measured_pushes.md says what was tried in the middle of a step.
+The drives decide how the robot walks. In position control it takes *planned* steps, whose places and times are fixed
+ahead, and a stabilizer balances it on its way. In torque and hybrid control it takes *free* steps: their places and
+times are decided as the robot goes, and they balance it. References of a source of one's own are balanced by the
+stabilizer in every mode.
 """
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -44,6 +38,7 @@ from wbc.ground.cloud import ElevationMap
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.lean import UPRIGHT
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.balance import Balance
 from wbc.walking.body import STEPPING_TURN, UNTWISTED, Body
 from wbc.walking.contact import GaitPhase
@@ -59,20 +54,11 @@ from wbc.walking.plans.sources import (
     VelocityLimits,
     checked_velocity,
 )
-from wbc.walking.settings import Kind, WalkingControlSettings
+from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.steering import SteeredSteps, Steering
+from wbc.walking.steering import Steering
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.steps import Steps, com_height, drive_of, steps_of
-
-logger = logging.getLogger(__name__)
-
-HOLDS = 1.0
-"""Distance of the DCM of a robot that stands, in standing boxes of free steps, from which on it steps: the soles end at
-1.5, but a step that begins there comes too late."""
-
-STEPS = "the robot steps, and free steps count no forces on hands: stop it, and press once it stands"
-"""Reason for which hands of a robot that takes free steps may not begin to press."""
+from wbc.walking.steps import com_height, drive_of, source_of, tasks_of
 
 
 class WalkingControl:
@@ -87,10 +73,11 @@ class WalkingControl:
         dt: Control period, s.
         controller: Whole-body controller with all tasks and contacts.
         control: Position, torque or hybrid control, with the observer.
-        tasks: Tasks and contacts of the present kind of steps.
+        tasks: Tasks and contacts.
         arms: Arms with hands, whose targets can be set at any tick.
         body: Set-points of the body: height of the CoM, lean and turn of the trunk, and gaze; set them at any tick.
-        balance: Stabilizer of planned steps; None while free steps balance the robot.
+        balance: Stabilizer; None where free steps balance the robot.
+        load: Estimator of the load in the hands; None if no load is expected.
         stiffness: Scheduler that sets the stiffness of the swinging sole; None leaves the stiffness as it is.
         ground: Known ground, to which clouds of points can be added at any time; None if the robot walks blind.
         reference: References of the last tick with a valid measurement; None before the first one.
@@ -98,8 +85,8 @@ class WalkingControl:
     """
 
     __slots__ = (
-        "_before", "_dt", "_kind", "_kinds", "arms", "balance", "body", "control",
-        "controller", "ground", "reference", "settings", "source", "stiffness", "stopped", "tasks",
+        "_dt", "_hands", "_outside", "arms", "balance", "body", "control", "controller", "ground", "load", "reference",
+        "settings", "source", "stiffness", "stopped", "tasks",
     )  # fmt: skip
 
     dt: float = result("_dt", "make another control, with a robot that stands")
@@ -135,8 +122,8 @@ class WalkingControl:
                 lead beyond it comes to a stand.
             ground: Known ground, made with a robot of the same description that stands at the start; None for a robot
                 that walks blind.
-            limits: Further limits of the QP, such as a `CollisionLimit`. They hold in both kinds of steps. Limits on
-                positions, velocities, accelerations and torques of joints are there already.
+            limits: Further limits of the QP, such as a `CollisionLimit`. Limits on positions, velocities, accelerations
+                and torques of joints are there already.
         """
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
@@ -147,28 +134,35 @@ class WalkingControl:
         for limit in limits:
             controller.add(limit)
         self.arms = Arms(controller, dt, s.arms)
-        self._kinds = steps_of(self.control, self.arms, source, s, extent)
-        plan = source if isinstance(source, FootstepPlan) and source.steps else None
-        first = self._kind_for(plan)
-        steps = self._kinds[first]
+        self.source = walk = source_of(robot, source, dt, s, extent)
+        self.tasks = tasks_of(self.control, walk, s)
+        self.arms.follow(self.tasks)
+        height, (left, _), estimate = com_height(robot, walk), robot.soles, observer.robot
+        self._hands: Hands | None = None
+        if robot.frames:  # a loss is survived within a sole: while the robot walks it has no more
+            edges = 0.5 * left.length, 0.5 * left.width
+            box = walk.standing_box if isinstance(walk, SteppingWalk) else None
+            self._hands = Hands(controller, estimate, s.hands, edges, height, self.arms, box)
+        self.load = None if s.load is None else HeldLoad(estimate, s.load)
+        self._outside = None if s.load is None else observer.observe_outside()
+        self.balance: Balance | None = None
+        if isinstance(self.tasks.com, StabilizerTask):
+            self.balance = Balance(self.control, self.tasks.com, self._hands, self.load, s, height)
         self.body = Body(
             controller,
-            com_height(robot, steps.source),
+            height,
             dt,
-            most_turn=STEPPING_TURN if "free" in self._kinds else math.inf,
+            most_turn=STEPPING_TURN if self.balance is None else math.inf,
             lift=self._lift,
-            reaching=steps.tasks.reaching,
+            reaching=self.tasks.reaching,
         )
-        self._take(first, None)
         self.stiffness, self.ground = stiffness, ground
         if ground is not None:
-            for steps in self._kinds.values():
-                steps.source.see(ground)
+            walk.see(ground)
         self.reference: Reference | None = None
         self.stopped = False
-        self._before = 0  # steps done by steps of the other kind before
-        if first == "free" and plan is not None:
-            self.follow(plan)
+        if isinstance(source, FootstepPlan) and source.steps and self.balance is None:
+            self.follow(source)
 
     def __repr__(self) -> str:
         robot, source, now = self.controller.robot, type(self.source).__name__, self.progress
@@ -201,10 +195,10 @@ class WalkingControl:
 
     def check_begin(self) -> tuple[SteppingWalk, TorqueControl]:
         """Return free steps and drives; an `InputError` if `begin` is not for them."""
-        source = self._kinds["free"].source if "free" in self._kinds else None
-        if not isinstance(source, SteppingWalk) or not isinstance(self.control, TorqueControl):
+        source, control = self.source, self.control
+        if not isinstance(source, SteppingWalk) or not isinstance(control, TorqueControl):
             raise InputError("a gait begins on its way in free steps, in torque or hybrid control")
-        return source, self.control
+        return source, control
 
     def begin(
         self, state: State, air: Sequence[float] = (0.0, 0.0), landed: Sequence[float] = (9.0, 9.0)
@@ -220,8 +214,7 @@ class WalkingControl:
             landed: Time since each of them has landed, s; 0 for one in the air.
 
         Raises:
-            InputError: A robot in position control, or one that takes planned steps alone; times that are not two
-                numbers, or negative.
+            InputError: A robot in position control; times that are not two numbers, or negative.
         """
         source, control = self.check_begin()
         times = finite_array("times of the feet in the air and on the ground (s)", (air, landed), (2, 2))
@@ -229,24 +222,25 @@ class WalkingControl:
             raise InputError(
                 f"times of the feet in the air and on the ground must not be negative, got {air}, {landed}"
             )
-        if self.reference is not None or self._kind != "free":
-            self._take("free", self._kinds[self._kind])
-            self.body.follow(source.com_height, self.tasks.reaching)
+        self.tasks.begin()
+        self.body.begin()
         control.resume()
         source.begin(heading(state.robot.placement(state.robot.base_frame).rotation))
         source.join(*times.tolist())
-        self.reference, self.stopped, self._before = None, False, 0
+        self.reference, self.stopped = None, False
 
     def _follow(self, state: State) -> None:
         """Set the targets of all tasks and contacts of this tick."""
         if self.ground is not None:
             self.ground.update(state.robot, state.measurement.time)
-        if len(self._kinds) > 1:
-            self._choose(state)
-        balance, body = self.balance, self.body
+        balance, body, hands, load = self.balance, self.body, self._hands, self.load
+        pressing = hands is not None and hands.active
+        if load is not None and self._outside is not None and not pressing:  # what they press on is no load
+            load.update(self._outside, self._dt)
         if balance is not None:
             state = balance.correct(state)
         self.source.hip_turn = body.hip_turn
+        self.source.hand_wrench = hands.outside if hands is not None and pressing else None
         reference = self.source.update(state)
         if reference.phase is GaitPhase.STANDING:
             self.control.observer.inertial.rest()
@@ -257,6 +251,8 @@ class WalkingControl:
         if balance is not None:
             reference = balance.update(reference, state)
             lean = balance.leaning
+        elif hands is not None and hands.update(state.measurement, reference, self._dt) is not None:
+            reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
         self.reference = reference
         self.arms.update(reference.feet, reference.heading, self.source.haste)
         if body.active:
@@ -280,111 +276,18 @@ class WalkingControl:
         )
         return replace(command, sole_stiffness=soles)
 
-    # ---- kind of the steps --------------------------------------------------------------------------------------
-
-    @property
-    def step_kind(self) -> Kind:
-        """Present kind of steps, "planned" or "free"."""
-        return self._kind
+    # ---- what can be asked between ticks ------------------------------------------------------------------------
 
     @property
     def stands(self) -> bool:
-        """True if the robot stands and no hand presses, so that the kind of steps may change."""
-        reference = self.reference
-        return reference is None or (reference.phase is GaitPhase.STANDING and not self._pressing)
-
-    @property
-    def _idle(self) -> bool:
-        """True if the robot stands and has no step to take."""
-        return self.stands and (self._kind == "free" or self.source.finished)
-
-    @property
-    def _pressing(self) -> bool:
-        hands = None if self.balance is None else self.balance.hands
-        return hands is not None and hands.active
-
-    def _choose(self, state: State) -> None:
-        """Change the steps of a robot that stands for hands, for a push, and once no hand is at work."""
-        hands, at_hand = None if self._planned is None else self._planned.hands, self._at_hand
-        if self._kind == "free":
-            if at_hand and self.stands:
-                self._change("planned")
-        elif self._idle and (not at_hand or self._kinds["free"].source.leaves(state, HOLDS)):
-            self._change("free")  # which steps out of a push in this tick
-        if hands is not None:
-            hands.measurement = state.measurement
-            hands.barred = "" if self._kind == "planned" or self.stands else STEPS
-
-    @property
-    def _at_hand(self) -> bool:
-        """True while a hand presses or grips, or is to: planned steps alone count its force."""
-        hands = None if self._planned is None else self._planned.hands
-        return hands is not None and (hands.wanted or self._pressing)
-
-    @property
-    def _own_planner(self) -> FootstepSource | None:
-        """Planner that may ask for steps again: the user's own, or a plan that is not walked yet; else None."""
-        planner = self.source.planner
-        walked = isinstance(planner, PlanSource) and self.source.finished
-        return None if walked or isinstance(planner, SteeredSteps) else planner
-
-    def _kind_for(self, plan: FootstepPlan | None) -> Kind:
-        """Return the kind of steps for an order: planned ones for stairs, on which no landing may move."""
-        if "free" not in self._kinds or (plan is not None and plan.climbs and "planned" in self._kinds):
-            return "planned"
-        return "free"
-
-    def _make_ready(self, plan: FootstepPlan | None = None) -> None:
-        """Make ready for an order: a robot that stands takes the kind of steps for it, if no hand is at work.
-
-        Raises:
-            InputError: A body that is set too low to lift a foot.
-        """
-        kind = self._kind_for(plan) if self._idle and not self._at_hand else self._kind
-        self._check_body(kind)
-        self._change(kind)
-
-    def _check_body(self, kind: Kind) -> None:
-        """Raise an `InputError` if the body is set too low to lift a foot in steps of a kind."""
-        source = self._kinds[kind].source
-        self.body.check_steps(source.lift_room, source.com_height)
-
-    def _change(self, kind: Kind) -> None:
-        """Change the kind of the steps of a robot that stands; of the orders before a planner's alone goes on."""
-        if kind == self._kind:
-            return
-        logger.info("steps of the walk: %s", kind)
-        self._before = self.progress.steps_done
-        robot, reason, planner = self.controller.robot, self.source.reason, self._own_planner
-        towards = heading(robot.placement(robot.base_frame).rotation) - self.body.hip_turn
-        if self.reference is not None:
-            towards = self.reference.heading
-        self._take(kind, self._kinds[self._kind])
-        self.source.begin(towards)
-        if planner is not None:
-            self.source.take(planner)
-        self.source.reason = reason  # of the last order, until the next one
-        if self.balance is not None:
-            self.balance.begin()
-        if self.source.com_height is not None:
-            self.body.follow(self.source.com_height, self.tasks.reaching)
-
-    def _take(self, kind: Kind, before: Steps | None) -> None:
-        """Put the parts of one kind of steps in place of those before, if there are any."""
-        steps = self._kinds[kind]
-        self._kind, self.source, self.tasks, self.balance = kind, steps.source, steps.tasks, steps.balance
-        self.arms.follow(steps.tasks)
-        if before is not None:
-            before.tasks.leave()
-        steps.tasks.enter(None if before is None else before.tasks)
-        self.control.dcm_limit = steps.dcm_limit
-        self.control.observer.retune(steps.estimate)
+        """True if the robot stands and no hand presses."""
+        reference, hands = self.reference, self._hands
+        pressing = hands is not None and hands.active
+        return reference is None or (reference.phase is GaitPhase.STANDING and not pressing)
 
     def _lift(self) -> float:
         """Return the room that the legs need to lift a foot now, m; zero once all orders are done."""
         return 0.0 if self.source.finished else self.source.lift_room
-
-    # ---- what can be asked between ticks ------------------------------------------------------------------------
 
     @property
     def time(self) -> float:
@@ -393,9 +296,8 @@ class WalkingControl:
 
     @property
     def progress(self) -> Progress:
-        """Present phase, and the number of steps of both kinds."""
-        progress = self.source.progress(self.reference)
-        return progress._replace(steps_done=progress.steps_done + self._before)
+        """Present phase, and the number of steps."""
+        return self.source.progress(self.reference)
 
     @property
     def steps_done(self) -> int:
@@ -428,34 +330,16 @@ class WalkingControl:
         return self.source
 
     @property
-    def _planned(self) -> Balance | None:
-        """Balance of planned steps, whichever steps the robot takes now."""
-        return self._kinds["planned"].balance if "planned" in self._kinds else None
-
-    @property
     def hands(self) -> Hands:
-        """Hands that press on objects or grip them; a standing robot changes to planned steps for that.
-
-        It is an `InputError` for a robot without hands, and for one that takes only free steps, which do not take
-        account of hand forces.
-        """
-        if self._planned is None:
-            raise InputError(
-                "free steps alone count no forces on hands: leave the setting 'step_kind' out to press or grip"
-            )
-        if self._planned.hands is None:
+        """Hands that press on objects or grip them; it is an `InputError` for a robot without hands."""
+        if self._hands is None:
             raise InputError(f"'{self.controller.robot.name}' has no hands in its description")
-        return self._planned.hands
+        return self._hands
 
     @property
     def stabilizer(self) -> Stabilizer | None:
-        """Feedback and admittances of planned steps; new gains are used in all later planned steps."""
-        return None if self._planned is None else self._planned.stabilizer
-
-    @property
-    def load(self) -> HeldLoad | None:
-        """Estimator of the load in the hands in planned steps; None if no load is expected."""
-        return None if self._planned is None else self._planned.load
+        """Feedback and admittances; None where free steps balance the robot."""
+        return None if self.balance is None else self.balance.stabilizer
 
     @property
     def output(self) -> StabilizerOutput | None:
@@ -518,7 +402,7 @@ class WalkingControl:
     def velocity(self, velocity: Sequence[float] | None) -> None:
         wanted = checked_velocity(velocity)
         if any(wanted):
-            self._make_ready()
+            self.body.check_steps(self.source.lift_room)
         self._order(velocity)
 
     @property
@@ -546,7 +430,7 @@ class WalkingControl:
             y: Place of the robot in the world, m.
             yaw: Heading there, rad; at most a full turn.
         """
-        self._make_ready()
+        self.body.check_steps(self.source.lift_room)
         self._steering().go_to(x, y, yaw)
         self.source.take(None)
         self.stopped = False
@@ -560,7 +444,7 @@ class WalkingControl:
         """
         if not isinstance(source, (FootstepPlan, FootstepSource)):
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        self._make_ready(source if isinstance(source, FootstepPlan) else None)
+        self.body.check_steps(self.source.lift_room)
         self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def stop(self) -> None:

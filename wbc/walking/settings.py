@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import field
-from typing import Annotated, Literal
+from typing import Annotated
 
 from wbc.base.settings import Positive, settings
 from wbc.core.drive.control import Mode, SafetySettings
@@ -20,9 +20,6 @@ from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.table import TaskGains
 
-Kind = Literal["planned", "free"]
-"""Kind of steps: planned ahead, on which a stabilizer balances the robot, or free, which balance it themselves."""
-
 
 @settings
 class WalkingControlSettings:
@@ -35,14 +32,12 @@ class WalkingControlSettings:
             torques, and the motion that they should produce, which soft servos of the machine follow.
         com_height: Height of the CoM over the support during the walk, m. When None, it is the height at the start, or
             in free steps the height by `stepping.bend`.
-        drive: Limits of steering in planned steps.
-        stepping: Settings of free steps: width, time, height and velocities.
+        drive: Limits of steering in planned steps, those of position control.
+        stepping: Settings of free steps, those of torque and hybrid control: width, time, height and velocities.
         arms: Settings of hands with targets, and of swinging arms.
         hands: Settings of hands that press on objects or grip them.
-        load: Settings of the estimate of a load of unknown mass in the hands, which the models then carry. All steps
-            are then planned. None for empty hands.
-        step_kind: Kind of all steps, "planned" or "free", for comparisons. When None, it follows from the mode and from
-            what is asked for.
+        load: Settings of the estimate of a load of unknown mass in the hands, which the models then carry; None for
+            empty hands.
         walk: Settings of planned steps: phases, pattern, step adjustment.
         gains: Gains of the stabilizer.
         distribution: Settings of the distribution of the desired wrench to the feet. They keep the desired CoP from the
@@ -64,7 +59,6 @@ class WalkingControlSettings:
     arms: ArmSettings = field(default_factory=ArmSettings)
     hands: HandSettings = field(default_factory=HandSettings)
     load: LoadSettings | None = None
-    step_kind: Kind | None = None
     walk: WalkSettings = field(default_factory=WalkSettings)
     gains: StabilizerGains = field(default_factory=StabilizerGains)
     distribution: DistributionSettings = field(default_factory=lambda: DistributionSettings(margin=0.008))
@@ -76,12 +70,6 @@ class WalkingControlSettings:
     solver: SolverSettings = field(default_factory=lambda: SolverSettings(relaxation=1e4))
 
     @property
-    def kinds(self) -> tuple[Kind, ...]:
-        """Kinds of steps that the robot may take.
-
-        In torque and hybrid control these are both, unless one is asked for or a load is expected.
-        """
-        if self.step_kind is not None:
-            return (self.step_kind,)
-        planned = self.mode == "position" or self.load is not None
-        return ("planned",) if planned else ("planned", "free")
+    def free(self) -> bool:
+        """True for free steps, which torque and hybrid control take; False for planned steps, in position control."""
+        return self.mode != "position"

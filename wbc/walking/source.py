@@ -128,8 +128,8 @@ class Progress(NamedTuple):
 class ReferenceSource(ABC):
     """Base of all sources of references; a source of your own overrides `update`, and other methods as needed.
 
-    The law of a walk has three methods: `begin` starts from a stand, `update` decides where and when the next foot
-    lands and how the pendulum moves until then, and `progress` returns phase and steps.
+    The law of a walk has two methods: `update` decides where and when the next foot lands and how the pendulum moves
+    until then, and `progress` returns phase and steps.
 
     Attributes:
         unsteered: Message of the error when a source that cannot be steered is steered.
@@ -141,6 +141,8 @@ class ReferenceSource(ABC):
         steering: Velocity or goal that is asked for; None for a source that cannot be steered.
         planner: Planner of the footsteps; None without one.
         hip_turn: Turn of the pelvis against the heading that is asked for at present, rad; the control sets it.
+        hand_wrench: Wrench of the surroundings on the hands, [force; moment] at the world origin, shape (6,), N and Nm;
+            None without. The control sets it.
     """
 
     unsteered = "references that do not come from footsteps cannot be steered"
@@ -151,14 +153,7 @@ class ReferenceSource(ABC):
     steering: Steering | None = None
     planner: FootstepSource | None = None
     hip_turn = 0.0
-
-    def begin(self, heading: float) -> None:
-        """Stand at the present place of the robot; earlier steps and orders are dropped.
-
-        Args:
-            heading: Heading of the stand, rad.
-        """
-        raise InputError(f"{type(self).__name__} can begin only once: make another one")
+    hand_wrench: Array | None = None
 
     @abstractmethod
     def update(self, state: State) -> Reference:
@@ -182,10 +177,6 @@ class ReferenceSource(ABC):
         stance = 0 if swing is None else 1 - swing
         cycle = last.duration or 1.0
         return Progress(last.phase, swing, stance, last.step, last.elapsed, last.duration, upcoming, cycle)
-
-    def leaves(self, state: State, share: float) -> bool:
-        """Return True if the DCM of a robot that stands has left a share of what it can hold, so that it must step."""
-        return False
 
     @property
     def haste(self) -> float:
@@ -242,13 +233,8 @@ class StandSource(ReferenceSource):
         Args:
             robot: Robot with two soles.
         """
-        self._robot = robot
-        self.begin(heading(robot.placement(robot.base_frame).rotation))
-
-    def begin(self, heading: float) -> None:
-        """Stand at the present place of the robot."""
-        self.com, self.heading = self._robot.com.copy(), heading
-        self.places = [pin.SE3(self._robot.placement(sole.frame)) for sole in self._robot.soles]
+        self.com, self.heading = robot.com.copy(), heading(robot.placement(robot.base_frame).rotation)
+        self.places = [pin.SE3(robot.placement(sole.frame)) for sole in robot.soles]
 
     def pendulum(self) -> Pendulum:
         """Return the pendulum that rests at `com`, over the ground between the soles."""

@@ -1,12 +1,8 @@
-"""Parts of a walk by the kind of its steps: source of references, tasks, balance, estimate, and the drives under both.
-
-The controller has the tasks of one kind at a time. Each kind is made in a function of its own.
-"""
+"""Parts of a walk by its drives: control of the drives, source of references, and tasks."""
 
 from __future__ import annotations
 
 from dataclasses import fields, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -19,13 +15,10 @@ from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
-from wbc.tasks.stabilizer.task import StabilizerTask
-from wbc.walking.balance import Balance
-from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import FootstepPlan, check_start
 from wbc.walking.plans.reach import Extent, Leg, Reach, check_plan
-from wbc.walking.settings import Kind, WalkingControlSettings
+from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import ReferenceSource
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.table import free_table, planned_table
@@ -34,24 +27,6 @@ from wbc.walking.tasks import WalkTasks
 ON_POINTS = InertialSettings(velocity_time_constant=0.2, yaw_time_constant=1000.0)
 """Time constants of the estimate while a robot takes free steps, on feet that hold at points: feet that turn on a stone
 say little about velocity and nothing about heading."""
-
-
-class Steps(NamedTuple):
-    """Parts that one kind of steps has for itself.
-
-    Attributes:
-        source: Source of the references.
-        tasks: Tasks and contacts, with weights, gains and boxes.
-        balance: Feedback of the stabilizer; None where steps balance the robot.
-        estimate: Time constants of the estimate.
-        dcm_limit: Distance of the DCM from the soles from which on nothing recovers, over the height of the CoM.
-    """
-
-    source: ReferenceSource
-    tasks: WalkTasks
-    balance: Balance | None
-    estimate: InertialSettings
-    dcm_limit: float
 
 
 def drive_of(
@@ -63,42 +38,35 @@ def drive_of(
         return TorqueControl(controller, observer, safety=safety)
     if s.mode == "hybrid":
         return HybridControl(controller, observer, safety=safety)
-    if s.step_kind == "free":
-        # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
-        period = controller.dt
-        return PositionControl(controller, observer, safety=safety, feedback="closed", reference_time=period)
     return PositionControl(controller, observer, safety=safety, feedforward=s.feedforward)
 
 
-def steps_of(
-    control: DriveControl,
-    arms: Arms,
+def source_of(
+    robot: Robot,
     source: FootstepPlan | ReferenceSource | None,
+    dt: float,
     settings: WalkingControlSettings,
     extent: Extent | None,
-) -> dict[Kind, Steps]:
-    """Return the parts of all kinds of steps that a robot may take, none of them in the controller yet.
+) -> ReferenceSource:
+    """Return the source of the references: that of the steps of the mode, or the user's own.
 
     Raises:
-        InputError: Free steps for a source of references that a stabilizer has to hold.
+        InputError: A walk in free steps as a source of one's own; a plan that cannot be walked.
     """
-    s, robot, dt = settings, control.controller.robot, control.controller.dt
+    s = settings
+    if isinstance(source, SteppingWalk):
+        raise InputError(
+            f"a stabilizer balances the robot along {shown(source)}: free steps take a plan, or None"
+        )
     if isinstance(source, ReferenceSource):
-        if isinstance(source, SteppingWalk) or s.step_kind == "free":
-            raise InputError(
-                f"a stabilizer balances the robot along {shown(source)}: free steps take a plan, or None"
-            )
-        return {"planned": _planned(control, arms, source, s)}
-    plan, steps = source or FootstepPlan.standing(robot), dict[Kind, Steps]()
-    if "free" in s.kinds:
-        gait = SteppingWalk.of(robot, dt, s.stepping, s.com_height, extent)
-        check_start(robot, plan)
-        check_plan(plan, gait.reach or Reach.of(robot), extent)
-        steps["free"] = _free(control, gait)
-        plan = plan if plan.climbs else replace(plan, steps=())
-    if "planned" in s.kinds:
-        steps["planned"] = _planned(control, arms, planned_walk(robot, plan, dt, s, extent), s)
-    return steps
+        return source
+    plan = source or FootstepPlan.standing(robot)
+    if not s.free:
+        return planned_walk(robot, plan, dt, s, extent)
+    gait = SteppingWalk.of(robot, dt, s.stepping, s.com_height, extent)
+    check_start(robot, plan)
+    check_plan(plan, gait.reach or Reach.of(robot), extent)
+    return gait
 
 
 def planned_walk(
@@ -123,27 +91,19 @@ def planned_walk(
     return LipmWalk(robot, plan, height, dt, s.walk, drive=s.drive, reach=reach, extent=extent, com=com)
 
 
-def _planned(
-    control: DriveControl, arms: Arms, source: ReferenceSource, settings: WalkingControlSettings
-) -> Steps:
-    """Return the parts of planned steps, on which a stabilizer balances the robot."""
+def tasks_of(control: DriveControl, source: ReferenceSource, settings: WalkingControlSettings) -> WalkTasks:
+    """Return the tasks for a source, in the controller; estimate and detector of falls are tuned to its steps."""
     s, controller, observer = settings, control.controller, control.observer
-    robot, torque = controller.robot, s.mode != "position"
-    tasks = WalkTasks(
-        controller, planned_table(robot, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
+    robot = controller.robot
+    if isinstance(source, SteppingWalk):
+        control.dcm_limit = FEET_STEP
+        observer.retune(_tuned(ON_POINTS, observer.inertial.settings))
+        return WalkTasks(controller, free_table(robot, source))
+    control.dcm_limit = FEET_AS_PLANNED
+    table = planned_table(
+        robot, s.tasks, s.gains, s.distribution, observer.robot, torque=s.mode != "position"
     )
-    assert isinstance(tasks.com, StabilizerTask)
-    balance = Balance(control, tasks.com, arms, s, com_height(robot, source))
-    tasks.leave()
-    return Steps(source, tasks, balance, observer.inertial.settings, FEET_AS_PLANNED)
-
-
-def _free(control: DriveControl, source: SteppingWalk) -> Steps:
-    """Return the parts of free steps, which balance the robot."""
-    controller, given = control.controller, control.observer.inertial.settings
-    tasks = WalkTasks(controller, free_table(controller.robot, source))
-    tasks.leave()
-    return Steps(source, tasks, None, _tuned(ON_POINTS, given), FEET_STEP)
+    return WalkTasks(controller, table)
 
 
 def com_height(robot: Robot, source: ReferenceSource) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +16,6 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.options import GainOptions
-from wbc.core.qp.task import Task
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
@@ -41,8 +40,8 @@ UNLOADED = 1e-3
 ONE_FOOT, BOTH_FEET = np.array([0.0, 0.0, 1.0]), np.ones(3)
 """Ratios by which the weight of the CoM acts in steps that balance: its height alone, and its place as well."""
 
-GAINS = ("weight", "stiffness", "damping")
-"""Gains of a task that a user may set at any tick."""
+GAINS = ("stiffness", "damping")
+"""Gains of the CoM that change with the phase, where the user has set none."""
 
 
 class TaskTable(NamedTuple):
@@ -85,7 +84,7 @@ class WalkTasks:
 
     def __init__(self, controller: Controller, table: TaskTable) -> None:
         """Add all to a controller."""
-        robot, self._controller = controller.robot, controller
+        robot = controller.robot
         com, contacts, swing, trunk, posture, twist, self._stance, rise, self.reaching, self._torque = table
         self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
         self._urgency, self._swing_scale = 0.0, np.ones(6)
@@ -107,19 +106,12 @@ class WalkTasks:
             self._twist.scale = 0.0
         limits = [JointLimits(), TorqueLimits(), *(() if rise is None else (rise,))]
         turning = () if self._twist is None else (self._twist,)
-        self._all: list[Any] = [
-            com, *self._swings, *self._trunk, *turning, posture, *limits, *self.contacts
-        ]  # fmt: skip
-        first, *others = self._all
-        controller.add(first, *others)
+        controller.add(com, *self._swings, *self._trunk, *turning, posture, *limits, *self.contacts)
         forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_yaws = [heading(tilt) for tilt in self._trunk_tilts]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
-        self._tuned = *self._swings, *self._trunk, self.posture
-        self._own_gains = {
-            task.name: {gain: np.array(getattr(task, gain)) for gain in GAINS} for task in (com, *self._tuned)
-        }
+        self._own_gains = {gain: np.array(getattr(com, gain)) for gain in GAINS}
         for swing_task in self._swings:
             swing_task.scale = 0.0
         com.held_by = (
@@ -130,46 +122,24 @@ class WalkTasks:
         for task in (*self._trunk, *turning):
             task.held_by = "walking.body.lean and walking.body.turn"
 
-    def leave(self) -> None:
-        """Take all out of the controller."""
-        self._controller.remove(*self._all)
-
-    def enter(self, before: WalkTasks | None) -> None:
-        """Put all back, on both feet, and go on with what a user has set of the tasks that have left, if any have.
-
-        That is the posture, with a move that is under way, the gains of swings, trunk and posture, and the weight of
-        the CoM, whose other gains mean another law.
-        """
+    def begin(self) -> None:
+        """Begin anew on both feet."""
         for contact in self.contacts:
             contact.active = True
         for swing in self._swings:
             swing.scale = 0.0
         self._feet_before = ()
         self._trunk_target = (None, UPRIGHT)
-        first, *others = self._all
-        self._controller.add(first, *others)
-        if before is None:
-            return
-        self.posture.go_on_from(before.posture)
-        for task, other in zip(self._tuned, before._tuned, strict=True):
-            for gain in GAINS:
-                if before._is_set(other, gain):
-                    setattr(task, gain, getattr(other, gain))
-        if before._is_set(before.com, "weight"):
-            self.com.weight = before.com.weight
-
-    def _is_set(self, task: Task, gain: str) -> bool:
-        """Return True if a user has set a gain of a task."""
-        return not np.array_equal(getattr(task, gain), self._own_gains[task.name][gain])
 
     def _hold_com(self, scale: Array, stiffness: Array, damping: Array) -> None:
         """Let the weight of the CoM act by a ratio, with gains of this phase where the user has set none."""
-        self.com.scale = scale
-        set_ = [self._is_set(self.com, gain) for gain in GAINS[1:]]
-        for gain, value, is_set in zip(GAINS[1:], (stiffness, damping), set_, strict=True):
+        com, own = self.com, self._own_gains
+        com.scale = scale
+        set_ = [not np.array_equal(getattr(com, gain), own[gain]) for gain in GAINS]
+        for gain, value, is_set in zip(GAINS, (stiffness, damping), set_, strict=True):
             if not is_set:
-                setattr(self.com, gain, value)
-                self._own_gains[self.com.name][gain] = value
+                setattr(com, gain, value)
+                own[gain] = value
 
     def _hurry(self, urgency: float, law: StanceContacts) -> None:
         """Let the swing foot cost more for an urgency from 0 to 1, or less for one of −1."""

@@ -460,13 +460,13 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
     assert gait.steering.heading == pytest.approx(0.15)
 
 
-@pytest.mark.parametrize(("down", "sinks"), [(-0.1, 0.05), (0.1, 0.0), (0.0, 0.0)])
-def test_the_com_sinks_half_of_the_way_before_a_footstep_down_a_stair(down: float, sinks: float) -> None:
+@pytest.mark.parametrize("rise", [-0.1, 0.1, 0.0])
+def test_the_com_goes_half_of_the_way_up_or_down_a_stair_before_the_foot_lands(rise: float) -> None:
     gait = gait_on(LEVEL)
-    gait.ground.height = down
+    gait.ground.height = rise
     assert gait._support() == 0.0, "steps of a velocity are not told of stairs"
-    gait.footsteps = (Footstep("left", 0.25, 0.11, down),)
-    assert gait._support() == pytest.approx(-sinks)
+    gait.footsteps, gait.steering.climbs = (Footstep("left", 0.25, 0.11, rise),), True
+    assert gait._support() == pytest.approx(0.5 * rise)
 
 
 def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_on_stairs() -> None:

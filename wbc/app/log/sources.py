@@ -99,7 +99,6 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
 
     next_step = optional(cached(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
     one("walk/phase", "1", "phase of the walk", planned(lambda r: r.phase.value), "text")
-    one("walk/step_kind", "1", "kind of the steps, planned or free", of_walk(lambda w: w.step_kind), "text")
     one("walk/event", "1", "events of this tick, separated by ';'", of_walk(events), "text")
     one("walk/step", "1", "index of the step that swings, or swings next", planned(lambda r: r.step), "whole")
     one("walk/steps_done", "1", "single supports that have ended", of_walk(lambda w: w.steps_done), "whole")

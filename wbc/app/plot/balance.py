@@ -20,7 +20,7 @@ from wbc.app.plot.style import (
     grid,
     labels,
     legend,
-    mark_events,
+    mark_pushes,
     mark_states,
     new_figure,
 )
@@ -63,7 +63,7 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
             ax.set_ylim(np.nanmin(low[:, i]) - room, np.nanmax(high[:, i]) + room)
     for ax in axes:
         mark_states(ax, log, names=ax is axes[0])
-        mark_events(ax, log, names=ax is axes[0])
+        mark_pushes(ax, log)
     legend(axes[0], columns=4, title=name)
     axes[-1].set_xlabel("time (s)")
     if len(axes) < 3:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
-from wbc.app.plot.style import grid, labels, legend, mark_events, new_figure
+from wbc.app.plot.style import grid, labels, legend, mark_pushes, new_figure
 from wbc.app.view.marks import SIDE_COLOURS
 from wbc.base.numbers import Array
 from wbc.core.robot import SIDES
@@ -47,7 +47,7 @@ def _one_range(ax: Axes, log: Log, name: str) -> None:
         ax.plot(
             log.time, 1e3 * log[f"foot/{side}/range"], color=SIDE_COLOURS[side], linewidth=0.9, label=side
         )
-    mark_events(ax, log, names=False)
+    mark_pushes(ax, log)
     ax.set(ylabel="range under the toe (mm)", xlabel="time (s)")
     legend(ax, columns=3)
 
@@ -67,7 +67,7 @@ def _one_stiffness(ax: Axes, log: Log, name: str) -> None:
     ax.set_ylabel("stiffness (Nm/rad)")
     ax.set_ylim(bottom=0.0)
     ax.set_xlabel("time (s)")
-    mark_events(ax, log, names=True)
+    mark_pushes(ax, log)
     legend(ax, columns=5, title=name)
 
 

@@ -97,9 +97,8 @@ def band(axes: Axes, time: Array, low: Array, high: Array, label: str) -> None:
     axes.fill_between(time, low, high, step="post", color=SUPPORT, linewidth=0.0, label=label)
 
 
-def mark_events(axes: Axes, log: Log, *, names: bool) -> None:
-    """Mark pushes, and changes of the kind of steps with the name of the new one, over the height of axes over time."""
-    across = axes.get_xaxis_transform()
+def mark_pushes(axes: Axes, log: Log) -> None:
+    """Mark pushes over the height of axes over time."""
     if "truth/push/force/x" in log:
         pushed = (np.nan_to_num(log.vector("truth/push/force", 3)) != 0.0).any(axis=1).astype(int)
         for i, (start, end) in enumerate(np.flatnonzero(np.diff([0, *pushed, 0])).reshape(-1, 2).tolist()):
@@ -108,15 +107,6 @@ def mark_events(axes: Axes, log: Log, *, names: bool) -> None:
             axes.axvspan(
                 log.time[start], last, color=PUSH, alpha=0.25, linewidth=0.0, zorder=1.5, label=label
             )
-    if "walk/step_kind" in log:
-        kinds = log.texts("walk/step_kind")
-        for tick in (np.flatnonzero(kinds[1:] != kinds[:-1]) + 1).tolist():
-            axes.axvline(log.time[tick], color=BLACK, linewidth=0.8, linestyle=(0, (4, 3)))
-            if names:
-                words, place = f" {kinds[tick]} steps", log.time[tick]
-                axes.text(
-                    place, 0.02, words, transform=across, rotation=90, ha="right", va="bottom", fontsize=7
-                )
 
 
 def mark_states(axes: Axes, log: Log, *, names: bool) -> None:

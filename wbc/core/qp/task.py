@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, ClassVar, Literal, Self, Unpack
+from typing import Any, ClassVar, Literal, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -482,19 +482,6 @@ class Task(Motion):
         self.follow(
             target, np.asarray(velocity)[self._choice.keep], np.asarray(acceleration)[self._choice.keep]
         )
-
-    def go_on_from(self, before: Self) -> None:
-        """Take target, rates and move of another task of the same kind and axes over from it; its own move ends.
-
-        Args:
-            before: That task, which rests then.
-        """
-        if self.owner is None:
-            raise InputError(
-                f"task '{self.name}' goes on from another one once a controller has it: add it first"
-            )
-        self.follow(before.target, before.feedforward_velocity, before.feedforward_acceleration)
-        self._target.move, before._target.move = before._target.move, None
 
     @property
     def moving(self) -> bool:

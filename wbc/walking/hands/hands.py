@@ -68,7 +68,6 @@ class Hands:
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
         measurement: Last measurement, by which orders of hands without sensors are refused; None before the first tick.
-        barred: Reason for which no hand may begin to press or grip now; empty if they may.
         slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: turn by the
             gyroscope less that of the estimate, which holds on to the feet.
     """
@@ -81,11 +80,15 @@ class Hands:
         edges: tuple[float, float],
         height: float,
         arms: Arms,
+        box: tuple[float, float] | None = None,
     ) -> None:
-        """Leave the hands free; `edges` are the toes and the side of a sole from its middle, m."""
+        """Leave the hands free; `edges` are the toes and the side of a sole from its middle, m.
+
+        The ZMP of a robot that stands stays within a `box` about that middle, m; within the edges when it is None.
+        """
         self._robot, self._estimate = controller.robot, estimate
         self.settings = settings
-        self._edges, self._height = edges, height
+        self._edges, self._box, self._height = edges, box or edges, height
         self._controller = controller
         self.all: Mapping[str, Hand] = MappingProxyType(
             {arm.name: Hand(controller, arm, index, settings) for index, arm in enumerate(arms.hands)}
@@ -94,7 +97,7 @@ class Hands:
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._missing = np.zeros(2)
         self.measurement: Measurement | None = None
-        self.active, self.barred = False, ""
+        self.active = False
         # Views, which move on with the estimate.
         self._places = {arm.name: estimate.placement(arm.frame) for arm in arms.hands}
         self._pelvis = estimate.placement(estimate.base_frame).rotation
@@ -229,8 +232,6 @@ class Hands:
     def _order(self, hand: str, force: float, direction: ArrayLike) -> tuple[float, Array]:
         """Check an order of a hand; return its force, N, and its direction, of length 1, shape (3,)."""
         choose("hand", hand, self.all)
-        if self.barred:
-            raise InputError(f"{hand} may not press or grip now: {self.barred}")
         arm = self.all[hand].arm
         arm.check_own()
         self._check_sensor(hand)
@@ -376,7 +377,7 @@ class Hands:
     def _beyond_zmp(self, goal: Array, yaw: float) -> Array:
         """Return the shift of the CoM that remains once the ZMP of the feet has moved by `edge` of the distance."""
         parts = along((math.cos(yaw), math.sin(yaw)), *goal.tolist())  # towards the toes, and to the side
-        to_edge = min(edge / max(abs(part), ROUNDING) for edge, part in zip(self._edges, parts, strict=True))
+        to_edge = min(edge / max(abs(part), ROUNDING) for edge, part in zip(self._box, parts, strict=True))
         return np.asarray(goal * max(0.0, 1.0 - self.settings.edge * to_edge))
 
     def shifted(self, pendulum: Pendulum) -> Pendulum:

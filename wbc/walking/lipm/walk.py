@@ -185,11 +185,6 @@ class LipmWalk(GaitMachine):
             return planner, None
         return planner, StepAdjuster(self.com_height, self.reach, target, adjustment)
 
-    def begin(self, heading: float) -> None:
-        """Stand where the robot stands now, with the heading of its feet; steps and orders before are forgotten."""
-        del heading
-        self._stand(FootstepPlan.standing(self._robot, self._gait), np.array(self._robot.com))
-
     def _stand(self, feet: FootstepPlan, com: Array) -> None:
         """Stand on feet, with the CoM at a place, m."""
         super().begin(0.0)

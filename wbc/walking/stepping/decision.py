@@ -112,7 +112,7 @@ class StepDecision:
         self.area.forget()
         self.cop = self.lagged = self._wanted = 0.0, 0.0
         self.urgency = self.missed = 0.0
-        self._decided = False
+        self._decided = self._climbs = False
         self._put_off: float | None = None  # time of a step that legs need longer for, s
         # When and where a foot is put down at once.
         self._beside: tuple[float, tuple[Point, Point]] | None = None
@@ -127,7 +127,14 @@ class StepDecision:
         self.lagged = p + gain * (a - p), q + gain * (b - q)
 
     def decide(
-        self, stance: StepState, wish: Wish, longest: float, look: float | None, *, held: bool = False
+        self,
+        stance: StepState,
+        wish: Wish,
+        longest: float,
+        look: float | None,
+        *,
+        held: bool = False,
+        climbs: bool = False,
     ) -> None:
         """Decide anew; what was decided stays if the program fails.
 
@@ -137,7 +144,9 @@ class StepDecision:
             longest: Longest time of the step, s.
             look: Time left in which a landing may be moved on seen ground, s; None for one that stays.
             held: True for a landing that is a promise: it moves only by what the next sole cannot catch.
+            climbs: True for a landing on a stair, which moves to the side alone: ahead of it and behind it are edges.
         """
+        self._climbs = climbs
         c, omega, elapsed = self._c, stance.dcm.omega, stance.elapsed
         offset = stance.offset(stance.dcm.x, stance.dcm.y)
         (x, y, _), (p, q, _) = stance.contact, stance.cop_command
@@ -198,7 +207,8 @@ class StepDecision:
             return program.solve(dcm, contact, omega, left, last, wish, bounds)
         off = [float(now) - b for now, b in zip(program.x[OFFSETS], wish.offsets, strict=True)]
         (least_x, most_x), (least_y, most_y) = self.area.caught(self._c.caught)
-        x, y = _beyond(off[0], least_x, most_x), _beyond(off[1], least_y, most_y)
+        x = 0.0 if self._climbs else _beyond(off[0], least_x, most_x)
+        y = _beyond(off[1], least_y, most_y)
         if math.hypot(x, y) < TOLERANCE:
             return step
         box = _box((place[0] + x, place[1] + y), place, bounds)
@@ -216,7 +226,8 @@ class StepDecision:
         places = (-s.reach, s.gap), (s.reach, s.widest)
         if outwards < low - c.outer_cop:
             greatest = shortest
-            self._put_down(stance, ahead, -outwards, shortest)
+            if not self._climbs:
+                self._put_down(stance, ahead, -outwards, shortest)
         else:
             self._beside = None
         if self._beside is not None:

@@ -6,13 +6,15 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+import numpy as np
 import pinocchio as pin
 
 from wbc.base.lag import lag_gain
-from wbc.base.numbers import ROUNDING
+from wbc.base.numbers import ROUNDING, Array
 from wbc.base.vectors import Point, Rotation, Vector, along, part_way
 from wbc.core.drive.control import State
 from wbc.core.robot import GRAVITY, Robot
+from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.stepping.law import Divergent, divergent_component
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants
@@ -95,15 +97,22 @@ class Felt:
 
     Attributes:
         state: State of the robot in this tick.
-        dcm: Divergent component of motion: on one foot by the angular momentum about the contact point.
+        dcm: Divergent component of motion: on one foot by the angular momentum about the contact point. A wrench on the
+            hands moves it by the offset δ = (M_y, −M_x) / mg of their moment M about that point: ξ + δ runs away from
+            the contact as ξ does of a robot without hands.
+        mass: Mass of the robot with the load that it holds, kg.
+        hand_wrench: Wrench of the surroundings on the hands, [force; moment] at the world origin, shape (6,), N and Nm;
+            None without.
     """
 
     state: BodyState
     dcm: Divergent
+    hand_wrench: Array | None = None
 
     def __init__(self, scale: RobotSize, constants: SteppingConstants, dt: float) -> None:
         """Begin on both feet."""
         self._scale, self._c, self._gain = scale, constants, lag_gain(dt, constants.cop_lag)
+        self.mass = scale.mass
         self.begin(None, 0.0)
 
     def begin(self, stance: int | None, ahead: float) -> None:
@@ -130,10 +139,16 @@ class Felt:
         self._contact = contact
         if self._stance is None:
             self.dcm = self.own_dcm(contact[2])
-            return
-        self.dcm = divergent_component(
-            state.com, state.velocity, state.spin, contact, scale.mass, 0.5 * scale.height
-        )
+        else:
+            self.dcm = divergent_component(
+                state.com, state.velocity, state.spin, contact, self.mass, 0.5 * scale.height
+            )
+        if self.hand_wrench is not None:
+            dcm, (u, v) = (
+                self.dcm,
+                zmp_offset(self.hand_wrench, np.array(contact), self.mass * GRAVITY).tolist(),
+            )
+            self.dcm = dcm._replace(x=dcm.x + u, y=dcm.y + v)
 
     def own_dcm(self, ground: float) -> Divergent:
         """Return the DCM by the CoM's own velocity, ξ = c + ċ/ω, over a ground at a height, m."""

@@ -35,8 +35,12 @@ LOOKS = 2
 LET_GO = 0.01
 """Distance of a landing from its footstep from which on a walk says that it was let go, m."""
 
-SUNK = 0.5
-"""Part of the way down a stair by which the CoM sinks before the foot lands: a leg does not reach deeper."""
+HALF = 0.5
+"""Part of the way up or down a stair by which the CoM rises or sinks before the foot lands: a leg reaches no deeper,
+and a knee that is bent further has no torque to spare."""
+
+STAIR = {"edge": 0.25, "apex": 0.5}
+"""Shape of the swing on stairs: a sole as long as the tread travels later up and earlier down, above the edge."""
 
 
 class SteppingWalk(StandingWalk):
@@ -89,11 +93,9 @@ class SteppingWalk(StandingWalk):
         return self._references(events, most, self.course.fall(state, zmp), self._level)
 
     def _support(self) -> float:
-        """Return the height over which the CoM is to be, m: of a step down it sinks half the way before the landing."""
+        """Return the height over which the CoM is to be, m: on stairs it goes half of the way before the landing."""
         stands = self.felt.state.places[self.stance][2]
-        if not self.footsteps:
-            return stands
-        return stands + SUNK * min(self.ground.height - stands, 0.0)
+        return stands + HALF * (self.ground.height - stands) if self.steering.climbs else stands
 
     def _now(self, steps: StepVelocity) -> SwingStep:
         """Return the step of this tick."""
@@ -184,7 +186,10 @@ class SteppingWalk(StandingWalk):
             self.ground.lift(self.stance, frames[self.stance])
             landing = self._seen(landing)
             speed = min(c.landing_speed + c.haste * self.ground.uneven, c.hardest)
-            self._begin_swing(frames, landing, touch, self._shape._replace(landing_speed=speed))
+            shape = self._shape._replace(landing_speed=speed)
+            if self.steering.climbs:
+                shape = shape._replace(**STAIR)
+            self._begin_swing(frames, landing, touch, shape)
             if self._joins is not None and self.swing is not None:
                 self._joins, ground = None, self.ground.height
                 self.swing.join(self.elapsed, frames[side], state.speeds[side], ground, c.swing_push)
@@ -237,7 +242,9 @@ class SteppingWalk(StandingWalk):
             forward = (forward - steps.made_up) * (1.0 + self.haste * (self._pace / time - 1.0))
             wish = steps_of_velocity((forward, left), self._width(steps), stance)
         look = None if stays else self._touch - self.elapsed
-        self.decision.decide(stance, wish, self._longest, look, held=bool(footsteps))
+        self.decision.decide(
+            stance, wish, self._longest, look, held=bool(footsteps), climbs=self.steering.climbs
+        )
 
     def _step_state(self, steps: StepVelocity) -> StepState:
         """Return the state that a step is decided by."""
@@ -301,7 +308,9 @@ class SteppingWalk(StandingWalk):
         assert self.swing is not None
         if self.footsteps:
             self._say_missed(self.decision.missed)
-        self.ground.land(state.places[self.stance][2] - self.swing.landing.z, left[2] - right[2])
+        unexpected = state.places[self.stance][2] - self.swing.landing.z
+        # Stairs are rough ground only where they are not as planned.
+        self.ground.land(unexpected, unexpected if self.steering.climbs else left[2] - right[2])
         self.steps_done += 1
         self._since_stand += 1
         slow = math.hypot(*self.steering.velocity) < c.stop_speed

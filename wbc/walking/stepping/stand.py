@@ -158,7 +158,7 @@ class StandingWalk(GaitMachine):
 
         A plan that is walked, and a planner that fails, are left. A planner that asks for a stand is asked again.
         """
-        self.footsteps = ()
+        self.footsteps, self.steering.climbs = (), False
         if self.planner is None:
             return
         feet = [Footstep.of(*foot) for foot in zip(SIDES, self._frames, strict=True)]
@@ -176,7 +176,14 @@ class StandingWalk(GaitMachine):
         """Decide the step, and return where it leaves the robot."""
         if self._reader is None or self._reader.robot is not state.robot:  # in the first tick
             self._reader = BodyReader(state.robot)
+        self.felt.mass, self.felt.hand_wrench = state.robot.mass, self.hand_wrench
         return self.advance(self._reader.read(state, self.hip_turn), self._reader.frames)
+
+    @property
+    def standing_box(self) -> Point:
+        """Half of the box of a sole in which the centre of pressure stays in a stand, along and across it, m."""
+        length, width = self.constants.standing_box
+        return 0.5 * length, 0.5 * width
 
     @property
     def contact(self) -> Vector:
@@ -316,14 +323,6 @@ class StandingWalk(GaitMachine):
             motion = shifted(self._from, goal, self.elapsed, self._shift_time)
         return self._references(events, (c.most_force, c.most_force), motion, middle[2])
 
-    def leaves(self, state: State, share: float) -> bool:
-        """Return True if the DCM of a robot on both feet has left their standing boxes, scaled by `share`."""
-        reader = BodyReader(state.robot)
-        felt = Felt(self.scale, self.constants, self.dt)
-        felt.state = reader.read(state, self.hip_turn)
-        left, right = felt.state.places
-        return felt.outside(felt.own_dcm(0.5 * (left[2] + right[2])), share) > 0.0
-
     # ---- of the steps -----------------------------------------------------------------------------------------
 
     @abstractmethod
@@ -368,6 +367,7 @@ class StandingWalk(GaitMachine):
         level: float,
     ) -> Reference:
         """Return the references of a tick, from the motion of the CoM over feet at a level, m."""
+        laden = self.felt.mass / self.scale.mass  # by what it holds
         high, speed = self.course.rise(self.felt.state.com[2] - level)
         pendulum = self.course.pendulum(motion, (high + level, speed), self.felt.contact[2])
         push, heading, cop = self.constants.swing_push, self.steering.heading, self.decision.cop
@@ -379,7 +379,7 @@ class StandingWalk(GaitMachine):
             heading,
             events,
             most_push=push,
-            most_force=most_force,
+            most_force=(laden * most_force[0], laden * most_force[1]),
             cop=cop,
             urgency=-1.0 if self.touch.is_hurled(self.time) else self.decision.urgency,
         )
