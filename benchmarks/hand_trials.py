@@ -2,8 +2,8 @@
 
 Every run is a line of the journal, and a run that is there already is not made again.
 
-Usage: python benchmarks/hand_trials.py press --journal runs.jsonl [--robot NAME ...] [--seeds N] [--first SEED]
-           [--most RUNS]
+Usage: python benchmarks/hand_trials.py press --journal runs.jsonl [--robot NAME ...] [--mode MODE] [--seeds N]
+           [--first SEED] [--most RUNS]
        python benchmarks/hand_trials.py press --journal runs.jsonl --table    (the journal may be an .xz)
 """
 
@@ -26,6 +26,7 @@ Row = dict[str, Any]
 
 FIRST_SEED = 200
 ROBOTS = ("hrp4_class", "talos", "g1")
+MODES = ("position", "torque", "hybrid")
 EXAMPLES = Path(__file__).parents[1] / "examples" / "hands"
 
 KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -41,12 +42,13 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
 """Kind of runs → example of hands, and its options in each of them."""
 
 
-def trials(kind: str, robots: Iterable[str], seed: int) -> Iterator[tuple[Row, Callable[[], Row]]]:
-    """Yield the spec of each run of a kind, and what runs it."""
+def trials(kind: str, robots: Iterable[str], seed: int, mode: str) -> Iterator[tuple[Row, Callable[[], Row]]]:
+    """Yield the spec of each run of a kind in a mode of control, and what runs it."""
     name, runs = KINDS[kind]
     for robot in robots:
         for options in runs:
             words = [*options.split(), "--robot", robot, "--seed", str(seed)]
+            words += [] if mode == MODES[0] else ["--mode", mode]
             yield {"words": words}, partial(importlib.import_module(name).main, words)
 
 
@@ -166,6 +168,7 @@ def main() -> None:
     parser.add_argument("kind", choices=TABLES)
     parser.add_argument("--journal", type=Path, required=True)
     parser.add_argument("--robot", action="append", choices=ROBOTS)
+    parser.add_argument("--mode", default=MODES[0], choices=MODES, help="of the control")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--first", type=int, default=FIRST_SEED)
     parser.add_argument("--most", type=int, default=10_000, help="greatest number of runs")
@@ -179,7 +182,7 @@ def main() -> None:
     sys.path[:0] = [str(EXAMPLES)]
     done = {json.dumps(row["spec"], sort_keys=True) for row in rows if row["kind"] == options.kind}
     for seed in range(options.first, options.first + options.seeds):
-        for spec, run in trials(options.kind, options.robot or ROBOTS, seed):
+        for spec, run in trials(options.kind, options.robot or ROBOTS, seed, options.mode):
             if json.dumps(spec, sort_keys=True) in done:
                 continue
             if options.most <= 0:

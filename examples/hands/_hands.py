@@ -38,21 +38,27 @@ def arms_ahead(robot: wbc.Robot) -> np.ndarray:
 
 def hand_options(doc: str | None, arguments: Sequence[str] | None, **options: Any) -> _common.Options:
     """Read the command line: robot, seed, errors of the sensors, and the options of an example."""
-    common = {"robot": ("hrp4_class", "talos", "g1"), "seed": 0, "noise": ("realistic", "none")}
-    return _common.parse(doc, arguments, **common, **options)
+    robots, modes = ("hrp4_class", "talos", "g1"), ("position", "torque", "hybrid")
+    common = {"robot": robots, "seed": 0, "noise": ("realistic", "none"), "mode": modes}
+    return _common.parse(doc, arguments, **(common | options))
 
 
 def stand(options: _common.Options, plan: FootstepPlan | None = None, **settings: Any) -> WalkingControl:
     """Return the controller of a robot that stands, or follows a plan, with settings of its hands."""
     robot = wbc.load_robot(options.robot).robot()
     length = {"length": LENGTH[options.robot]} if options.robot in LENGTH else {}
-    chosen = WalkingControlSettings(hands=HandSettings(**length, **settings))
-    return WalkingControl(robot, plan or FootstepPlan.standing(robot), 0.005, chosen)
+    chosen = WalkingControlSettings(mode=options.mode, hands=HandSettings(**length, **settings))
+    return WalkingControl(robot, plan or FootstepPlan.standing(robot), period(options), chosen)
+
+
+def period(options: _common.Options) -> float:
+    """Return the control period, s: free steps are decided more often."""
+    return 0.005 if options.mode == "position" else 0.002
 
 
 def connect(options: _common.Options, walking: WalkingControl, scene: Scene | None, **start: Any) -> Trial:
     """Put the robot of a controller into a scene."""
-    sensors = {"noise": options.noise, "seed": options.seed}
+    sensors = {"noise": options.noise, "seed": options.seed, "control_period": period(options)}
     return Trial(wbc.Plant(wbc.load_robot(options.robot), scene=scene, **sensors, **start), walking)
 
 

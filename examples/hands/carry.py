@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from _hands import arms_ahead, connect, hand_options, report
+from _hands import arms_ahead, connect, hand_options, period, report
 
 import wbc
 from wbc.walking import FootstepPlan, LoadSettings, WalkingControl, WalkingControlSettings
@@ -27,8 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     elif robot.name == "g1":
         height = float(robot.com[2])  # its raised arms take the CoM too high for a step
     robot.update(posture, np.zeros(robot.nv))
-    looks = WalkingControlSettings(com_height=height, load=LoadSettings(hands=frames))
-    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, looks)
+    looks = WalkingControlSettings(mode=options.mode, com_height=height, load=LoadSettings(hands=frames))
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), period(options), looks)
     trial = connect(options, walking, None, initial_configuration=posture)
     plant, load, errors = trial.plant, walking.load, np.zeros(2)  # of its mass, and of its place, mm
 

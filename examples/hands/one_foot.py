@@ -22,7 +22,7 @@ BEFORE, AFTER, PUSH = 3.5, 4.0, 0.1
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
-    options = hand_options(__doc__, arguments, force=15.0, impulse=0.1, direction=90.0)
+    options = hand_options(__doc__, arguments, mode=("position",), force=15.0, impulse=0.1, direction=90.0)
     first = HandSettings().reach_time + HandSettings().ramp + 3.0  # on both feet, until the hand presses
     gait = Gait(single_support=BEFORE + AFTER + 5.0, initial_double_support=first)
     plan = FootstepPlan.standing(wbc.load_robot(options.robot).robot(), gait)

@@ -87,10 +87,6 @@ class Lean:
         self._inertia = s.inertia * first_moment * self._height
         self._dead_band = DEAD_BAND * first_moment * GRAVITY
 
-    def reset(self) -> None:
-        """Stand upright, at once."""
-        self.angle = self.speed = (0.0, 0.0)
-
     def update(self, missing: tuple[float, float], dt: float) -> LeanMotion:
         """Integrate over one period, s, and return the lean at its end; `UPRIGHT` itself when there is none.
 

@@ -38,9 +38,29 @@ def run(module: ModuleType, *arguments: str) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("on", "force", "robot"), [("table", 60.0, "g1"), ("wall", 100.0, "hrp4_class")])
-def test_a_press_is_held(example: Example, on: str, force: float, robot: str) -> None:
-    words = ("--on", on, "--force", str(force), "--robot", robot, "--seed", "201", "--hold", "3")
+@pytest.mark.parametrize(
+    ("on", "force", "robot", "mode"),
+    [
+        ("table", 60.0, "g1", "position"),
+        ("wall", 100.0, "hrp4_class", "position"),
+        ("wall", 60.0, "hrp4_class", "torque"),
+    ],
+)
+def test_a_press_is_held(example: Example, on: str, force: float, robot: str, mode: str) -> None:
+    words = (
+        "--on",
+        on,
+        "--force",
+        str(force),
+        "--robot",
+        robot,
+        "--seed",
+        "201",
+        "--hold",
+        "3",
+        "--mode",
+        mode,
+    )
     result = run(example("press"), *words)
     assert result["mean_N"] == pytest.approx(force, rel=0.015) and result["steady"] == 1.0
     assert not result["lost"]
@@ -73,6 +93,13 @@ def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied(ex
     turn = 2 * math.ceil(120.0 / example("cart").ROBOTS["g1"][-1])
     assert result["steps"] > turn, "it turns on: 2 degrees are missing after the steps of the turn"
     assert abs(result["heading_error_deg"]) < 1.0
+
+
+@pytest.mark.slow
+def test_free_steps_push_a_cart(example: Example) -> None:
+    words = ("--mode", "torque", "--forward", "0.4", "--back", "0", "--turn", "0", "--seed", "200")
+    result = run(example("cart"), *words)
+    assert result["place_error_mm"] < 250.0 and abs(result["heading_error_deg"]) < 5.0
 
 
 @pytest.mark.slow

@@ -2,15 +2,15 @@
 
 control     the control: what is asked of a robot, and the tick
 source      what the control follows in every tick; another one derives from `ReferenceSource`
-steering    velocities and goals, for steps of both kinds
+steering    velocities and goals, for planned and free steps
 plans       footsteps: plans, gait, reach of the legs, and who is asked for them while the robot walks
-gait        phases, contacts, swing and touch-down, for steps of both kinds
-lipm        planned steps: preview control, step adjustment
-stepping    free steps, which are decided as the robot goes
+gait        phases, contacts, swing and touch-down, for planned and free steps
+lipm        planned steps of position control: preview control, step adjustment
+stepping    free steps of torque and hybrid control, which are decided as the robot goes
 ground, swing, contact, tasks    the same for both: what is known of the ground … the targets of the tasks
-table       costs and gains of the tasks, for steps of both kinds
-balance     the stabilizer of planned steps
-steps       parts of each kind of steps, which the control exchanges while the robot stands
+table       costs and gains of the tasks, for planned and free steps
+balance     the stabilizer of planned steps, and of references of one's own
+steps       drives, source of references and tasks by the mode of the control
 body, hands, load
 """
 

@@ -1,4 +1,4 @@
-"""Gait of a walk: phases, contacts, swing and touch-down, for steps of both kinds.
+"""Gait of a walk: phases, contacts, swing and touch-down, for planned and free steps.
 
     STANDING ── sets off ──▶ DOUBLE ── lift-off ──▶ SINGLE ── touch-down ──▶ DOUBLE or SINGLE ── … ──▶ STANDING
 

@@ -1,4 +1,4 @@
-"""Steering: a velocity or a goal that is asked for becomes the velocity of the steps, for steps of both kinds.
+"""Steering: a velocity or a goal that is asked for becomes the velocity of the steps, for planned and free steps.
 
     Steering         what is asked for, limits, and the velocity towards a goal
     PathSteering     of free steps: at every tick the velocity of the next steps, held to a path

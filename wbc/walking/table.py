@@ -1,4 +1,4 @@
-"""Table of the tasks of a walk: what each task and contact costs, its gains and boxes, for steps of both kinds.
+"""Table of the tasks of a walk: what each task and contact costs, its gains and boxes, for planned and free steps.
 
 The table of planned steps is one of settings, in SI units; that of free steps is one of constants, in units of the
 robot, so that the same numbers walk robots of any size.

@@ -45,7 +45,7 @@ GAINS = ("stiffness", "damping")
 
 
 class TaskTable(NamedTuple):
-    """Tasks and contacts of one kind of steps, with their costs and gains; see `wbc.walking.table`.
+    """Tasks and contacts of planned or free steps, with their costs and gains; see `wbc.walking.table`.
 
     Attributes:
         com: Task of the centre of mass, and where a stabilizer balances the robot that of the wrenches on the feet.
@@ -73,7 +73,7 @@ class TaskTable(NamedTuple):
 
 
 class WalkTasks:
-    """CoM, swing feet, trunk, posture, contacts and limits of one walk, by the table of a kind of steps.
+    """CoM, swing feet, trunk, posture, contacts and limits of one walk, by the table of its steps.
 
     Attributes:
         contacts: Contacts of the left and of the right sole.

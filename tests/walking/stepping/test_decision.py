@@ -364,6 +364,20 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
     assert made.missed == pytest.approx(abs(left), abs=4.5e-3), "steps of a velocity go with the weight"
 
 
+@pytest.mark.parametrize("off", [(0.3, 0.0), (-0.3, 0.0), (0.4, -0.1)])
+def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: tuple[float, float]) -> None:
+    """Slow steps, over which an error grows by more than 300 until the last offset of the program."""
+    made, time = decision(), SETTINGS.slow_time
+    stance = _stance(made, (0.0, 0.0), 0.2 * time)._replace(nominal=time)
+    wish = steps_of_velocity((0.2, 0.0), SETTINGS.width, stance)
+    grown = math.exp(-OMEGA * 0.8 * time)
+    end = wish.places[0] + wish.offsets[0] + off[0], wish.places[1] + wish.offsets[1] + off[1]
+    stance = stance._replace(dcm=Divergent(grown * end[0], grown * end[1], OMEGA))
+    made.decide(stance, wish, 1.2 * time, None, held=True, climbs=True)
+    ahead, _ = stance.offset(*made.place)
+    assert ahead + CONSTANTS.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
+
+
 def _stance(made: StepDecision, dcm: tuple[float, float], elapsed: float) -> StepState:
     time = SETTINGS.step_time
     orbit = Orbit.of((0.2, 0.0), 1.0, SETTINGS.width, time, time, OMEGA)

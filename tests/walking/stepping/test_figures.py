@@ -147,6 +147,47 @@ def test_the_dcm_of_a_stand_is_that_of_its_height_over_the_ground(height: float)
     assert gait.felt.own_dcm(0.05) == pytest.approx((0.1 + 0.3 * root, -0.2 - 0.4 * root, 1.0 / root))
 
 
+@pytest.mark.parametrize("stance", [None, 0])
+def test_a_wrench_on_the_hands_moves_the_dcm_by_its_moment_about_the_contact_over_the_weight(
+    stance: int | None,
+) -> None:
+    gait = gait_on(LEVEL, com=(0.02, 0.05, SCALE.height), speed=(0.1, -0.2, 0.0))
+    felt = gait.felt
+    felt.begin(stance, 0.0)
+    felt.follow()
+    alone, (x, y, z) = felt.dcm, felt.contact
+    for force, place, off in (
+        ((0.0, 0.0, 40.0), (x, y, 1.0), (0.0, 0.0)),
+        ((30.0, 0.0, 0.0), (0.4, 0.1, z + 0.9), (0.9 * 30.0, 0.0)),
+        ((0.0, -20.0, 10.0), (x, y + 0.3, z + 1.0), (0.0, -20.0 - 3.0)),
+    ):
+        felt.hand_wrench = np.concatenate((force, np.cross(place, force)))
+        felt.follow()
+        moved = felt.dcm.x - alone.x, felt.dcm.y - alone.y
+        assert moved == pytest.approx([part / SCALE.weight for part in off], abs=1e-9)
+
+
+def test_the_dcm_with_the_offset_of_a_wrench_runs_away_from_the_contact_as_that_of_a_pendulum() -> None:
+    """L̇ = (c − p) × m g + M, over a tick at a constant height; the offset of a constant wrench is constant."""
+    wrench, tick = np.array([25.0, -15.0, 5.0, 3.0, -8.0, 1.0]), 1e-6
+    com, speed = np.array((0.03, 0.04, SCALE.height)), np.array((0.2, -0.1, 0.0))
+    gait = gait_on(LEVEL, com=tuple(com), speed=tuple(speed))
+    felt = gait.felt
+    felt.begin(0, 0.0)
+    felt.hand_wrench = wrench
+    felt.follow()
+    before, contact = felt.dcm, np.array(felt.contact)
+    moment = wrench[3:] - np.cross(contact, wrench[:3])
+    change = np.cross(com - contact, (0.0, 0.0, -SCALE.weight)) + moment  # of L
+    moved = com + tick * speed
+    spin = tick * change + SCALE.mass * np.cross(com - moved, speed)  # what c × ċ does not have of it
+    felt.state = felt.state._replace(com=moved.tolist(), spin=spin.tolist())
+    felt.follow()
+    rate = [(now - then) / tick for now, then in zip(felt.dcm[:2], before[:2], strict=True)]
+    expected = [before.omega * (xi - p) for xi, p in zip(before[:2], contact, strict=False)]
+    assert rate == pytest.approx(expected, rel=1e-4)
+
+
 @examples(10)
 @given(places, st.tuples(angles, angles, angles))
 def test_a_sole_tilts_at_the_rates_at_which_the_ends_of_its_axes_rise(

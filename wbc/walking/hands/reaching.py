@@ -61,9 +61,7 @@ class Arms:
         self._spared: tuple[Arm, ...] = ()
 
     def follow(self, tasks: WalkTasks) -> None:
-        """Go on with these tasks of the CoM and of all joints."""
-        if self._spared:
-            self._spare(())
+        """Take the tasks of the CoM and of all joints; they are made after the arms."""
         self._tasks = tasks
 
     def __getitem__(self, name: str) -> Arm:

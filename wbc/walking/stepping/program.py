@@ -38,8 +38,9 @@ of pressure costs nearly nothing."""
 AREA_COST = 1e-3
 """Cost of a shift of the centre of pressure over the whole area in the stiffness of a landing, of that of the time."""
 
-FREE = 100.0
-"""Bound of what is not bounded, m."""
+FREE, FAR = 100.0, 1e4
+"""Bound of what is not bounded, m; that of the last offset over a landing that is held, of which an error has grown by
+E² until then."""
 
 
 class Wish(NamedTuple):
@@ -133,8 +134,10 @@ class StepProgram:
         (low[0:2], high[0:2]), (low[SHIFT], high[SHIFT]) = bounds.places, bounds.area
         low[2:4] = low[4:6] = low[0:2]
         high[2:4] = high[4:6] = high[0:2]
+        far = FREE
         if landing is not None:
-            low[0:2], high[0:2] = landing
+            (low[0:2], high[0:2]), far = landing, FAR
+        low[15:17], high[15:17] = -far, far
         high[NEXT_SHIFT] = bounds.next_area
         np.negative(high[NEXT_SHIFT], out=low[NEXT_SHIFT])
         low[TIME], high[TIME] = (math.exp(omega * time) / tau for time in bounds.times)
