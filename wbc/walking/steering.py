@@ -167,7 +167,7 @@ class PathSteering(Steering):
         goes: False for a robot that is to stand.
         held: Width of the soles that has held in the last steps, of that from which on steps are slow.
         follows: True while the steps are footsteps that are given.
-        climbs: True while these are on stairs.
+        climbs: Height to the next stair of these, up or down, m; 0 on the level.
     """
 
     def __init__(
@@ -187,7 +187,7 @@ class PathSteering(Steering):
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
-        self.held, self.goes, self.follows, self.climbs = 0.0, True, False, False
+        self.held, self.goes, self.follows, self.climbs = 0.0, True, False, 0.0
         self._path: Point | None = None
         self._line: tuple[Point, float] | None = None  # start and direction of the line to a far goal
         self._goal: Place | None = None  # to which that line leads
@@ -213,7 +213,7 @@ class PathSteering(Steering):
         s = self._s
         if self.follows:
             if self.climbs:
-                return s.slow_time
+                return s.step_time if self.climbs > 0.0 else s.slow_time
             return s.step_time + self.held * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
         brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
         slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.goes else 0.0

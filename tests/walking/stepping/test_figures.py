@@ -506,18 +506,21 @@ def test_the_com_goes_half_of_the_way_up_or_down_a_stair_before_the_foot_lands(r
     gait = gait_on(LEVEL)
     gait.ground.height = rise
     assert gait._support() == 0.0, "steps of a velocity are not told of stairs"
-    gait.footsteps, gait.steering.climbs = (Footstep("left", 0.25, 0.11, rise),), True
+    gait.footsteps, gait.steering.climbs = (Footstep("left", 0.25, 0.11, rise),), rise
     assert gait._support() == pytest.approx(0.5 * rise)
 
 
-def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_on_stairs() -> None:
+def test_steps_of_a_plan_take_a_time_of_their_own_the_quick_one_upstairs_and_the_slow_one_downstairs() -> (
+    None
+):
     gait = gait_on(LEVEL)
     steering = gait.steering
     gait.footsteps = Footstep("left", 0.1, 0.11), Footstep("right", 0.2, -0.11)
     for held, climbs, time in (
-        (0.0, False, SETTINGS.step_time),
-        (1.0, False, CONSTANTS.plan_time),
-        (0.0, True, SETTINGS.slow_time),
+        (0.0, 0.0, SETTINGS.step_time),
+        (1.0, 0.0, CONSTANTS.plan_time),
+        (1.0, 0.1, SETTINGS.step_time),
+        (0.0, -0.1, SETTINGS.slow_time),
     ):
         steering.held, steering.climbs = held, climbs
         gait._steer()

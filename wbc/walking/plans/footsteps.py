@@ -183,8 +183,14 @@ class FootstepPlan:
     @property
     def climbs(self) -> bool:
         """True if a foot lands at least `LEAST_STAIR` above or below the other foot."""
+        return self.rise != 0.0
+
+    @property
+    def rise(self) -> float:
+        """Height of the first foot over the other one that lands `LEAST_STAIR` or more above or below it, m; else 0."""
         heights = [self.stance(0).z, *(step.z for step in self.steps)] if self.steps else []
-        return any(abs(b - a) >= LEAST_STAIR for a, b in zip(heights, heights[1:], strict=False))
+        rises = (b - a for a, b in zip(heights, heights[1:], strict=False))
+        return next((rise for rise in rises if abs(rise) >= LEAST_STAIR), 0.0)
 
     @property
     def spacing(self) -> float:

@@ -243,7 +243,7 @@ class SteppingWalk(StandingWalk):
             wish = steps_of_velocity((forward, left), self._width(steps), stance)
         look = None if stays else self._touch - self.elapsed
         self.decision.decide(
-            stance, wish, self._longest, look, held=bool(footsteps), climbs=self.steering.climbs
+            stance, wish, self._longest, look, held=bool(footsteps), climbs=bool(self.steering.climbs)
         )
 
     def _step_state(self, steps: StepVelocity) -> StepState:

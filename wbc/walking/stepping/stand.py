@@ -158,7 +158,7 @@ class StandingWalk(GaitMachine):
 
         A plan that is walked, and a planner that fails, are left. A planner that asks for a stand is asked again.
         """
-        self.footsteps, self.steering.climbs = (), False
+        self.footsteps, self.steering.climbs = (), 0.0
         if self.planner is None:
             return
         feet = [Footstep.of(*foot) for foot in zip(SIDES, self._frames, strict=True)]
@@ -168,7 +168,7 @@ class StandingWalk(GaitMachine):
             self.take(None)
             self.reason = reason
         else:
-            self.footsteps, self._idle, self.steering.climbs = plan.steps, not plan.steps, plan.climbs
+            self.footsteps, self._idle, self.steering.climbs = plan.steps, not plan.steps, plan.rise
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
