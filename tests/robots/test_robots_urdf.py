@@ -593,11 +593,3 @@ def test_servos_without_any_damping_are_doubtful(kd: float, damping: float, said
         damping={"l_knee": damping} if damping else {},
     )
     assert any("without damping" in line and "l_knee" in line for line in own.doubts()) == said
-
-
-def test_a_description_of_xml_that_is_not_tidy_is_refused() -> None:
-    description = RobotDescription.from_urdf(biped(), **FEET)
-    xml = description.xml.replace('<axis xyz="0 0 1"', '<dynamics damping="0.5" /><axis xyz="0 0 1"', 1)
-    assert xml != description.xml
-    with pytest.raises(ModelError, match="must be tidy"):
-        dataclasses.replace(description, xml=xml).robot()
