@@ -34,6 +34,8 @@ class SwingScan:
             plan.
         actual: Present stiffness of the sole, Nm/rad.
         profile: Profile of the ground under the path of the toe; None if too little of it was seen.
+        compliance: Depth by which a foot sinks in the last steps over its load, of ground and sole together, m/N; 0 on
+            rigid ground, and where nothing is known.
     """
 
     side: str
@@ -44,6 +46,7 @@ class SwingScan:
     landing: Array
     actual: float
     profile: Profile | None
+    compliance: float = 0.0
 
 
 @dataclass(frozen=True)

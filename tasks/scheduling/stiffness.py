@@ -109,6 +109,7 @@ class StiffnessScheduler:
         robot: Robot,
         measurement: Measurement,
         landing: Array | None = None,
+        compliance: float = 0.0,
     ) -> Array:
         """Run one tick, and return the stiffness to command, left first, shape (2,), Nm/rad.
 
@@ -119,7 +120,9 @@ class StiffnessScheduler:
             robot: Estimated state, updated.
             measurement: Range and stiffness of the soles.
             landing: Planned centre of the swinging sole at its landing in the world, shape (3,), m.
+            compliance: Depth of a foot over its load, m/N (`wbc.core.estimation.sinking`).
         """
+        self._compliance = compliance
         side = None if swing is None else SIDES.index(choose("swing foot", swing, SIDES))
         # A swing that starts over on the same side is another step: hopping, or both feet down for less than a tick.
         again = side is not None and side == self._side and progress < self._progress - 0.5
@@ -188,7 +191,15 @@ class StiffnessScheduler:
             position = np.array(robot.placement(self._frames[side]).translation)
             there = position if landing is None else np.array(landing)
             swing = SwingScan(
-                SIDES[side], self._count, measurement.time, time_left, position, there, actual, profile
+                SIDES[side],
+                self._count,
+                measurement.time,
+                time_left,
+                position,
+                there,
+                actual,
+                profile,
+                self._compliance,
             )
             decision, problem = self._ask(swing)
         if problem is None and decision is not None:

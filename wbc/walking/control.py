@@ -273,6 +273,7 @@ class WalkingControl:
             control.observer.robot,
             now,
             None if landing is None else landing.position,
+            control.observer.sinking.compliance,
         )
         return replace(command, sole_stiffness=soles)
 

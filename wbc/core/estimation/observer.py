@@ -31,8 +31,9 @@ from wbc.base.vectors import Rotation, Vector, add_cross, part_way, quaternion, 
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
+from wbc.core.estimation.sinking import Sinking
 from wbc.core.estimation.wrenches import WrenchSettings
-from wbc.core.robot import Robot, checked_configuration
+from wbc.core.robot import GRAVITY, Robot, checked_configuration
 from wbc.core.signals import SIGNALS, Measurement
 
 LONGEST_DELAY = 0.1
@@ -120,6 +121,7 @@ class Observer:
             A load on such a leg does not come from the ground.
         slides: True for each foot that carries and slips along the ground, by gyroscope and accelerometer. It is no
             reference.
+        sinking: Compliance of ground and soles; a foot that takes over load sinks by it.
         outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
     """
 
@@ -179,6 +181,7 @@ class Observer:
         self._position: Vector = (0.0, 0.0, 0.0)
         self._time: float | None = None
         outside = self.settings.outside
+        self.sinking = Sinking(robot.mass * GRAVITY)
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
         self.load_shares: Sequence[float] = [0.0] * n
         self.foot_rotations: Sequence[Vector] = [(0.0, 0.0, 0.0)] * n
@@ -266,6 +269,7 @@ class Observer:
         n = len(self._soles)
         self.lifts, self.slides, self._slid = [False] * n, [False] * n, False
         self._carried, self._unaided = [0.0] * n, 0.0
+        self.sinking.reset()
         self._loads, self._shares, self._cops = [0.0] * n, [0.0] * n, [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
         for i, sole in enumerate(self._soles):
@@ -393,6 +397,7 @@ class Observer:
         """
         s = self.settings
         gain = 1.0 if first else lag_gain(dt, s.load_time_constant)
+        before = self._loads
         self._loads = [
             load + gain * (max(row[2], 0.0) - load) for load, row in zip(self._loads, wrenches, strict=True)
         ]
@@ -414,7 +419,8 @@ class Observer:
             arms.append((a * x + b * y, c * x + d * y, e * x + f * y))
             step_x, step_y, step_z = turned(base, (a * dx + b * dy, c * dx + d * dy, e * dx + f * dy))
             at_x, at_y, at_z = self._anchors[i]
-            self._anchors[i] = (at_x + step_x, at_y + step_y, at_z + step_z)
+            sunk = self.sinking.compliance * (self._loads[i] - before[i])
+            self._anchors[i] = (at_x + step_x, at_y + step_y, at_z + step_z - sunk)
         return arms
 
     def _motion_from_anchors(
@@ -510,6 +516,8 @@ class Observer:
         s, shares, anchors = self.settings, self._shares, self._anchors
         reach = turned_all(base, points)
         yaws = [_yaw(axis) for axis in turned_all(base, ahead)]
+        if len(shares) == 2:
+            self.sinking.update(self._loads, [height for _, _, height in reach], carry=all(shares))
         if soles is not None:
             if len(soles) != len(shares):
                 raise InputError(f"one sole placement for each of {len(shares)} soles, got {len(soles)}")

@@ -1,0 +1,84 @@
+"""Compliance of the ground by loads that go from foot to foot, and the height of a robot that sinks at every step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc.core.estimation.sinking import DEEPEST, Sinking
+from wbc.sim import TrialHook, WalkPlan, WalkSpec, walk
+
+WEIGHT = 400.0
+"""Weight of the robot, N."""
+
+
+def shift(sinking: Sinking, compliance: float, rng: np.random.Generator, tip: float = 0.0) -> None:
+    """Let the load go from one foot to the other; the foot that takes over rises by `tip`, m, whatever it carries."""
+    for share in np.linspace(0.05, 0.95, 60):
+        loads = WEIGHT * share, WEIGHT * (1.0 - share)
+        heights = [
+            -compliance * load + noise for load, noise in zip(loads, 2e-4 * rng.normal(size=2), strict=True)
+        ]
+        sinking.update(loads, [heights[0] + tip * share, heights[1]], carry=True)
+    sinking.update((WEIGHT, 0.0), (0.0, 0.3), carry=False)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 5e-6, 4e-5])
+def test_the_slope_of_depths_over_loads_is_the_compliance(compliance: float) -> None:
+    sinking, rng = Sinking(WEIGHT), np.random.default_rng(2)
+    for _ in range(6):
+        shift(sinking, compliance, rng)
+    assert sinking.compliance == pytest.approx(compliance, rel=0.05, abs=3e-7)
+
+
+def test_feet_that_tip_up_and_down_on_stones_tell_no_compliance() -> None:
+    sinking, rng = Sinking(WEIGHT), np.random.default_rng(4)
+    for tip in (0.004, -0.005, 0.002, -0.003, 0.004, -0.002):
+        shift(sinking, 0.0, rng, tip)
+    assert sinking.compliance == 0.0
+
+
+def test_a_step_off_an_edge_counts_as_no_more_than_the_deepest_floor() -> None:
+    sinking, rng = Sinking(WEIGHT), np.random.default_rng(4)
+    shift(sinking, 0.0, rng, -0.5)
+    assert sinking.compliance == pytest.approx(DEEPEST / WEIGHT)
+    sinking.reset()
+    assert sinking.compliance == 0.0
+
+
+def test_a_load_that_hardly_changes_tells_nothing() -> None:
+    sinking = Sinking(WEIGHT)
+    for share in np.linspace(0.45, 0.55, 50):
+        sinking.update((WEIGHT * share, WEIGHT * (1.0 - share)), (-0.01 * share, 0.0), carry=True)
+    sinking.update((WEIGHT, 0.0), (0.0, 0.0), carry=False)
+    assert sinking.compliance == 0.0
+
+
+class Height(TrialHook):
+    """Error of the estimated height of the base, and the compliance that was felt last."""
+
+    def tick(self, tick: Any) -> None:
+        observer = tick.control.control.observer
+        self.error = float(observer.robot.q[2] - tick.plant.base_pose[2])
+        self.compliance = observer.sinking.compliance
+
+
+@pytest.mark.slow
+def test_a_robot_that_sinks_at_every_step_keeps_its_height() -> None:
+    """Without the compliance each step of the g1 would raise the estimate by its depth, about 5 mm."""
+    ground: dict[str, Any] = {"terrain": "flat", "terrain_params": {"floor_stiffness": 1e7}}
+    look = Height()
+    spec = WalkSpec(
+        robot="g1",
+        foot="flat",
+        mode="torque",
+        plan=WalkPlan(distance=1.0),
+        noise="realistic",
+        seed=9,
+        **ground,
+    )
+    result = walk(spec, hooks=[look])
+    assert result.outcome == "completed" and abs(look.error) < 0.015
+    assert 5e-6 < look.compliance < 2e-5

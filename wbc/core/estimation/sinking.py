@@ -1,0 +1,71 @@
+"""Compliance of what the feet stand on, felt while the load goes from foot to foot.
+
+While two feet carry, the legs tell the height of one over the other. A foot that takes over load sinks into ground that
+gives, and a soft sole is pressed flat: the difference of the heights changes by −c times the difference of the loads.
+The compliance c is the slope of the one over the other, by least squares over one change of the load. The mean over the
+last changes counts where it is greater than their scatter: on stones a foot that takes over tips up or down.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+SHIFT = 0.3
+"""Least change of the difference of the loads that tells a compliance, over the weight."""
+
+CLEAR = 1.5
+"""Least mean over the scatter."""
+
+NEW = 0.2
+"""Least weight of the last change of the load in the mean, and in that of the squares."""
+
+DEEPEST = 0.05
+"""Greatest depth under the whole weight that counts, m: a foot that steps off an edge is lower, too."""
+
+
+class Sinking:
+    """Compliance of ground and soles under a robot with two feet.
+
+    Attributes:
+        compliance: Depth of a foot over its load, m/N; 0 until the load has gone from foot to foot once.
+    """
+
+    def __init__(self, weight: float) -> None:
+        """Begin on ground that is taken for rigid; the robot has a weight, N."""
+        self._weight, self._most = weight, DEEPEST / weight
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the ground."""
+        self.compliance = 0.0
+        self._start: tuple[float, float] | None = None
+        self._count, self._mean, self._square = 0, 0.0, 0.0
+
+    def update(self, loads: Sequence[float], heights: Sequence[float], *, carry: bool) -> None:
+        """Take in a tick: normal forces, N, and heights, m, of the two feet, and True while both of them carry."""
+        if not carry:
+            self._finish()
+            return
+        force, height = loads[0] - loads[1], heights[0] - heights[1]
+        if self._start is None:
+            self._start, self._products, self._squares, self._far = (force, height), 0.0, 0.0, 0.0
+        force, height = force - self._start[0], height - self._start[1]
+        self._products -= force * height
+        self._squares += force * force
+        self._far = max(self._far, abs(force))
+
+    def _finish(self) -> None:
+        """End a change of the load; its slope counts if the load has changed enough."""
+        if self._start is None:
+            return
+        self._start = None
+        if self._far < SHIFT * self._weight:
+            return
+        found = min(max(self._products / self._squares, -self._most), self._most)
+        self._count += 1
+        share = max(1.0 / self._count, NEW)
+        self._mean += share * (found - self._mean)
+        self._square += share * (found * found - self._square)
+        scatter = math.sqrt(max(self._square - self._mean**2, 0.0))
+        self.compliance = self._mean if self._mean > CLEAR * scatter else 0.0
