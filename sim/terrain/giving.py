@@ -123,6 +123,8 @@ class GivingFloor:
         floor = np.tile(self._floor, (len(x), 1))
         for start, end, stiffness in self._stretches:
             floor[(x >= start) & (x < end)] = -stiffness, -DAMPING_TIME * stiffness
+        # The integrator, which is implicit, damps a spring by its stiffness times the step.
+        floor[:, 1] = np.minimum(floor[:, 1] - model.opt.timestep * floor[:, 0], 0.0)
         springs = (self._area * self._inverse[self._own])[:, None] * floor * (1.0 - IMPEDANCE)
         gives, (solref, solimp) = floor[:, :1] < 0.0, self._rigid
         model.geom_solref[self._own] = np.where(gives, springs, solref)

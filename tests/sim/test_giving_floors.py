@@ -122,6 +122,99 @@ def test_a_foot_swings_on_the_floor_as_a_damped_oscillator_does() -> None:
     assert ratio < 0.3 and deepest == pytest.approx(most, rel=0.02)
 
 
+SPRUNG = 2e6
+"""Stiffness of a floor from which a foot bounces, N/m³."""
+
+
+def bouncing(ratio: float, drop: float = 0.02) -> tuple[Rig, float]:
+    """A foot of 10 kg over a floor of a ratio of the critical damping, and the damping of this floor, Ns/m³."""
+
+    def rig(damping: float) -> Rig:
+        ground = terrain("flat", floor_stiffness=SPRUNG, floor_damping=damping)
+        return Rig(FootTest(foot=foot("flat"), ground=ground, load=10.0 * GRAVITY, drop=drop))
+
+    size, mass = rig(0.0).foot.fit.sole, rig(0.0).mass
+    area = size.length * size.width
+    damping = 2.0 * ratio * math.sqrt(SPRUNG * area * mass) / area
+    return rig(damping), damping
+
+
+def bounce(rig: Rig, damping: float) -> tuple[float, float]:
+    """Greatest depth, m, and speed of the rebound, m/s, of m z̈ = −m g + max(0, −K z − C ż) below the floor."""
+    size = rig.foot.fit.sole
+    area, step, height, speed = size.length * size.width, 1e-5, rig.test.drop, 0.0
+    deepest = fastest = 0.0
+    for _ in range(40_000):
+        push = -area * (SPRUNG * height + damping * speed) if height < 0.0 else 0.0
+        speed += step * (max(push, 0.0) / rig.mass - GRAVITY)
+        height += step * speed
+        deepest, fastest = max(deepest, -height), max(fastest, speed)
+    return deepest, fastest
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.2, 0.6])
+def test_a_foot_bounces_from_the_floor_as_from_a_spring_and_a_damper(ratio: float) -> None:
+    """The depth, to 1 % and the part of the speed that the damper takes in half of a physics step: the integrator's.
+
+    The restitution, which is the speed of the rebound over that of the fall, to 0.01.
+    """
+    rig, damping = bouncing(ratio)
+    depth, speed = bounce(rig, damping)
+    deepest = fastest = 0.0
+    for _ in range(rig.steps(0.4)):
+        rig.step()
+        deepest = max(deepest, -float(rig.data.site(rig.foot.wrench_site).xpos[2]))
+        fastest = max(fastest, rig.ankle_speed)
+    size = rig.foot.fit.sole
+    most = 0.01 + 0.5 * rig.test.physics.timestep * damping * size.length * size.width / rig.mass
+    assert deepest == pytest.approx(depth, rel=most)
+    fall = math.sqrt(2.0 * GRAVITY * rig.test.drop)
+    assert fastest / fall == pytest.approx(speed / fall, abs=0.01)
+
+
+def in_dart(rig: Rig, damping: float, seconds: float) -> tuple[float, float, float]:
+    """The same foot in DART, on explicit springs: greatest depth, m, fastest rebound, m/s, and depth at the end, m."""
+    dart = pytest.importorskip("dartpy")
+    size, step = rig.foot.fit.sole, rig.test.physics.timestep
+    x, y = np.meshgrid([-0.5, 0.0, 0.5], [-0.5, 0.0, 0.5], indexing="ij")
+    points = np.column_stack([size.length * x.ravel(), size.width * y.ravel(), np.zeros(9)])
+    areas = point_areas(points[:, :2], size.length * size.width)
+    world, skeleton = dart.simulation.World(), dart.dynamics.Skeleton("foot")
+    world.setTimeStep(step)
+    world.setGravity([0.0, 0.0, -GRAVITY])
+    _, body = skeleton.createFreeJointAndBodyNodePair()
+    body.setInertia(dart.dynamics.Inertia(rig.mass, np.zeros(3), 0.1 * np.eye(3)))
+    world.addSkeleton(skeleton)
+    skeleton.setPositions([0.0] * 5 + [rig.test.drop])
+    deepest = fastest = height = 0.0
+    for _ in range(round(seconds / step)):
+        place = body.getWorldTransform().matrix()
+        for area, point in zip(areas, points, strict=True):
+            height = float((place[:3, :3] @ point + place[:3, 3])[2])
+            speed = float(np.ravel(body.getLinearVelocity(point))[2])
+            push = max(-area * (SPRUNG * height + damping * speed), 0.0) if height < 0.0 else 0.0
+            body.addExtForce([0.0, 0.0, push], point, False, True)
+        world.step(True)
+        height = float(skeleton.getPositions()[5])
+        deepest, fastest = max(deepest, -height), max(fastest, float(skeleton.getVelocities()[5]))
+    return deepest, fastest, -height
+
+
+def test_a_foot_bounces_and_rests_in_another_engine_as_in_this_one() -> None:
+    rig, damping = bouncing(0.2)
+    depth, speed, rest = in_dart(rig, damping, 2.0)
+    deepest = fastest = 0.0
+    for _ in range(rig.steps(2.0)):
+        rig.step()
+        deepest = max(deepest, -float(rig.data.site(rig.foot.wrench_site).xpos[2]))
+        fastest = max(fastest, rig.ankle_speed)
+    size = rig.foot.fit.sole
+    theory = rig.mass * GRAVITY / (SPRUNG * size.length * size.width)
+    assert (deepest, fastest) == (pytest.approx(depth, rel=0.02), pytest.approx(speed, rel=0.02))
+    assert -float(rig.data.site(rig.foot.wrench_site).xpos[2]) == pytest.approx(theory, rel=0.004)
+    assert rest == pytest.approx(theory, rel=0.004)
+
+
 def test_a_loaded_sole_does_not_creep_under_half_of_its_friction() -> None:
     rig = settled("flat", load=400.0)
     joint = rig.model.joint("forward")
