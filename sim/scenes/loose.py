@@ -1,4 +1,7 @@
-"""Scenes to walk on that move under a foot: loose stones, plates that tilt. Cameras and range sensors see them."""
+"""Scenes to walk on that move under a foot: loose stones, plates that tilt, planks that bend.
+
+Cameras and range sensors see them.
+"""
 # ruff: noqa: D102 - `build` is documented where it is declared
 
 from __future__ import annotations
@@ -66,10 +69,15 @@ class LooseStones(Scene):
 
 @scene_kind("tilting_plates")
 class TiltingPlates(Scene):
-    """Plates across the way, one behind the other, each on a sprung hinge under its middle."""
+    """Plates across the way, one behind the other, each on a sprung hinge under its middle, or planks that bend.
+
+    A plank is two halves that meet in its middle, each on a sprung hinge at its outer end: under a force F in the
+    middle it sinks by F l²/(8 k), with its length l and the stiffness k of a hinge.
+    """
 
     seen: ClassVar[bool] = True
 
+    bend: bool = param(False, "True for planks that bend")
     count: Number = param(5, "Number of plates")
     distance: Annotated[Place, "m"] = param(0.35, "Begin of the first plate from the origin")
     length: Annotated[float, Field(ge=0.05, le=5.0), "m"] = param(0.35, "Extent of a plate forward")
@@ -80,15 +88,17 @@ class TiltingPlates(Scene):
     mass: Annotated[Positive, "kg"] = param(4.0, "Mass of a plate")
 
     def build(self, spec: mujoco.MjSpec) -> None:
-        thickness, gap = 0.5 * self.height, 0.01
-        for number in range(self.count):
-            middle = self.distance + (number + 0.5) * self.length
+        thickness, gap, parts = 0.5 * self.height, 0.01, 2 if self.bend else 1
+        length = self.length / parts
+        for number in range(parts * self.count):
+            middle = self.distance + (number + 0.5) * length
             body = spec.worldbody.add_body(
                 name=f"plate {number}", pos=[middle, 0.0, self.height - 0.5 * thickness]
             )
+            end = (0.5 * length if number % 2 else -0.5 * length) if self.bend else 0.0
             joint = body.add_joint(
-                type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0], pos=[0.0, 0.0, -0.5 * thickness]
+                type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0], pos=[end, 0.0, -0.5 * thickness]
             )
             joint.stiffness[0], joint.damping[0] = self.stiffness, self.damping
-            size = (0.5 * (self.length - gap), 0.5 * self.width, 0.5 * thickness)
-            self.solid(body, "box", size, mass=self.mass, colour=METAL)
+            size = (0.5 * (length - gap), 0.5 * self.width, 0.5 * thickness)
+            self.solid(body, "box", size, mass=self.mass / parts, colour=METAL)

@@ -85,6 +85,62 @@ def test_a_plate_tilts_by_moment_over_stiffness() -> None:
     assert data.qpos == pytest.approx([0.1, 0.0], abs=1e-4)
 
 
+def test_a_plank_sinks_in_its_middle_by_force_times_length_squared_over_stiffness() -> None:
+    """F l²/(8 k) for small angles; the halves meet in the middle, and the outer ends stay."""
+    force, length, stiffness = 60.0, 0.8, 400.0
+    scene = make_scene("tilting_plates", bend=True, count=1, length=length, stiffness=stiffness, distance=0.0)
+    model = scene.spec().compile()
+    data = mujoco.MjData(model)
+    model.opt.gravity[:] = 0.0
+    half = 0.25 * length
+    for _ in range(3000):
+        data.qfrc_applied[:] = 0.0
+        for body, inner in ((1, half), (2, -half)):
+            place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ [inner, 0.0, 0.0]
+            if data.time > 0.0:
+                mujoco.mj_applyFT(
+                    model, data, [0.0, 0.0, -0.5 * force], np.zeros(3), place, body, data.qfrc_applied
+                )
+        mujoco.mj_step(model, data)
+    depth = [
+        0.05 * 0.75 - (data.xpos[b] + data.xmat[b].reshape(3, 3) @ [s * half, 0.0, 0.0])[2]
+        for b, s in ((1, 1), (2, -1))
+    ]
+    assert depth == pytest.approx([force * length**2 / (8.0 * stiffness)] * 2, rel=0.02)
+    assert model.body_mass[1:].sum() == pytest.approx(4.0)
+
+
+def test_a_kick_keeps_the_momentum_and_its_work_is_the_energy_of_a_stone() -> None:
+    """In the air, without friction: an impulse J at a point gives m v = J and the angular momentum r × J."""
+    model, data = alone(stones(seed=3, count=1))
+    data.qpos[2] = 1.0
+    model.opt.gravity[:] = 0.0
+    mujoco.mj_forward(model, data)
+    body, push, steps = 1, np.array([30.0, -12.0, 8.0]), 20
+    arm = np.array([0.03, 0.02, 0.004])
+    start = data.qvel.copy()
+    work = 0.0
+    momentum, spin = np.zeros(3), np.zeros(3)
+    for _ in range(steps):
+        mujoco.mj_forward(model, data)
+        point = data.xipos[body] + arm
+        data.qfrc_applied[:] = 0.0
+        mujoco.mj_applyFT(model, data, push, np.zeros(3), point, body, data.qfrc_applied)
+        power = data.qfrc_applied.copy()
+        before = data.qvel.copy()
+        mujoco.mj_step(model, data)
+        work += float(power @ (0.5 * (before + data.qvel))) * model.opt.timestep
+        momentum += push * model.opt.timestep
+        spin += np.cross(arm, push) * model.opt.timestep
+    mujoco.mj_forward(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    assert not start.any()
+    np.testing.assert_allclose(model.body_mass[body] * data.subtree_linvel[body], momentum, rtol=1e-6)
+    np.testing.assert_allclose(data.subtree_angmom[body], spin, rtol=0.02)
+    mujoco.mj_energyVel(model, data)
+    assert data.energy[1] == pytest.approx(work, rel=0.02)
+
+
 def test_sensors_see_what_the_robot_walks_on_and_no_furniture() -> None:
     for name, seen in (("loose_stones", True), ("tilting_plates", True), ("table", False)):
         plant = wbc.Plant("g1", scene=make_scene(name), visuals=False)
