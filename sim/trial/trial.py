@@ -190,7 +190,7 @@ class Trial:
             DivergedError: The simulation has diverged, and this kind of trial has no result for this case.
             StageError: A stage took too long.
         """
-        with self.running(hooks):
+        with self._stages(hooks):
             begin = time.perf_counter()
             try:
                 self.simulate()
@@ -312,6 +312,14 @@ class Trial:
             InputError: The trial has been run.
             StageError: A stage was not over in its time, or a step was refused.
         """
+        with self._stages(hooks):
+            yield
+        for hook in self.hooks:
+            hook.end(None)
+
+    @contextmanager
+    def _stages(self, hooks: Sequence[TrialHook]) -> Iterator[None]:
+        """Return a context as `running`, whose hooks end only where it raises."""
         self._check_new()
         with one_thread(), self._hooks_end_with_an_error():
             self.start(hooks)
@@ -320,8 +328,6 @@ class Trial:
             except StageError:
                 if not (self.fallen or self.stopped):
                     raise
-            for hook in self.hooks:
-                hook.end(None)
 
     def start(self, hooks: Sequence[TrialHook] = ()) -> None:
         """Add hooks and start all of them, for a trial that other code steps; otherwise use `running`."""
