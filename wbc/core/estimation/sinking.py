@@ -14,8 +14,8 @@ from collections.abc import Sequence
 SHIFT = 0.3
 """Least change of the difference of the loads that tells a compliance, over the weight."""
 
-CLEAR = 1.5
-"""Least mean over the scatter."""
+CLEAR, SURE = 2.0, 3
+"""Least mean over the scatter, and number of changes of the load from which on it counts."""
 
 NEW = 0.2
 """Least weight of the last change of the load in the mean, and in that of the squares."""
@@ -28,7 +28,7 @@ class Sinking:
     """Compliance of ground and soles under a robot with two feet.
 
     Attributes:
-        compliance: Depth of a foot over its load, m/N; 0 until the load has gone from foot to foot once.
+        compliance: Depth of a foot over its load, m/N; 0 until it is known.
     """
 
     def __init__(self, weight: float) -> None:
@@ -68,4 +68,5 @@ class Sinking:
         self._mean += share * (found - self._mean)
         self._square += share * (found * found - self._square)
         scatter = math.sqrt(max(self._square - self._mean**2, 0.0))
-        self.compliance = self._mean if self._mean > CLEAR * scatter else 0.0
+        sure = self._count >= SURE and self._mean > CLEAR * scatter
+        self.compliance = self._mean if sure else 0.0
