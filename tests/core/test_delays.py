@@ -77,7 +77,7 @@ def test_wrenches_are_estimated_where_there_are_no_sensors(mode: str) -> None:
 
 @pytest.mark.slow
 def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> None:
-    """In 98 of 100 ticks each foot's contact is the true one, with fewer than four changes a step."""
+    """Contacts are wrong for less than 30 ms at each lift-off and landing, with fewer than four changes a step."""
     from wbc.sim.trial.trial import TrialHook  # noqa: PLC0415 - the simulator is needed here alone
     from wbc.sim.walks.plan import WalkPlan  # noqa: PLC0415
     from wbc.sim.walks.trial import WalkTrial  # noqa: PLC0415
@@ -103,7 +103,7 @@ def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> N
     result = trial.run([contacts])
     assert result.fall is None and spec.chosen == "hybrid"
     seen, true = np.array(contacts.seen), np.array(contacts.true)
-    assert (seen == true).mean() > 0.98, (seen == true).mean()
+    assert (seen != true).sum() * spec.period < 0.03 * 2 * result.steps_done
     assert not seen.all(axis=0).any()
     assert np.abs(np.diff(seen.astype(int), axis=0)).sum() < 4 * result.steps_done
 

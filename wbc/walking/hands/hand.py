@@ -96,7 +96,8 @@ class HandSettings:
         lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
         edge: Share of the distance to the edge of the soles by which the ZMP moves for planned forces before the CoM
             moves. A larger share needs less shift of the CoM, and leaves less margin against disturbances.
-        help: Share of the missing moment of the feet that pressing hands supply; with 0 the trunk supplies it.
+        help: Share of the missing moment of the feet that pressing hands supply where a stabilizer balances the robot,
+            as in position control; with 0 the trunk supplies it.
         share: Share of an arm's torque limits that a force may use, in addition to the weight of the arm.
         margin: Distance that the DCM must keep from the edge of the soles if a force is lost suddenly, m.
     """
