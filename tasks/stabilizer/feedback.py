@@ -7,7 +7,8 @@ measured CoM, so that with k_v = 1 this is a feedback on the ZMP,
 
     z_d = z* − (1 + k_p/ω) e_ξ − (k_i/ω) ē_ξ − (k_d/ω) ė_ξ,
 
-and k_p is the pole of the closed loop if the ZMP follows without lag.
+and k_p is the pole of the closed loop if the ZMP follows without lag. The pendulum gives ė = ω (e − e_zmp), at all
+frequencies but with an offset when CoM or force sensors are off: a high-pass takes the offset away.
 
 Source: Frizza et al., Humanoids 2022, eq. (3); S. Caron et al., ICRA 2019; Morisawa et al., Humanoids 2014.
 """
@@ -19,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY
-from wbc.tasks.stabilizer.filters import Average, HighPass
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair
 from wbc.tasks.stabilizer.pendulum import Pendulum
 
@@ -41,21 +42,20 @@ class PendulumErrors(NamedTuple):
 
 
 class DcmFeedback:
-    """DCM feedback with its memory: average and derivative of the DCM error.
+    """DCM feedback with its memory: average and derivative of the DCM error, as points of the plane, x + i y.
 
     Attributes:
-        gains: Gains; assign to change them.
+        gains: Gains; assign to change them, which keeps the memory.
     """
 
     def __init__(self, gains: StabilizerGains) -> None:
         self.gains = gains
-        self._average = Average(gains.integrator_time, gains.max_average_dcm_error)
-        self._rate = HighPass(gains.derivator_time)
+        self.reset()
 
     def reset(self) -> None:
         """Set the average and the derivative to zero."""
-        self._average.reset()
-        self._rate.reset()
+        self._average = 0j
+        self._offset: complex | None = None  # of the derivative: its low-pass; None before the first one
 
     def errors(
         self,
@@ -79,53 +79,52 @@ class DcmFeedback:
             bias_x, bias_y = bias.tolist()
             x, y = x + bias_x, y + bias_y
         dcm = complex(x + u / omega, y + v / omega)
+        gains, bound, rate, off, lasting = self.gains, self.gains.max_average_dcm_error, 0j, 0j, 0j
         if zmp is None:
-            self._rate.reset()
-            average, rate, off = self._average.update(0j, dt), 0j, 0j
+            self._offset = None
         else:
             there, here = target.zmp.tolist(), zmp.tolist()
-            off = complex(there[0] - here[0], there[1] - here[1])
-            average, rate = self._average.update(dcm, dt), self._rate.update(omega * (dcm - off), dt)
+            off, lasting = complex(there[0] - here[0], there[1] - here[1]), dcm
+            rate = omega * (dcm - off)
+            offset = rate if self._offset is None else self._offset
+            self._offset = offset = offset + lag_gain(dt, gains.derivator_time) * (rate - offset)
+            rate -= offset
+        average = self._average + lag_gain(dt, gains.integrator_time) * (lasting - self._average)
+        average = complex(min(max(average.real, -bound), bound), min(max(average.imag, -bound), bound))
+        self._average = average
         # One array and its parts: making an array costs more than a slice.
         plane = (dcm.real, dcm.imag, average.real, average.imag, rate.real, rate.imag, off.real, off.imag)
         all_ = np.array((x, y, z, u, v, w, *plane))
         return PendulumErrors(all_[:3], all_[3:6], all_[6:8], all_[8:10], all_[10:12], all_[12:])
 
     def acceleration(self, target: Pendulum, errors: PendulumErrors, yaw: float) -> Array:
-        """Return the desired acceleration of the CoM in the world, shape (3,), m/s²."""
-        return desired_acceleration(self.gains, target, errors, yaw)
+        """Return the desired acceleration of the CoM by the law of this module, in the world, shape (3,), m/s².
 
-
-def desired_acceleration(
-    gains: StabilizerGains, target: Pendulum, errors: PendulumErrors, yaw: float
-) -> Array:
-    """Return the desired acceleration of the CoM by the law of this module, in the world, shape (3,), m/s².
-
-    Gains are per axis of the frame turned by `yaw`, the heading of the robot, rad.
-    """
-    omega, c, s = target.omega, math.cos(yaw), math.sin(yaw)
-    forward = sideways = 0.0
-    for gain, factor, value in (
-        (gains.dcm_p, 1.0, errors.dcm),
-        (gains.dcm_i, 1.0, errors.average),
-        (gains.dcm_d, 1.0, errors.rate),
-        (gains.com_v, 1.0, errors.com_velocity),
-        (gains.zmp_d, -omega, target.zmp_velocity),
-    ):
-        along, across = pair(gain)
-        if along == across == 0.0:
-            continue
-        x, y = value.tolist()[:2]
-        forward += factor * along * (c * x + s * y)
-        sideways += factor * across * (c * y - s * x)
-    x, y, z = target.com_acceleration.tolist()
-    return np.array(
-        (
-            x + omega * (c * forward - s * sideways),
-            y + omega * (s * forward + c * sideways),
-            max(z, LEAST_VERTICAL),
+        Gains are per axis of the frame turned by `yaw`, the heading of the robot, rad.
+        """
+        gains, omega, c, s = self.gains, target.omega, math.cos(yaw), math.sin(yaw)
+        forward = sideways = 0.0
+        for gain, factor, value in (
+            (gains.dcm_p, 1.0, errors.dcm),
+            (gains.dcm_i, 1.0, errors.average),
+            (gains.dcm_d, 1.0, errors.rate),
+            (gains.com_v, 1.0, errors.com_velocity),
+            (gains.zmp_d, -omega, target.zmp_velocity),
+        ):
+            along, across = pair(gain)
+            if along == across == 0.0:
+                continue
+            x, y = value.tolist()[:2]
+            forward += factor * along * (c * x + s * y)
+            sideways += factor * across * (c * y - s * x)
+        x, y, z = target.com_acceleration.tolist()
+        return np.array(
+            (
+                x + omega * (c * forward - s * sideways),
+                y + omega * (s * forward + c * sideways),
+                max(z, LEAST_VERTICAL),
+            )
         )
-    )
 
 
 def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:

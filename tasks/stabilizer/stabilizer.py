@@ -16,13 +16,13 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.checked import checked
+from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
 from wbc.tasks.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
-from wbc.tasks.stabilizer.filters import LowPass
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench, zmp_offset
@@ -73,7 +73,7 @@ class Stabilizer:
         self._gains = self._given.for_mass(mass)  # of this robot
         self._feedback = DcmFeedback(self._gains)
         self.feet = FootAdmittance(self._gains)
-        self._wrench = LowPass(self._gains.wrench_time, (2, 6))
+        self._wrench: Array | None = None  # on the soles, after the low-pass, shape (2, 6)
         self._in_air = False
 
     @property
@@ -88,23 +88,14 @@ class Stabilizer:
 
     @property
     def gains(self) -> StabilizerGains:
-        """Gains as they were given, before `StabilizerGains.for_mass`; assign others at any time.
-
-        Filters keep their memory unless their time constants change.
-        """
+        """Gains as they were given, before `StabilizerGains.for_mass`; assign others at any time: memory stays."""
         return self._given
 
     @gains.setter
     @checked
     def gains(self, value: StabilizerGains) -> None:
         self._given = value
-        gains = value.for_mass(self._mass)
-        old, self._gains = self._gains, gains
-        self._feedback.gains = self.feet.gains = gains
-        self._wrench.time_constant = gains.wrench_time
-        memory = ("integrator_time", "derivator_time", "max_average_dcm_error")
-        if any(getattr(old, name) != getattr(gains, name) for name in memory):
-            self._feedback = DcmFeedback(gains)
+        self._gains = self._feedback.gains = self.feet.gains = value.for_mass(self._mass)
 
     @property
     def in_air(self) -> bool:
@@ -115,8 +106,7 @@ class Stabilizer:
         """Forget everything: errors, corrections, filtered wrenches."""
         self._feedback.reset()
         self.feet.reset()
-        self._wrench.reset()
-        self._in_air = False
+        self._wrench, self._in_air = None, False
 
     def update(
         self,
@@ -166,11 +156,12 @@ class Stabilizer:
             ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)
         feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact)
         if self._yields:
-            filtered = self._wrench.update(wrenches, dt)
+            before = wrenches if self._wrench is None else self._wrench
+            self._wrench = before + lag_gain(dt, self._gains.wrench_time) * (wrenches - before)
             if idle:
                 self.feet.hold()
             else:
-                self.feet.update(filtered.tolist(), feet.wrenches.tolist(), contact, dt)
+                self.feet.update(self._wrench.tolist(), feet.wrenches.tolist(), contact, dt)
         return StabilizerOutput(
             errors,
             acceleration,
@@ -187,7 +178,7 @@ class Stabilizer:
         in_air = max(row[2] for row in wrenches) < self._gains.min_force
         if self._in_air and not in_air:
             self._feedback.reset()
-            self._wrench.reset()
+            self._wrench = None
         self._in_air = in_air
 
     def _measured_zmp(

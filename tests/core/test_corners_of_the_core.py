@@ -23,7 +23,6 @@ from wbc.core.limits.base import Limit
 from wbc.core.limits.heights import _points_inside
 from wbc.core.qp.move import DirectionCoordinates
 from wbc.core.qp.released import RESPONSE
-from wbc.core.qp.solving.solver import _cut
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Trajectory
 from wbc.robots import load
@@ -155,15 +154,6 @@ def test_a_solution_is_guessed_from_the_parts_of_the_last_one_by_their_names() -
     other = SimpleNamespace(contacts={name: slice(30, 32) for name in before}, nv=layout.nv)
     short: Any = SimpleNamespace(layout=other, accelerations=last.accelerations, variables=last.variables)
     assert not controller._variables_of(short)[layout.nv :].any(), "of another size it is another contact"
-
-
-def test_digits_of_multipliers_are_cut_off_at_a_millionth_of_the_greatest() -> None:
-    np.testing.assert_allclose(
-        _cut(np.array([2.0, -1.2345678e-3, 0.9e-6, 0.0])), [2.0, -1.234e-3, 0.0, 0.0], atol=2e-6
-    )
-    cut = _cut(np.array([3.0, 1.0000014, -2.0]))
-    np.testing.assert_allclose(cut / 3e-6, np.rint(cut / 3e-6), atol=1e-6)
-    assert cut[1] == pytest.approx(1.0000014, abs=1.5e-6) and not _cut(np.zeros(3)).any()
 
 
 def test_a_contact_that_is_switched_goes_on_from_the_share_of_its_forces_that_is_allowed() -> None:

@@ -197,9 +197,9 @@ def test_links_closer_than_the_margin_come_apart() -> None:
 
 def test_primitive_geometry_of_the_urdf_is_used() -> None:
     robot = make_robot("hrp4_class")
-    urdf = description("hrp4_class").urdf
+    urdf, shapes = description("hrp4_class").urdf, description("hrp4_class").collision_hulls()
     pairs = [("left_hand", "left_thigh"), ("left_hand", "right_hand"), ("left_forearm", "chest")]
-    limit = CollisionLimit(pairs, urdf=urdf)
+    limit = CollisionLimit(pairs, shapes=shapes)
     limit.bind(robot)
     assert limit.dim > len(pairs)
     geometry = pin.buildGeomFromUrdfString(robot.model, urdf, pin.COLLISION)
@@ -225,7 +225,7 @@ def test_primitive_geometry_of_the_urdf_is_used() -> None:
         assert distance == pytest.approx(least, abs=1e-6)  # the tolerance of coal's GJK
     controller = Controller(robot, 0.002)
     controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask(), CoMTask())
-    controller.add(CollisionLimit(pairs, urdf=urdf))
+    controller.add(CollisionLimit(pairs, shapes=shapes))
     assert controller.solve().ok
 
 
@@ -240,8 +240,8 @@ def test_primitive_geometry_of_the_urdf_is_used() -> None:
 def test_a_pair_that_no_joint_separates_is_refused_with_its_distance(
     pair: tuple[str, str], margin: float, separable: bool
 ) -> None:
-    robot, urdf = make_robot("hrp4_class"), description("hrp4_class").urdf
-    limit = CollisionLimit([pair], urdf=urdf, margin=margin)
+    robot, shapes = make_robot("hrp4_class"), description("hrp4_class").collision_hulls()
+    limit = CollisionLimit([pair], shapes=shapes, margin=margin)
     if not separable:
         with pytest.raises(InputError, match=f"'{pair[0]}' and '{pair[1]}'.*0.0020 m"):
             limit.bind(robot)

@@ -35,7 +35,7 @@ def test_all_solvers_give_the_same_solution(solver: str) -> None:
         active += int(np.count_nonzero(solution.multipliers))
     assert active > 40
     used = {name for name, count in other.counts.items() if count}
-    expected = {"auto": "DAQP", "proxqp": "ProxQP", "daqp": "DAQP"}.get(solver, "other")
+    expected = {"auto": "DAQP", "daqp": "DAQP"}.get(solver, "other")
     assert expected in used and "failed" not in used
 
 
@@ -62,26 +62,6 @@ def test_daqp_finds_the_same_from_any_guess_and_repeats_bit_for_bit() -> None:
     other_x = solve_by_qpsolvers("proxqp", p, hessian, gradient)
     assert other_x is not None
     np.testing.assert_allclose(other_x[0][: p.nv], x[: p.nv], atol=1e-3)
-
-
-def test_proxqp_is_asked_where_daqp_fails_and_nowhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    problems = stream()
-    first = problems.step()
-    p = problems.controller.problem
-    ladder = QpSolver(p)
-    assert first.active_limits and ladder.solve() is Status.SOLVED and ladder.counts["ProxQP"] == 0
-    found = ladder.x[: p.nv].copy()
-    solve = DaqpSolver.solve
-
-    def of_equal_costs_alone(self: DaqpSolver, hessian: np.ndarray, *others: object) -> object:
-        """Fail, but for the question of whether there is any point within the constraints."""
-        equal = np.array_equal(hessian, np.eye(len(hessian)))
-        return solve(self, hessian, *others) if equal else None  # type: ignore[arg-type]
-
-    monkeypatch.setattr(DaqpSolver, "solve", of_equal_costs_alone)
-    second = QpSolver(p)
-    assert second.solve() is Status.FALLBACK and second.counts["ProxQP"] == 1
-    np.testing.assert_allclose(second.x[: p.nv], found, atol=1e-4)
 
 
 def test_what_has_no_solution_is_told_by_every_solver() -> None:

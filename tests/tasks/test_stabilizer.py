@@ -22,11 +22,9 @@ from wbc.tasks.stabilizer.distribution import DistributionSettings, WrenchDistri
 from wbc.tasks.stabilizer.feedback import (
     DcmFeedback,
     PendulumErrors,
-    desired_acceleration,
     wrench_through,
     zmp_of_force,
 )
-from wbc.tasks.stabilizer.filters import Average, HighPass, LowPass
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
@@ -235,7 +233,7 @@ def test_with_unit_com_gain_it_is_pure_dcm_feedback_on_the_zmp(
     dcm = com_error[:2] + velocity_error[:2] / omega
     average, rate = np.array([other, e_com]), np.array([e_velocity, other])
     errors = PendulumErrors(com_error, velocity_error, dcm, average, rate, np.zeros(2))
-    acceleration = desired_acceleration(gains, target, errors, 0.7)
+    acceleration = DcmFeedback(gains).acceleration(target, errors, 0.7)
     point = zmp_of_force(target.com - com_error, acceleration, 0.0)
     expected = target.zmp[:2] - (1 + kp / omega) * dcm - ki / omega * average - kd / omega * rate
     np.testing.assert_allclose(point[:2], expected, atol=1e-9)
@@ -247,7 +245,7 @@ def test_the_zmp_velocity_term() -> None:
     errors = PendulumErrors(np.array([0, 0, 0.02]), np.array([0, 0, -0.1]), *[zero[:2]] * 4)
     gains = StabilizerGains(zmp_d=0.05, com_v=0.0)
     expected = [-(REST.omega**2) * 0.05 * 0.1, REST.omega**2 * 0.05 * 0.2, 0.0]
-    np.testing.assert_allclose(desired_acceleration(gains, target, errors, 0.3), expected, atol=1e-12)
+    np.testing.assert_allclose(DcmFeedback(gains).acceleration(target, errors, 0.3), expected, atol=1e-12)
 
 
 def settled(kp: float, ki: float, bias: float) -> float:
@@ -306,17 +304,20 @@ def test_it_mirrors() -> None:
             np.testing.assert_allclose([p.roll, p.pitch, p.height], [-q.roll, q.pitch, q.height], atol=1e-6)
 
 
-def test_filters_are_exact_at_any_period() -> None:
-    for make, one in ((lambda: LowPass(0.3, 1), np.ones(1)), (lambda: Average(0.3, 10.0), 1 + 0j)):
-        values = []
-        for dt in (0.1, 0.01):
-            f = make()
-            f.update(0.0 * one, dt)
-            for _ in range(round(1.0 / dt)):
-                f.update(one, dt)
-            values.append(np.array(f.value))
-        np.testing.assert_allclose(values[0], values[1], atol=1e-9)
-        np.testing.assert_allclose(values[0], 1 - np.exp(-1.0 / 0.3))
+def off_by(dcm: float, feedback: DcmFeedback, dt: float, zmp: float = 0.0) -> PendulumErrors:
+    """Return the errors of a pendulum at rest whose DCM and ZMP are measured off by so much along x and y."""
+    return feedback.errors(REST, REST.com - [dcm, dcm, 0.0], np.zeros(3), REST.zmp - zmp, dt)
+
+
+def test_the_average_is_exact_at_any_period_and_bounded() -> None:
+    for dt in (0.1, 0.01):
+        feedback = DcmFeedback(replace(MC_RTC, integrator_time=0.3, max_average_dcm_error=0.02))
+        for _ in range(round(0.3 / dt)):
+            errors = off_by(0.01, feedback, dt)
+        np.testing.assert_allclose(errors.average, 0.01 * (1.0 - np.exp(-1.0)))
+        for _ in range(round(3.0 / dt)):
+            errors = off_by(1.0, feedback, dt)
+        np.testing.assert_allclose(errors.average, 0.02)
 
 
 def test_feet_on_torque_drives_have_no_corrections_and_the_same_wrenches() -> None:
@@ -329,12 +330,15 @@ def test_feet_on_torque_drives_have_no_corrections_and_the_same_wrenches() -> No
     np.testing.assert_array_equal(one.feet.wrenches, other.feet.wrenches)
 
 
-def test_the_high_pass_drops_offsets_and_keeps_motion() -> None:
-    high_pass = HighPass(1.0)
+def test_the_derivative_drops_offsets_and_keeps_motion() -> None:
+    """ė = ω (e − e_zmp), less what lasts."""
+    feedback, omega = DcmFeedback(replace(MC_RTC, derivator_time=1.0)), REST.omega
     for k in range(4000):
-        out = high_pass.update(complex(0.3 + np.cos(20 * k * DT), -0.2), DT)
-    assert out.real == pytest.approx(np.cos(20 * 3999 * DT), abs=0.06)
-    assert out.imag == pytest.approx(0.0, abs=1e-6)
+        rate = off_by(0.0, feedback, DT, zmp=-(0.3 + np.cos(20 * k * DT)) / omega).rate
+    assert rate[0] == pytest.approx(np.cos(20 * 3999 * DT), abs=0.06)
+    for _ in range(4000):
+        rate = off_by(0.02, feedback, DT).rate
+    assert rate[1] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_known_bias_changes_nothing_but_the_measurement() -> None:

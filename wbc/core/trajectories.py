@@ -21,7 +21,7 @@ from typing import Annotated, Generic, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -36,20 +36,15 @@ SAMPLES = 100
 KEPT = 1.0 + 1e-6
 """Ratio to a limit up to which it is kept."""
 
-DURATIONS, TRIALS = (1e-3, 1e3), 200
-"""Times among which that of a path which begins in motion is looked for, s, and their number."""
+DURATIONS, TRIALS, REFINEMENTS = (1e-3, 1e3), 100, 5
+"""Times among which that of a path which begins in motion is looked for, s, their number, and passes of that search: to
+1e-5 of the time."""
 
 LONGEST = 86_400.0
 """Longest time of a trajectory, s: a day."""
 
 Duration = Annotated[Positive, Field(le=LONGEST), "s"]
 """Time of a trajectory, s."""
-
-STRIDE = 5
-"""Samples of which one is looked at in the first pass of that search."""
-
-REFINEMENTS, REFINED = 4, 20
-"""Passes of that search, and times in each of them but the first: to 1e-5 of the time."""
 
 RUN_UP = 0.2
 """Time in which the greatest speed is reached where only a speed is given, s: bounds the acceleration of short ways."""
@@ -148,7 +143,7 @@ class QuinticPath:
 
 
 class Ramp:
-    """A value that goes to its goal along a quintic, from rest to rest.
+    """A value that goes to its goal by `minimum_jerk`.
 
     Attributes:
         value: Present value.
@@ -157,24 +152,21 @@ class Ramp:
 
     def __init__(self, value: float = 0.0) -> None:
         """Rest at a value."""
-        self.value = self.goal = value
-        self._curve: Quintic[float] | None = None
-        self._elapsed = 0.0
+        self.value = self.goal = self._start = value
+        self._elapsed, self._duration = 0.0, 0.0
 
     def to(self, goal: float, duration: float) -> None:
         """Go to a goal within a time, s, from rest."""
-        self._curve = Quintic((self.value, 0.0, 0.0), (goal, 0.0, 0.0), duration)
-        self.goal, self._elapsed = goal, 0.0
+        self._start, self.goal, self._elapsed, self._duration = self.value, goal, 0.0, duration
 
     def advance(self, dt: float) -> None:
         """Advance by a period, s."""
-        if self._curve is None:
-            return
         self._elapsed += dt
-        if self._elapsed >= self._curve.duration:
-            self.value, self._curve = self.goal, None
+        if self._elapsed >= self._duration:
+            self.value = self.goal
         else:
-            self.value = self._curve.at(self._elapsed)[0]
+            share, _ = minimum_jerk(self._elapsed / self._duration)
+            self.value = self._start + share * (self.goal - self._start)
 
 
 class Follower(Generic[ValueT]):
@@ -264,10 +256,10 @@ class Trajectory:
             for what, rate in (("velocity", velocity), ("acceleration", acceleration_at_start))
         ]
         lengths = _lengths(steps, parts, speeds)
-        self._pieces: list[Quintic[Array]] = []
+        self.duration = duration or 0.0
         self._starts: list[float] = []
+        self._pieces = np.zeros((0, 6, self.end.size))  # coefficients of each piece, over its own time
         if not lengths.any() and not begin[0].any():
-            self.duration = duration or 0.0
             return
         if not lengths.all():
             if len(waypoints) > 2:
@@ -291,15 +283,19 @@ class Trajectory:
                 f"got {duration:g} s"
             )
         self.duration = found
-        self._starts, self._pieces = path.pieces(self.duration)
+        self._starts, self._pieces = path.pieces(found)
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
         """Return position, velocity and acceleration, shape (n,), at a time since the start, s; at rest outside."""
-        if not self._pieces or time >= self.duration:
+        if not self._starts or time >= self.duration:
             return self.end.copy(), np.zeros(self.end.size), np.zeros(self.end.size)
-        time = max(time, 0.0)
-        piece = bisect_right(self._starts, time) - 1
-        return self._pieces[piece].at(time - self._starts[piece])
+        piece = bisect_right(self._starts, max(time, 0.0)) - 1
+        t = max(time, 0.0) - self._starts[piece]
+        t2, t3, t4 = t * t, t**3, t**4
+        powers = (1.0, t, t2, t3, t4, t4 * t), (0.0, 1.0, 2.0 * t, 3.0 * t2, 4.0 * t3, 5.0 * t4)
+        rates = np.array((*powers, (0.0, 0.0, 2.0, 6.0 * t, 12.0 * t2, 20.0 * t3)))
+        position, velocity, acceleration = rates.dot(self._pieces[piece])
+        return position, velocity, acceleration
 
 
 def _limits(what: str, value: ArrayLike | None, parts: int) -> Array | None:
@@ -322,10 +318,10 @@ def _lengths(steps: Array, parts: Sequence[slice], speeds: Array | None) -> Arra
 
 
 class _Path:
-    """Minimum jerk through waypoints, as a function of the time that it takes.
+    """Minimum jerk through waypoints, as a function of the time T that it takes.
 
-    Over the share of the time, the path is linear in its points, in T v₀ and in T² a₀, with the duration T and the
-    velocity and acceleration at the start: a spline of the three side by side gives it for every T.
+    Over the share of the time, the path is linear in its points, in T v₀ and in T² a₀, with velocity and acceleration
+    at the start: a spline of the three side by side gives it for every T.
     """
 
     def __init__(
@@ -337,57 +333,53 @@ class _Path:
         speeds: Array | None,
         accelerations: Array | None,
     ) -> None:
-        self._points = points
-        self._shares = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
-        # Coefficients of T⁰, T¹ and T² side by side; of T⁰ alone from rest.
-        self._terms = terms = 3 if begin[0].any() or begin[1].any() else 1
-        n = points.shape[1]
+        self._shares = shares = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
+        self._rests = not (begin[0].any() or begin[1].any())
+        terms, n = 1 if self._rests else 3, points.shape[1]  # by powers of T
         ends, first, second = np.zeros((len(points), terms, n)), *np.zeros((2, terms, n))
         ends[:, 0] = points
-        if terms > 1:
+        if not self._rests:
             first[1], second[2] = begin
         still = np.zeros(terms * n)
-        self._spline: BSpline = make_interp_spline(
-            self._shares,
+        spline = make_interp_spline(
+            shares,
             ends.reshape(len(points), -1),
             k=5,
             bc_type=([(1, first.ravel()), (2, second.ravel())], [(1, still), (2, still)]),
         )
+
+        def rates(at: Array, order: int) -> Array:
+            return np.asarray(spline(at, order)).reshape(at.size, terms, n)
+
+        #: Of each piece the coefficients over the share of the time, shape (pieces, 6, terms, n).
+        self._pieces = np.stack([rates(shares[:-1], k) / math.factorial(k) for k in range(6)], axis=1)
         inner = np.linspace(0.0, 1.0, SAMPLES + 1)
-        samples = (self._shares[:-1, None] + np.diff(self._shares)[:, None] * inner).ravel()
-        # Order of a derivative, and its square over that of the limit, by powers of T: shape (powers, parts, samples).
+        samples = (shares[:-1, None] + np.diff(shares)[:, None] * inner).ravel()
+        # Order of a derivative, and its square over that of the limit, by powers of T: shape (powers, parts · samples).
         self._limits: list[tuple[int, Array]] = []
         for order, limits in ((1, speeds), (2, accelerations)):
             if limits is not None:
-                rates = self._rates(samples, order)
-                squares = np.zeros((2 * terms - 1, samples.size, n))
+                sampled, squares = rates(samples, order), np.zeros((2 * terms - 1, samples.size, n))
                 for i, j in np.ndindex(terms, terms):
-                    squares[i + j] += rates[:, i] * rates[:, j]
+                    squares[i + j] += sampled[:, i] * sampled[:, j]
                 over = []
                 for part, limit in zip(parts, limits, strict=True):
                     at_start = begin[order - 1][part]  # what is exceeded there may be
                     over.append(squares[..., part].sum(axis=2) / max(limit**2, at_start.dot(at_start)))
-                self._limits.append((order, np.stack(over, axis=1)))
-
-    def _rates(self, shares: Array, order: int) -> Array:
-        """Return a derivative over the share of the time by powers of T, shape (shares, powers, n)."""
-        return np.asarray(self._spline(shares, order)).reshape(shares.size, -1, self._points.shape[1])
+                self._limits.append((order, np.concatenate(over, axis=1)))
 
     def find(self, duration: float | None) -> tuple[float, float]:
         """Return a duration, s, the least that keeps the limits when None, and its excess; see `_excess`."""
         found = self._least_duration() if duration is None else duration
         return found, float(self._excess(np.array([found]))[0])
 
-    def _excess(self, durations: Array, stride: int = 1) -> Array:
-        """Return the time that each duration, shape (m,), s, lacks to keep all limits, as a ratio: 1 where none.
-
-        Rates are looked at in every so many samples.
-        """
+    def _excess(self, durations: Array) -> Array:
+        """Return the time that each duration, shape (m,), s, lacks to keep all limits, as a ratio: 1 where none."""
         excess = np.zeros(durations.size)
         for order, squares in self._limits:
             powers = durations[:, None] ** (np.arange(len(squares)) - 2.0 * order)
-            most = powers.dot(squares[..., ::stride].reshape(len(squares), -1)).max(axis=1)
-            np.maximum(excess, np.maximum(most, 0.0) ** (0.5 / order), out=excess)
+            most = np.maximum(powers.dot(squares).max(axis=1), 0.0)
+            np.maximum(excess, most ** (0.5 / order), out=excess)
         return excess
 
     def _least_duration(self) -> float:
@@ -396,33 +388,23 @@ class _Path:
         A path that begins in motion may keep them in some times alone, or in none: then it is the time in which it
         exceeds them least.
         """
-        if not self._limits:
-            return 0.0
-        if self._terms == 1:  # from rest, rates are in proportion to 1/T and 1/T²
+        if self._rests or not self._limits:  # rates are in proportion to 1/T and 1/T²
             return float(self._excess(np.ones(1))[0])
-        durations, stride, least = np.geomspace(*DURATIONS, TRIALS), STRIDE, 0.0
+        durations, least = np.geomspace(*DURATIONS, TRIALS), 0.0
         for _ in range(REFINEMENTS):
-            excess = self._excess(durations, stride)
+            excess = self._excess(durations)
             kept = np.flatnonzero(excess <= KEPT)
             best = int(kept[0]) if kept.size else int(excess.argmin())
-            least = float(durations[best])
-            after = best if kept.size and stride == 1 else min(best + 1, durations.size - 1)
-            durations, stride = np.linspace(durations[max(best - 1, 0)], durations[after], REFINED), 1
+            ends = durations[max(best - 1, 0)], durations[min(best + 1, durations.size - 1)]
+            least, durations = float(durations[best]), np.linspace(*ends, 20)
         return least
 
-    def pieces(self, duration: float) -> tuple[list[float], list[Quintic[Array]]]:
-        """Return times at which the pieces begin, s, and the pieces."""
-        shares = self._shares
-        rates = [
-            sum(duration ** (power - order) * each for power, each in enumerate(rates.swapaxes(0, 1)))
-            for order in (1, 2)
-            for rates in [self._rates(shares, order)]
-        ]
-        states = list(zip(self._points, *rates, strict=True))
-        return (duration * shares[:-1]).tolist(), [
-            Quintic(start, end, duration * share)
-            for start, end, share in zip(states, states[1:], np.diff(shares).tolist(), strict=False)
-        ]
+    def pieces(self, duration: float) -> tuple[list[float], Array]:
+        """Return the times at which the pieces begin, s, and their coefficients over time, shape (pieces, 6, n)."""
+        terms = self._pieces.shape[2]
+        coefficients = np.einsum("pktn,t->pkn", self._pieces, duration ** np.arange(float(terms)))
+        coefficients /= duration ** np.arange(6.0)[:, None]
+        return (duration * self._shares[:-1]).tolist(), coefficients
 
 
 def approach(displacement: Array, velocity: Array, speed: float, acceleration: float, dt: float) -> Array:

@@ -73,7 +73,6 @@ class InverseKinematics(Items):
         self._regularisation, self._damping = regularisation, damping
         self._levels: dict[int, int] = {}  # id of a task → its level, where it is not the first
         self._solution: VelocitySolution | None = None
-        self._asked = False  # the robot is where it was solved last
         self._close_chains()
         self._rebuild()
 
@@ -151,23 +150,15 @@ class InverseKinematics(Items):
 
         Args:
             q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,), m/s and rad/s: limits of accelerations start from it. When None, it is that of the
-                last `solve` if the robot has moved by it for one period, within half of the way, and zero otherwise.
+            v: Velocity, shape (nv,), m/s and rad/s: limits of accelerations start from it. At rest when None.
         """
         robot = self.robot
         q = robot.check_configuration("configuration", q)
-        if v is not None:
-            v = finite_array("velocity", v, (robot.nv,))
-        elif self._asked and self._solution is not None:
-            asked = self._dt * self._solution.velocities
-            off = np.abs(pin.difference(robot.model, robot.q, q) - asked).max()
-            v = self._solution.velocities if off <= 0.5 * np.abs(asked).max() else None
-        robot.v[:] = 0.0 if v is None else v
+        robot.v[:] = 0.0 if v is None else finite_array("velocity", v, (robot.nv,))
         self._move(q)
 
     def _move(self, q: Array) -> None:
         self.robot.q[:] = q
-        self._asked = False
         if self._dirty:
             self._rebuild()
         else:
@@ -196,7 +187,6 @@ class InverseKinematics(Items):
         self._solution = VelocitySolution(
             status, velocities, values, assembly.targets.copy(), multipliers, assembly
         )
-        self._asked = True
         return velocities
 
     def _write(self) -> None:
@@ -264,7 +254,7 @@ class InverseKinematics(Items):
             in it.
         """
         robot = self.robot
-        before, velocity, asked = robot.q.copy(), robot.v.copy(), self._asked
+        before, velocity = robot.q.copy(), robot.v.copy()
         tasks = [task for task in self._tasks if not task.of_velocity]
         robot.v[:] = 0.0
         if self._dirty or len(tasks) < len(self._tasks):
@@ -278,7 +268,6 @@ class InverseKinematics(Items):
         finally:
             robot.v[:], self._dirty = velocity, len(tasks) < len(self._tasks)
             self._move(before)
-            self._asked = asked
 
     def held_back(self) -> dict[str, tuple[str, ...]]:
         """Return the tasks that others hold off their targets at the last step → names of what does; slow.

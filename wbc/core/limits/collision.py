@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import coal
@@ -21,7 +20,7 @@ from wbc.base.vectors import add_cross
 from wbc.core.limits.base import BACK, Barrier, demands
 from wbc.core.limits.facing import CORNERS, Facing
 from wbc.core.limits.heights import Columns
-from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs, urdf_primitives
+from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs
 from wbc.core.limits.separation import Separation, cross, dots, following, round_radius
 from wbc.core.limits.shapes import ENDLESS, SHAPES, CollisionHeights, Obstacle, Shape, geometry_of
 from wbc.core.robot import Robot
@@ -110,7 +109,6 @@ class CollisionLimit(Barrier):
         obstacles: Iterable[Obstacle] = (),
         against: Iterable[str] | None = None,
         shapes: Mapping[str, Shape | Sequence[Shape]] | None = None,
-        urdf: str | Path | None = None,
         margin: Annotated[NonNegative, "m"] = 0.02,
         influence: Annotated[Positive, "m"] = 0.3,
         time_constant: Annotated[Positive, "s"] = 0.1,
@@ -128,8 +126,6 @@ class CollisionLimit(Barrier):
             shapes: Link or frame → its shapes, in its own coordinates. `RobotDescription.collision_shapes` returns
                 spheres and capsules for all links; `collision_hulls` returns shapes that fit more closely, whose
                 distances take longer to compute.
-            urdf: URDF, a path or the XML itself, whose primitive collision geometry (boxes, spheres, cylinders,
-                capsules) is the shape of links that are not in `shapes`; meshes are left out.
             margin: Smallest distance, m.
             influence: Distance beyond which a pair is ignored, m.
             time_constant: Time constant of the approach, s.
@@ -174,7 +170,7 @@ class CollisionLimit(Barrier):
         if influence <= margin:
             raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
         self._against = None if against is None else list(against)
-        self._urdf, self._margin, self._influence = urdf, margin, influence
+        self._margin, self._influence = margin, influence
         self._time, self._back = time_constant, recovery
 
     @checked
@@ -270,26 +266,21 @@ class CollisionLimit(Barrier):
 
     def _add_shapes(self, robot: Robot, frames: Iterable[str]) -> dict[str, list[int]]:
         """Add the shapes of frames to the geometry; return their numbers, by frame."""
-        primitives = {} if self._urdf is None else urdf_primitives(robot, self._urdf)
         objects: dict[str, list[int]] = {}
         for frame in dict.fromkeys(frames):
-            index, made = robot.frame_id(frame), list[pin.GeometryObject]()
-            parent = robot.model.frames[index]
-            for body, local in map(geometry_of, self._shapes.get(frame, ())):
-                made.append(
-                    pin.GeometryObject(frame, parent.parentJoint, index, parent.placement * local, body)
-                )
-            made = made or primitives.get(frame, [])
-            if not made:
-                known = ", ".join(sorted({*self._shapes, *primitives})) or "none"
+            if frame not in self._shapes:
                 raise InputError(
                     f"limit '{self.name}' has no shape for '{frame}': give it in `shapes`, where "
-                    "`RobotDescription.collision_shapes()` has those of meshes, or a URDF in which it has primitive "
-                    f"collision geometry (it has it for: {known})"
+                    "`RobotDescription.collision_hulls()` has those of all links (it has it for: "
+                    f"{', '.join(sorted(self._shapes)) or 'none'})"
                 )
-            for number, item in enumerate(made):
-                item.name = f"{frame} {number}"
-            objects[frame] = [self._geometry.addGeometryObject(item) for item in made]
+            index = robot.frame_id(frame)
+            parent = robot.model.frames[index]
+            objects[frame] = []
+            for number, (body, local) in enumerate(map(geometry_of, self._shapes[frame])):
+                place = parent.placement * local
+                item = pin.GeometryObject(f"{frame} {number}", parent.parentJoint, index, place, body)
+                objects[frame].append(self._geometry.addGeometryObject(item))
         return objects
 
     @property

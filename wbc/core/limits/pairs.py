@@ -1,4 +1,4 @@
-"""Pairs of links for limits on collisions, and the shapes that files of robots give to links."""
+"""Pairs of links for limits on collisions."""
 
 from __future__ import annotations
 
@@ -28,36 +28,13 @@ def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
 
     The SRDF is a path or the XML itself; the links are such as those of `RobotDescription.collision_shapes`.
     """
-    root = _xml(srdf, "SRDF")
+    text = str(srdf)
+    try:
+        root = parse_xml(text if text.lstrip().startswith("<") else read_xml(Path(text), "SRDF"))
+    except (ET.ParseError, InputError) as error:
+        raise InputError(f"cannot read the SRDF of a collision limit: {error}") from error
     left_out = {frozenset((each.get("link1"), each.get("link2"))) for each in root.iter("disable_collisions")}
     return [pair for pair in itertools.combinations(links, 2) if frozenset(pair) not in left_out]
-
-
-def _xml(source: str | Path, what: str) -> ET.Element:
-    text = str(source)
-    try:
-        return parse_xml(text if text.lstrip().startswith("<") else read_xml(Path(text), what))
-    except (ET.ParseError, InputError) as error:
-        raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
-
-
-def urdf_primitives(robot: Robot, urdf: str | Path) -> dict[str, list[pin.GeometryObject]]:
-    """Return the primitive collision geometry of a URDF, by link; that of another robot is an `InputError`."""
-    root = _xml(urdf, "URDF")
-    for link in root.iter("link"):
-        for item in (*link.findall("visual"), *link.findall("collision")):
-            if item.tag == "visual" or item.find("geometry/mesh") is not None:
-                link.remove(item)
-    try:
-        geometry = pin.buildGeomFromUrdfString(
-            robot.model, ET.tostring(root, encoding="unicode"), pin.COLLISION
-        )
-    except (ValueError, RuntimeError) as error:
-        raise InputError(f"the URDF of a collision limit does not fit {robot!r}: {error}") from error
-    found: dict[str, list[pin.GeometryObject]] = {}
-    for item in geometry.geometryObjects:
-        found.setdefault(str(robot.model.frames[item.parentFrame].name), []).append(pin.GeometryObject(item))
-    return found
 
 
 def pairs_that_touch(

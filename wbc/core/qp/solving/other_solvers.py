@@ -1,4 +1,4 @@
-"""Solvers beside ProxQP: DAQP called directly on two-sided rows, and any dense solver of qpsolvers for cross-checks."""
+"""Solvers of a QP: DAQP called directly on two-sided rows, and any dense solver of qpsolvers for cross-checks."""
 
 from __future__ import annotations
 
@@ -111,14 +111,16 @@ class DaqpSolver:
 
 
 def solve_by_qpsolvers(
-    name: str, problem: Problem, hessian: Array, gradient: Array
+    name: str, problem: Problem, hessian: Array, gradient: Array, tolerance: float = 1e-6
 ) -> tuple[Array, Array] | None:
     """Solve with any solver of qpsolvers, which splits two-sided rows into one-sided ones.
 
+    The tolerance is the largest absolute residual of ProxQP, whose own of 1e-3 is coarse; others have theirs.
     Returned are the solution, shape (n,), and multipliers of the inequalities, shape (n_in,); None without a solution.
     """
     try:
-        solution = qpsolvers.solve_problem(standard_form(problem, hessian, gradient), solver=name)
+        options = {"eps_abs": tolerance, "eps_rel": 0.0} if name == "proxqp" else {}
+        solution = qpsolvers.solve_problem(standard_form(problem, hessian, gradient), name, **options)
     except (qpsolvers.QPError, ValueError, ArithmeticError) as error:
         logger.warning("%s failed: %s", name, error)
         return None

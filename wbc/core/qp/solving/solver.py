@@ -2,20 +2,18 @@
 
 The ladder: active set of the last tick; DAQP, an exact active-set method, started from there; DAQP with costs that are
 all alike, for any point that satisfies the constraints. If there is one, DAQP solves without a guess, or with the small
-costs raised, or ProxQP, a method of another kind, gives a second opinion, which takes milliseconds. If there is none,
-DAQP solves a relaxed problem: limits of the robot give way, and hard tasks and contact motion if asked for. No solution
-is used unless its primal residual, computed here, is small: ProxQP has been seen to report PROXQP_SOLVED with a
-residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
+costs raised. If there is none, DAQP solves a relaxed problem: limits of the robot give way, and hard tasks and contact
+motion if asked for. No solution is used unless its primal residual, computed here, is small: ProxQP, which the settings
+may name in place of the ladder, has been seen to report PROXQP_SOLVED with a residual of 890
+(WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
 """
 
 from __future__ import annotations
 
 import enum
-import logging
 import math
 
 import numpy as np
-import proxsuite
 import qpsolvers
 
 from wbc.base.errors import UnknownNameError
@@ -25,8 +23,6 @@ from wbc.base.vectors import largest
 from wbc.core.qp.solving.active_set import ActiveSet
 from wbc.core.qp.solving.other_solvers import DaqpSolver, Relaxed, solve_by_qpsolvers
 from wbc.core.qp.solving.problem import Problem
-
-logger = logging.getLogger(__name__)
 
 RAISED = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 """Least cost of a variable as shares of the greatest, from which on badly scaled problems are tried."""
@@ -50,7 +46,7 @@ class Status(enum.Enum):
     SOLVED = "solved"
     """By the active set of the tick before, by DAQP from there, or by the solver that the settings name."""
     FALLBACK = "fallback"
-    """By DAQP without a guess, or by ProxQP."""
+    """By DAQP without a guess."""
     BADLY_SCALED = "badly scaled"
     """By DAQP with small costs raised: weights span too many decades, or friction is nearly zero."""
     RELAXED = "relaxed"
@@ -67,13 +63,6 @@ class Status(enum.Enum):
 _SOLVED = Status.SOLVED
 """For the tick: a look-up in an enumeration takes ten times as long as one in a module."""
 
-ITERATIONS, INNER_ITERATIONS = 15, 30
-"""Outer iterations of ProxQP, and iterations of each inner problem: its only time limit."""
-
-EQUALITY_PENALTY = 1e-7
-"""ProxQP's proximal parameter μ of the equalities. With its default 1e-3 most problems need two outer iterations, with
-1e-7 one: 49 µs against 37 µs for 50 variables, 18 equalities, 96 rows."""
-
 CORRECTIONS = 1
 """Number of corrections of the active set in a tick before DAQP takes over."""
 
@@ -83,9 +72,9 @@ class SolverSettings:
     """Settings of the ladder; the defaults are measured on streams of humanoid QPs.
 
     Attributes:
-        solver: "auto" for the ladder. "proxqp" or "daqp" for all ticks by one of them, or any dense solver that
-            qpsolvers finds installed; the rest of the ladder helps where it fails.
-        tolerance: Largest primal and dual residual of ProxQP, absolute: m/s², N and Nm. Below 1e-9 it shows outliers.
+        solver: "auto" for the ladder. "daqp", or any dense solver that qpsolvers finds installed, such as "proxqp",
+            solves all ticks; the rest of the ladder helps where it fails.
+        tolerance: Largest residual of equalities of the active set, and primal residual of ProxQP, m/s², N and Nm.
         residual_tolerance: Largest primal residual accepted of any solver.
         relaxation: Cost per squared violation of hard tasks and contact motion, when not all of them can be satisfied;
             such a tick is "infeasible" when None. Dynamics, torque limits and wrench cones are always satisfied.
@@ -107,7 +96,7 @@ class SolverSettings:
 def solver_names() -> tuple[str, ...]:
     """Return the values of `SolverSettings.solver`: the ladder, and every dense solver that is installed."""
     dense = sorted(set(qpsolvers.dense_solvers) & set(qpsolvers.available_solvers))
-    return ("auto", *dict.fromkeys(("proxqp", "daqp", *dense)))
+    return ("auto", *dict.fromkeys(("daqp", *dense)))
 
 
 class QpSolver:
@@ -127,7 +116,7 @@ class QpSolver:
         self._exact = False  # the last solution is the active set's, and not in the guess yet
         self.iterations = 0
         rescues = ("DAQP without a guess", "badly scaled", "relaxed", "other", "failed")
-        self.counts = dict.fromkeys(("active set", "DAQP", "ProxQP", *rescues), 0)
+        self.counts = dict.fromkeys(("active set", "DAQP", *rescues), 0)
         self._daqp = DaqpSolver(problem, min(self.settings.tolerance, 1e-7))
         self._no_guess = np.zeros(problem.lower.size)
         self._by_active_set = self.settings.solver == "auto"
@@ -167,8 +156,6 @@ class QpSolver:
         self._steady = True
         if by in ("auto", "daqp"):
             solved = self._solve_by_daqp(hessian, gradient)
-        elif by == "proxqp":
-            solved = self._solve_by_proxqp(hessian, gradient)
         else:
             solved = self._solve_by_other(hessian, gradient)
         return _SOLVED if solved else self._rescue(hessian, gradient)
@@ -186,35 +173,20 @@ class QpSolver:
         self.counts["DAQP"] += 1
         return True
 
-    def _solve_by_proxqp(self, hessian: Array, gradient: Array) -> bool:
-        """Solve with ProxQP, which is set up anew; return True if its solution is accepted."""
-        p, qp = self.problem, self._proxqp()
-        qp.settings.initial_guess = proxsuite.proxqp.InitialGuess.EQUALITY_CONSTRAINED_INITIAL_GUESS
-        qp.init(hessian, gradient, p.equality, p.equality_target, p.inequality, p.lower, p.upper)
-        qp.solve()
-        results = qp.results
-        self.iterations = int(results.info.iter)
-        solved = results.info.status == proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED
-        if not (solved and self._accept(np.array(results.x), np.array(results.z))):
-            return False
-        self._guess[:] = results.z
-        self._finish(hessian, gradient)
-        return True
-
     def _solve_by_other(self, hessian: Array, gradient: Array) -> bool:
         """Solve with a solver of qpsolvers; return True if its solution is accepted."""
-        solution = solve_by_qpsolvers(self.settings.solver, self.problem, hessian, gradient)
+        by, tolerance = self.settings.solver, self.settings.tolerance
+        solution = solve_by_qpsolvers(by, self.problem, hessian, gradient, tolerance)
         if solution is None or not self._accept(*solution):
             return False
         self.counts["other"] += 1
         return True
 
     def _rescue(self, hessian: Array, gradient: Array) -> Status:
-        """Solve without a guess, or with small costs raised, or by ProxQP, or with tasks relaxed.
+        """Solve without a guess, or with small costs raised, or with tasks relaxed.
 
-        Whether the constraints can be satisfied is decided in 0.1 ms, with costs that are all alike. ProxQP takes
-        5 ms, so it comes last; DAQP with costs of twelve decades is wrong in one of three ticks that it calls
-        infeasible.
+        Whether the constraints can be satisfied is decided in 0.1 ms, with costs that are all alike: DAQP with costs of
+        twelve decades is wrong in one of three ticks that it calls infeasible.
         """
         p = self.problem
         if not np.isfinite(p.rows).all():
@@ -230,8 +202,6 @@ class QpSolver:
                 if self._by_daqp_alone(hessian + share * largest_cost * alike, gradient):
                     self.counts["badly scaled"] += 1
                     return Status.BADLY_SCALED
-            if self.settings.solver != "proxqp" and self._solve_by_proxqp(hessian, gradient):
-                return Status.FALLBACK
         if self._relax(hessian, gradient):
             self.counts["relaxed"] += 1
             return Status.RELAXED
@@ -270,36 +240,6 @@ class QpSolver:
         """Solve with DAQP without a guess; return True if its solution is accepted."""
         solution = self._daqp.solve(hessian, gradient, self._no_guess, relaxed)
         return solution is not None and self._accept(solution[0], solution[2], relaxed)
-
-    def _finish(self, hessian: Array, gradient: Array) -> None:
-        """Make a solution of ProxQP exact, from its active set or else by DAQP.
-
-        The last digits of ProxQP's solutions depend on the address of its memory, so that two runs of a simulation
-        would differ; an exact solution does not. A solution that neither confirms, as where costs differ by many orders
-        of magnitude, is rounded, which hides nearly all of that.
-        """
-        self.counts["ProxQP"] += 1
-        if not self._polish():
-            if not self._by_daqp_alone(hessian, gradient):
-                logger.debug("neither the active set nor DAQP confirms ProxQP's answer")
-                self._cut_off()
-            self._fast.guess(self.multipliers)
-
-    def _cut_off(self) -> None:
-        """Round a solution that nothing confirms and whose last digits differ between runs, if it stays acceptable."""
-        quantum = 0.1 * self.settings.residual_tolerance
-        fast, x = self._fast, quantum * np.rint(self.x / quantum)
-        values = np.dot(self.problem.rows, x)
-        if self._room(values) is not None:
-            fast.x, fast.values = x, values
-        fast.multipliers = _cut(self.multipliers)
-        self._guess[:] = fast.multipliers
-
-    def _polish(self) -> bool:
-        """Solve again from the active set of the accepted solution; return False, with nothing changed, on failure."""
-        self._fast.guess(self.multipliers)
-        self._exact = self._fast.solve()
-        return self._exact
 
     def _accept(self, x: Array, z: Array, relaxed: Relaxed | None = None) -> bool:
         """Accept a solution if it is feasible and complementary: no multiplier belongs to a bound that is far away.
@@ -344,22 +284,6 @@ class QpSolver:
         )
         return (above, below) if feasible else None
 
-    def _proxqp(self) -> proxsuite.proxqp.dense.QP:
-        p, dense, ours = self.problem, proxsuite.proxqp.dense, self.settings
-        # The backend is named because the automatic choice changes with the number of rows, to one twice as slow.
-        size = (p.diagonal.size, p.n_eq, p.lower.size)
-        qp = dense.QP(*size, False, dense.HessianType.Dense, dense.DenseBackend.PrimalDualLDLT)
-        options = qp.settings
-        options.eps_abs, options.eps_rel = ours.tolerance, 0.0
-        # 1e-4, the default, calls feasible problems infeasible.
-        options.eps_primal_inf = options.eps_dual_inf = 1e-8
-        options.max_iter, options.max_iter_in = ITERATIONS, INNER_ITERATIONS
-        options.default_mu_eq = EQUALITY_PENALTY
-        options.check_duality_gap = False
-        options.compute_timings = False
-        options.verbose = False
-        return qp
-
 
 def without_solution(problem: Problem) -> Status | None:
     """Return why a QP need not be tried: NaN or infinity in targets or bounds, bounds that cross; None if it may be."""
@@ -369,9 +293,3 @@ def without_solution(problem: Problem) -> Status | None:
     if finite and (room >= 0.0).all():
         return None
     return Status.INFEASIBLE if finite and not np.isnan(room).any() else Status.REFUSED
-
-
-def _cut(multipliers: Array) -> Array:
-    """Multipliers rounded to a millionth of the greatest."""
-    quantum = 1e-6 * float(np.abs(multipliers).max(initial=0.0))
-    return multipliers if quantum == 0.0 else quantum * np.rint(multipliers / quantum)
