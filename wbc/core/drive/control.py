@@ -14,7 +14,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from time import perf_counter
 from typing import Annotated, Literal, NamedTuple
 
@@ -177,7 +177,6 @@ class DriveControl:
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
-        self._forgiven: ReleasedJoints | None = None  # joints that plausibility knows to be released
 
     @property
     def failing(self) -> bool:
@@ -282,10 +281,7 @@ class DriveControl:
         observer, start, dt, last = self.observer, perf_counter(), self.controller.dt, self.measurement
         self.time = time = self.time + dt
         try:
-            if (released := self.controller.released) is not self._forgiven:
-                self._forgiven = released
-                self.plausibility.forgive(None if released is None else released.mask)
-            soles = self._begin()
+            released, soles = self.controller.released, self._begin()
             self.measurement = plausible = self._estimate(measurement, soles)
             estimate, robot = observer.robot, self.controller.robot
             if self._follows_estimate and estimate is not robot:
@@ -360,16 +356,7 @@ class DriveControl:
         for part in (command.joint_torque, command.kp, command.kd):
             if part is not None:
                 part[released.index] = 0.0
-        return Command(
-            command.joint_torque,
-            command.joint_position,
-            command.joint_velocity,
-            command.sole_stiffness,
-            command.kp,
-            command.kd,
-            released.mask,
-            command.period,
-        )
+        return replace(command, released=released.mask)
 
     def _begin(self) -> Sequence[pin.SE3 | None] | None:
         """Return where loaded soles are, in the world of the controller's robot; None where the observer is to say."""
@@ -389,7 +376,7 @@ class DriveControl:
 
     def _damping(self, state: State) -> Array:
         """Return the torques that damp the joints, shape (na,), Nm."""
-        velocity = self.plausibility.joint_velocity(state.received)
+        velocity = np.nan_to_num(self.plausibility.joints(state.received)[1], nan=0.0)
         torque: Array = -self.policy.joint_damping * self.controller.robot.torque_limit * velocity
         return torque
 
@@ -432,7 +419,9 @@ class DriveControl:
         blind = type(measurement) is Measurement and measurement.sole_wrench is None
         if blind:
             measurement = measurement.with_wrenches(self._estimator().wrench.copy(), "sensor")
-        measurement, renewed = self.plausibility.check(measurement, felt=not blind)
+        released = self.controller.released
+        forgiven = None if released is None else released.mask
+        measurement, renewed = self.plausibility.check(measurement, felt=not blind, forgiven=forgiven)
         if measurement.sole_wrench is None:  # a sensor that is refused for too long
             blind, measurement = True, measurement.with_wrenches(self._estimator().wrench.copy(), "sensor")
         if renewed:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, scalar
-from wbc.base.vectors import Vector, largest, part_way
+from wbc.base.vectors import Vector, part_way
 from wbc.core.estimation.feet import LASTING, MEMORY, SMOOTHING, STILL, FootComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.turning import OFFSET, TurnComparison
@@ -52,10 +52,6 @@ that catch it, pull at robot and feet as no model knows."""
 
 BUSY_GAIN, NAMED = 0.02, 6
 """Gain of that share in a tick, and number of frozen sensors that are named."""
-
-VELOCITY_DIFFERENCE, TREMBLING = 1.0, 0.25
-"""Difference of a joint velocity from the speed of its encoder above which they contradict each other, rad/s, and time
-for which that must last, s: joints that hit an end or tremble are sampled at odd instants."""
 
 DRIFT, DRIFT_MEMORY, DRIFTING = 0.1, 2.0, 0.1
 """Distance by which an encoder may leave the integral of its joint's velocity, rad, time constant with which that is
@@ -192,7 +188,6 @@ class ConsistencyMonitor:
         self._gain = lag_gain(dt, TIME_CONSTANT)
         self._keep, self._offset_gain = 1.0 - lag_gain(dt, MEMORY), lag_gain(dt, OFFSET)
         self._smoothing, self._slowly = lag_gain(dt, SMOOTHING), lag_gain(dt, SLOWLY)
-        self._gain_scalar = scalar(self._gain)
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
         height = float(data.oMf[robot.frame_id(robot.imu_frame)].translation[2])  # of the IMU
@@ -208,8 +203,6 @@ class ConsistencyMonitor:
         self._time, self._sensed = math.nan, False
         self._run, self._busy, self._frozen = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
         self._ticks = 0
-        self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
-        self._speed = np.zeros(self._na)
         # Of some ticks: their number and time, encoders at their begin, and the integral of the velocities.
         self._parts, self._part, self._begin, self._travelled = (
             PARTS,
@@ -255,7 +248,7 @@ class ConsistencyMonitor:
         if last is not None:
             self._integrate(values, commanded, observer, passed)
             drifts = self._drifts
-            doubts = self._contradicted_encoders(values, last, passed) + self._frozen_readings(values, last)
+            doubts = self._frozen_readings(values, last)
         if self._behind >= UNMET:
             doubts.append("the trunk does not accelerate as commanded: weak drives, or something holds it")
         if measurement.wrench_source == "sensor":
@@ -317,30 +310,6 @@ class ConsistencyMonitor:
         shaken = abs(self._shaken) > SHAKEN or float(change.dot(change)) > TURNED**2
         self._calm = 0.0 if shaken else self._calm + self._dt
 
-    def _contradicted_encoders(self, values: Array, last: Array, passed: float) -> list[str]:
-        """Compare joint velocities with the speeds of the encoders in the time that has passed, s."""
-        na = self._na
-        if not passed > 0.25 * self._dt:  # too close for a difference
-            return []
-        speed = np.subtract(values[:na], last[:na], out=self._speed)
-        speed /= passed
-        speed -= values[na : 2 * na]
-        speed -= self._difference
-        speed *= self._gain_scalar
-        self._difference += speed
-        size = np.abs(self._difference, out=speed)
-        if largest(size) <= VELOCITY_DIFFERENCE:
-            self._contradicts.fill(0.0)
-            return []
-        wrong = size > VELOCITY_DIFFERENCE
-        if self._calm < CALM:
-            wrong &= self._contradicts > 0.0
-        self._contradicts = np.where(wrong, self._contradicts + self._dt, 0.0)
-        named = (self._contradicts >= TREMBLING).nonzero()[0]
-        if named.size and (slow := self._own_time((values[:na] - last[:na]) / passed, values[na : 2 * na])):
-            return [slow]
-        return self._contradictions(named)
-
     def _integrate(self, values: Array, commanded: Array | None, observer: Observer, passed: float) -> None:
         """Integrate velocities of joints and commanded accelerations of the base over the time that has passed, s."""
         na = self._na
@@ -352,7 +321,7 @@ class ConsistencyMonitor:
         if self._parts < PARTS and 0.0 < passed < MISSED * self._dt:
             self._part += passed
             self._parts += 1
-            self._travelled += np.multiply(passed, values[na : 2 * na], out=self._speed)
+            self._travelled += passed * values[na : 2 * na]
             if commanded is not None:
                 self._unmet += passed * commanded[:6]
             if self._parts < PARTS:

@@ -177,7 +177,6 @@ class Plausibility:
         self._step = self._speed * dt + s.position_jump * robot.per_rad
         self._gyro = slice(2 * na, 2 * na + 3)
         self._most[1, :na], self._most[1, self._gyro] = self._step, s.gyro_jump
-        self._forgiven = np.zeros(2 * na + 2 + n, dtype=bool)
         self._channels = (
             *(f"encoder of {joint}" for joint in robot.joint_names),
             *(f"velocity of {joint}" for joint in robot.joint_names),
@@ -213,14 +212,13 @@ class Plausibility:
         self._lasting = np.zeros(len(self._channels))
         self._unformed = ""  # what is wrong with the wrenches on the soles as they came
 
-    def forgive(self, joints: NDArray[np.bool_] | None) -> None:
-        """Let encoders of some joints, shape (na,), fail no tick: somebody else moves them; None forgives none."""
-        self._forgiven[: 2 * self._na] = False if joints is None else np.tile(joints, 2)
-
-    def check(self, measurement: Measurement, *, felt: bool = True) -> tuple[Measurement, bool]:
+    def check(
+        self, measurement: Measurement, *, felt: bool = True, forgiven: NDArray[np.bool_] | None = None
+    ) -> tuple[Measurement, bool]:
         """Return a measurement that can be used, and True where its clock was adopted anew: no time has passed then.
 
-        The wrenches on the soles are those of sensors where they are `felt`, and else an estimate.
+        The wrenches on the soles are those of sensors where they are `felt`, and else an estimate. Encoders of the
+        joints that are `forgiven`, shape (na,), fail no tick: somebody else moves these joints.
 
         Refused readings are replaced by predictions, and `sole_wrench` is None while a force sensor is longer
         refused than `hold`. Raises `MeasurementError` for one that cannot be used: of a wrong kind, a time stamp that
@@ -253,7 +251,7 @@ class Plausibility:
             self._values = values
         else:
             passed = self._time - before
-            m = self._repair(m, values, passed if passed > 0.0 and not renewed else self._dt)
+            m = self._repair(m, values, passed if passed > 0.0 and not renewed else self._dt, forgiven)
         if felt and m.sole_wrench is not None:
             self._check_pull(m.sole_wrench)
         odd = not (self._is_of_soles(m.sole_range) and self._is_of_soles(m.sole_stiffness))
@@ -355,16 +353,6 @@ class Plausibility:
         if good.all() and slow.all():
             return position, velocity
         return np.where(good, position, np.nan), np.where(slow, velocity, np.nan)
-
-    def joint_velocity(self, measurement: Any) -> Array:
-        """Return joint velocities for damping, shape (na,), rad/s (or m/s): zero where a reading is impossible."""
-        if isinstance(measurement, Measurement) and measurement.sole_wrench is None:
-            measurement = replace(measurement, sole_wrench=np.zeros(self._shapes[-1]))
-        try:
-            velocity = self._formed(measurement).joint_velocity
-        except MeasurementError:
-            return np.zeros(self._na)
-        return np.where(np.abs(velocity) <= self._speed, velocity, 0.0)
 
     def _formed(self, m: Any) -> Measurement:
         """Return the measurement with arrays of the right type and shape."""
@@ -487,7 +475,9 @@ class Plausibility:
             logger.error("measurement at %.4f s: %s refused%s", time, ", ".join(map(str, news)), hint)
         self._refused_at |= {each.sensor: time for each in reasons}
 
-    def _repair(self, m: Measurement, values: Array, dt: float) -> Measurement:
+    def _repair(
+        self, m: Measurement, values: Array, dt: float, others: NDArray[np.bool_] | None
+    ) -> Measurement:
         """Replace impossible readings by predictions over the time that has passed, s, or give up if they last."""
         na, last = self._na, self._values
         wrong = ~(np.abs(values - self._middle) <= self._bound)  # NaN is wrong
@@ -508,7 +498,8 @@ class Plausibility:
             return m
         self.refused += 1
         needed, longest = 2 * na + 2, self.settings.hold + ROUNDING  # a robot balances without force sensors
-        lasting = float(self._lasting[:needed][~self._forgiven[:needed]].max())
+        others = np.zeros(na, dtype=bool) if others is None else others
+        lasting = float(self._lasting[:needed][~np.concatenate((others, others, [False, False]))].max())
         if (last is None and bad[:needed].any()) or lasting > longest:
             raise MeasurementError(
                 f"{', '.join(map(str, self.reasons[:4]))} refused for {lasting:.3f} s; {HINT}"
@@ -521,9 +512,7 @@ class Plausibility:
         encoders, rates = bad[:na], bad[na : 2 * na]
         repaired[na : 2 * na][rates & ~encoders] = ((values[:na] - last[:na]) / dt)[rates & ~encoders]
         np.clip(repaired[na : 2 * na], -self._speed, self._speed, out=repaired[na : 2 * na])
-        forgiven = (
-            encoders & self._forgiven[:na]
-        )  # such a joint may stay where it is: it is where it says, in range
+        forgiven = encoders & others  # such a joint may stay where it is: it is where it says, in range
         repaired[na : 2 * na][forgiven] = 0.0
         repaired[:na][encoders] += dt * repaired[na : 2 * na][encoders]
         read = forgiven & np.isfinite(values[:na])
