@@ -260,8 +260,7 @@ def _walking(
 ) -> WalkingControl | PolicyControl | PolicyGuard:
     """Return the controller of a robot that stands at the start."""
     settings = prepared.settings
-    # Planned steps need no more of the estimate than where its parts are and how they move.
-    observer = Observer(robot, settings.observer, adopt=settings.free, dynamics=settings.free)
+    observer = Observer(robot, settings.observer, adopt=settings.free)
     observer.reset(prepared.configuration)
     robot.update(prepared.configuration, np.zeros(robot.nv))
     ground = None if spec.eyes == "none" else KnownGround(robot, settings.ground)

@@ -137,11 +137,3 @@ def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
     ax, ay, az = acceleration.tolist()
     fx, fy, fz = mass * ax, mass * ay, mass * (az + GRAVITY)
     return np.array([fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx])
-
-
-def zmp_of_force(com: Array, acceleration: Array, ground: float) -> Array:
-    """Return the point where the force through a CoM meets the level ground, shape (3,), m."""
-    x, y, z = com.tolist()
-    ax, ay, az = acceleration.tolist()
-    reach = (z - ground) / (az + GRAVITY)
-    return np.array((x - reach * ax, y - reach * ay, ground))

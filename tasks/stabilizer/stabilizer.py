@@ -22,7 +22,7 @@ from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
-from wbc.tasks.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
+from wbc.tasks.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench, zmp_offset
@@ -144,13 +144,11 @@ class Stabilizer:
                 pivot = com.copy()
                 pivot[:2] -= bias
         net = wrench_through(pivot, acceleration, self._mass)
-        desired_zmp = zmp_of_force(pivot, acceleration, float(target.zmp[2]))
-
         feet_zmp = target.zmp
         if outside is not None:
             feet_zmp = feet_zmp + np.array((*zmp_offset(outside, target.zmp, weight), 0.0))
             net = net - outside
-            desired_zmp = level_zmp(net, desired_zmp)
+        desired_zmp = level_zmp(net, target.zmp)
         ratio = float(contact[0])
         if all(contact):
             ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)

@@ -35,45 +35,13 @@ def cop(wrench: Array) -> Array:
     return np.array([-wrench[4] / force, wrench[3] / force])
 
 
-def zmp(wrench: Array, plane: pin.SE3) -> Array:
-    """Return the zero-tilting moment point of a wrench in a plane.
-
-    Args:
-        wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
-        plane: Frame of the plane; its z axis is the normal.
-
-    Returns:
-        Point in the world, shape (3,), m.
-
-    Raises:
-        NoContactForceError: The force along the normal is below `MIN_FORCE`.
-
-    Source: Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004.
-    """
-    fx, fy, fz, mx, my, mz = wrench.tolist()
-    x, y, z = plane.translation.tolist()
-    nx, ny, nz = plane.rotation[:, 2].tolist()
-    force = nx * fx + ny * fy + nz * fz
-    if not force >= MIN_FORCE:
-        raise NoContactForceError(f"no ZMP: force along the normal {force:.3g} N is below {MIN_FORCE:g} N")
-    # origin + normal × (moment about the origin) / force
-    mx -= y * fz - z * fy
-    my -= z * fx - x * fz
-    mz -= x * fy - y * fx
-    return np.array(
-        (
-            x + (ny * mz - nz * my) / force,
-            y + (nz * mx - nx * mz) / force,
-            z + (nx * my - ny * mx) / force,
-        )
-    )
-
-
 def level_zmp(wrench: Array, point: Array) -> Array:
-    """Return the zero-tilting moment point of a wrench on the level of a point, in the world: `zmp` in a level plane.
+    """Return the zero-tilting moment point of a wrench on the level of a point, in the world, shape (3,), m.
 
     The wrench is [force; moment] at the world origin in world axes, shape (6,), N and Nm. Raises `NoContactForceError`
     when the vertical force is below `MIN_FORCE`.
+
+    Source: Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004.
     """
     fx, fy, fz, mx, my, _ = wrench.tolist()
     if not fz >= MIN_FORCE:

@@ -96,19 +96,6 @@ def test_a_forked_process_leaves_the_file_of_its_parent(old: Path) -> None:
     assert old.read_text() == "whole" and names(old.parent) == [old.name]
 
 
-def test_the_new_file_of_a_killed_program_goes_with_the_next_one_and_no_other(old: Path) -> None:
-    killed = replacing(old)
-    forked(killed.__enter__)
-    other = old.with_name(f"{BESIDE}pipe.csv")
-    os.mkfifo(other)
-    assert len(names(old.parent)) == 3
-    with replacing(old) as new:
-        new.write_text("first")
-        write_text(old, "second")  # leaves what is being written
-        assert new.exists()
-    assert old.read_text() == "first" and names(old.parent) == [other.name, old.name]
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 def test_a_device_is_not_replaced() -> None:
     before = os.stat("/dev/full")

@@ -19,11 +19,11 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, Unpack
 
 import numpy as np
-from pydantic import BeforeValidator, PlainValidator, TypeAdapter, ValidationError
+from pydantic import PlainValidator, Strict, TypeAdapter, ValidationError
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import read_only
-from wbc.base.settings import CONFIG, Numbers, hashable, refusal, unit_of
+from wbc.base.settings import CONFIG, Numbers, hashable, members_of, refusal, unit_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -94,25 +94,20 @@ class Fixed:
     def __set__(self, of: Any, value: Any) -> None:
         """Set the value of an object that has none yet; raise an `InputError` for one that has it."""
         if self._name in vars(of):
-            raise _not_assigned(self._name, of, self._instead)
+            self._refuse(of)
         vars(of)[self._name] = value
 
-
-def fixed(instead: str) -> Any:
-    """Return an attribute that is set once; the text says what to do in place of an assignment."""
-    return Fixed(instead)
+    def _refuse(self, of: Any) -> NoReturn:
+        raise InputError(f"{self._name} of {type(of).__name__} cannot be assigned: {self._instead}")
 
 
-class Result:
-    """Attribute that shows a value of its object, of which arrays cannot be written."""
+class Result(Fixed):
+    """Attribute that shows another one, of which arrays cannot be written: its name, and what to do instead."""
 
     def __init__(self, source: str, instead: str) -> None:
         """Take the name of the attribute with the value, and what to do in place of an assignment."""
-        self._source, self._instead = source, instead
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        """Take the name of the attribute."""
-        self._name = name
+        super().__init__(instead)
+        self._source = source
 
     def __get__(self, of: Any, owner: type) -> Any:
         """Return the value."""
@@ -123,12 +118,11 @@ class Result:
 
     def __set__(self, of: Any, value: Any) -> None:
         """Raise an `InputError`."""
-        raise _not_assigned(self._name, of, self._instead)
+        self._refuse(of)
 
 
-def result(source: str, instead: str) -> Any:
-    """Return an attribute that shows another one; the text says what to do in place of an assignment."""
-    return Result(source, instead)
+fixed: Callable[[str], Any] = Fixed
+result: Callable[[str, str], Any] = Result
 
 
 def renamed(was: str, now: str) -> Any:
@@ -138,10 +132,6 @@ def renamed(was: str, now: str) -> Any:
         raise AttributeError(f"'{was}' is called '{now}' now")
 
     return property(tell, tell)
-
-
-def _not_assigned(name: str, of: Any, instead: str) -> InputError:
-    return InputError(f"{name} of {type(of).__name__} cannot be assigned: {instead}")
 
 
 def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
@@ -176,11 +166,10 @@ class ArgumentCheck:
     def __init__(self, function: Callable[..., Any], name: str, hint: Any) -> None:
         """Prepare the check of an argument of a function."""
         self._validate = TypeAdapter(_for_pydantic(hint), config=CONFIG).validator.validate_python
-        self.taken = frozenset(
-            part for part in _alternatives(hint) if isinstance(part, type) and part not in NUMBERS
-        )
+        members = members_of(hint)
+        self.taken = frozenset(part for part in members if isinstance(part, type) and part not in NUMBERS)
         self._plain = not any(isinstance(part, Numbers) for part in _parts(hint))
-        self._unit, self._union = unit_of(hint), len(set(_alternatives(hint)) - {type(None)}) > 1
+        self._unit, self._union = unit_of(hint), len(set(members) - {type(None)}) > 1
         self._is_method = next(iter(inspect.signature(function).parameters)) in ("self", "cls")
         self._name, self._of = name, function.__qualname__.rpartition("<locals>.")[2]
         if self._is_method:  # of a class that derives, perhaps, from the one that has it
@@ -199,39 +188,29 @@ class ArgumentCheck:
             raise refusal(f"{self._name} of {of}", self._unit, error, value, self._union) from None
 
 
-def _alternatives(hint: Any) -> tuple[Any, ...]:
-    """Return the members of a union, or the annotation alone."""
-    return typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
-
-
 def _for_pydantic(hint: Any) -> Any:
     """Return the annotation as Pydantic takes it, with classes as checks of instances; None if it is not checked."""
     origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (Literal, collections.abc.Callable) or hint in (float, int, bool, str, type(None)):
+        return hint
     if origin is Annotated:
         numbers = next((item for item in args[1:] if isinstance(item, Numbers)), None)
-        if numbers is not None:
-            return Annotated[Any, PlainValidator(numbers.checked)]
-        inside = _for_pydantic(args[0])
+        inside = (
+            _for_pydantic(args[0]) if numbers is None else Annotated[Any, PlainValidator(numbers.checked)]
+        )
         return None if inside is None else Annotated[inside, *args[1:]]
-    if len(_alternatives(hint)) > 1:
-        parts = [_for_pydantic(part) for part in args]
-        return None if None in parts else typing.Union[tuple(parts)]  # noqa: UP007 (made of a tuple)
-    if origin is tuple:
-        parts = [part if part is ... else _for_pydantic(part) for part in args]
-        return None if None in parts else tuple[tuple(parts)]  # type: ignore[misc]
-    if origin in SEQUENCES or origin in MAPPINGS:
-        parts = [_for_pydantic(part) for part in args]
+    if origin is not None:
+        parts = tuple(part if part is ... else _for_pydantic(part) for part in args)
         if None in parts:
             return None
+        if len(members_of(hint)) > 1:
+            return typing.Union[parts]  # noqa: UP007 (made of a tuple)
         if origin in MAPPINGS:
-            return Annotated[types.GenericAlias(dict, tuple(parts)), BeforeValidator(_mapping)]
-        return Annotated[types.GenericAlias(tuple, (parts[0], ...)), BeforeValidator(_sequence)]
-    if origin is collections.abc.Callable:
-        return Annotated[Any, PlainValidator(_callable)]
-    if origin is Literal or hint in (float, int, bool, str, type(None)):
-        return hint
-    protocol = getattr(hint, "_is_protocol", False)
-    if not isinstance(hint, type) or origin is not None or protocol or hint is Any:
+            return Annotated[types.GenericAlias(dict, parts), Strict(False)]
+        if origin in SEQUENCES:
+            return Annotated[types.GenericAlias(tuple, (parts[0], ...)), Strict(False)]
+        return tuple[parts] if origin is tuple else None  # type: ignore[valid-type]
+    if not isinstance(hint, type) or getattr(hint, "_is_protocol", False) or hint is Any:
         return None
     if hint.__module__ in ("builtins", "types", "collections.abc"):
         return None
@@ -243,26 +222,6 @@ def _instance(kind: type, value: Any) -> Any:
         return value
     advice = kind.instead_of(value) if hasattr(kind, "instead_of") else ""
     raise ValueError(f"must be of class {kind.__name__}{f' ({advice})' if advice else ''}")
-
-
-def _sequence(value: Any) -> Any:
-    if isinstance(value, collections.abc.Iterable) and not isinstance(
-        value, (str, bytes, collections.abc.Mapping)
-    ):
-        return hashable(tuple(value))
-    raise ValueError("must be a sequence")
-
-
-def _mapping(value: Any) -> Any:
-    if isinstance(value, collections.abc.Mapping):
-        return {hashable(key): hashable(each) for key, each in value.items()}
-    raise ValueError("must be a mapping")
-
-
-def _callable(value: Any) -> Any:
-    if callable(value):
-        return value
-    raise ValueError("must be a function")
 
 
 def _parts(hint: Any) -> Iterator[Any]:

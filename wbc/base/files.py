@@ -5,8 +5,6 @@ from __future__ import annotations
 import codecs
 import contextlib
 import errno
-import fcntl
-import glob
 import hashlib
 import io
 import json
@@ -163,14 +161,17 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
     The new file is in the same folder and has the same ending. Until it is complete and on the disk, nothing happens to
     the old one; after an error the new one is removed. A symbolic link stays one: the file that it names is replaced.
-    What cannot be made or written is a `FileError`; an `OSError` in the block becomes this, too. The new file of a
-    program that was killed is removed when another one is written into the folder.
+    What cannot be made or written is a `FileError`; an `OSError` in the block becomes this, too.
     """
     new: Path | None = None
-    lock, process = -1, os.getpid()
+    process = os.getpid()
     try:
         target = Path(path).resolve()
-        new, lock = _new_file(target)
+        file, name = tempfile.mkstemp(prefix=BESIDE, suffix=target.suffix, dir=target.parent)
+        new, mask = Path(name), os.umask(0)
+        os.umask(mask)
+        os.fchmod(file, 0o666 & ~mask)
+        os.close(file)
         yield new
         move_into_place(new, target)
     except OSError as error:
@@ -179,8 +180,6 @@ def replacing(path: str | Path) -> Iterator[Path]:
         if new is not None and os.getpid() == process:  # not in a process that was forked in the block
             with contextlib.suppress(OSError):
                 new.unlink(missing_ok=True)
-        if lock >= 0:
-            os.close(lock)
 
 
 def write_text(path: str | Path, text: str) -> None:
@@ -209,29 +208,6 @@ def move_into_place(new: Path, target: Path) -> None:
     with new.open("rb+") as file:
         os.fsync(file.fileno())
     os.replace(new, target)
-
-
-def _new_file(target: Path) -> tuple[Path, int]:
-    """Return an empty file in the folder of another, with its ending and the permissions of new files, and its lock."""
-    for left in target.parent.glob(f"{BESIDE}*{glob.escape(target.suffix)}"):
-        with contextlib.suppress(OSError):  # of a program that still writes it
-            file = open_own(left, create=False)
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                left.unlink()
-            finally:
-                os.close(file)
-    while True:
-        lock, name = tempfile.mkstemp(prefix=BESIDE, suffix=target.suffix, dir=target.parent)
-        with contextlib.suppress(OSError):  # a file system without locks
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        mask = os.umask(0)
-        os.umask(mask)
-        os.fchmod(lock, 0o666 & ~mask)
-        with contextlib.suppress(FileNotFoundError):  # taken for one that is left over
-            if os.path.samestat(os.fstat(lock), os.stat(name)):
-                return Path(name), lock
-        os.close(lock)
 
 
 def open_own(path: Path, *, create: bool) -> int:

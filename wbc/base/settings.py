@@ -29,7 +29,7 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.numbers import Array, numbers, plain
+from wbc.base.numbers import Array, finite_array, plain
 
 T = TypeVar("T")
 
@@ -96,12 +96,10 @@ class Numbers:
     def checked(self, value: Any) -> Array:
         """Return a copy as a float64 array; what is outside is a `ValueError` that says the rule."""
         try:
-            array = numbers(value)
-        except (TypeError, ValueError, OverflowError, RecursionError):
-            raise ValueError(f"must be numbers, got {shown(value)}") from None
-        if self.shape is not None and array.shape != self.shape and np.isfinite(array).all():
-            raise ValueError(f"must have shape {self.shape}, got shape {array.shape}")
-        if not (np.isfinite(array) & (array >= self.low) & (array > self.above) & (array <= self.high)).all():
+            array = finite_array("", value, self.shape)
+        except InputError as error:
+            raise ValueError(str(error).strip()) from None
+        if not ((array >= self.low) & (array > self.above) & (array <= self.high)).all():
             bounds = {"at least": self.low, "above": self.above, "at most": self.high}
             rules = [f"{rule} {bound:g}" for rule, bound in bounds.items() if math.isfinite(bound)]
             raise ValueError(f"must be finite numbers {', '.join(rules)}".rstrip())
@@ -158,9 +156,11 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False, eq: bool 
 
 
 def hashable(value: Any) -> Any:
-    """Return lists and arrays as tuples, and NumPy numbers as Python's."""
+    """Return lists and arrays as tuples, also inside mappings, and NumPy numbers as Python's."""
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
+    if isinstance(value, Mapping):
+        return {hashable(key): hashable(each) for key, each in value.items()}
     return tuple(map(hashable, value)) if isinstance(value, (list, tuple)) else value
 
 
@@ -267,7 +267,8 @@ def _place_in(value: Any, loc: Sequence[int | str]) -> str:
 
 
 def _rule(error: Mapping[str, Any]) -> str:
-    return str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "must be", 1)
+    said = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "must be", 1)
+    return said.replace("a valid tuple", "a sequence").replace("a valid dictionary", "a mapping")
 
 
 def _sentence(what: str, unit: str, rules: Sequence[str], error: Mapping[str, Any]) -> InputError:
@@ -302,18 +303,21 @@ def _alternatives(hint: Any) -> list[Any]:
     """The members of a union without their metadata; the annotation itself if it is no union."""
     if typing.get_origin(hint) is Annotated:
         hint = typing.get_args(hint)[0]
-    if typing.get_origin(hint) in (typing.Union, types.UnionType):
-        return [bare for arg in typing.get_args(hint) for bare in _alternatives(arg)]
-    return [hint]
+    members = members_of(hint)
+    return [hint] if len(members) == 1 else [bare for each in members for bare in _alternatives(each)]
+
+
+def members_of(hint: Any) -> tuple[Any, ...]:
+    """Return the members of a union, or the annotation alone."""
+    return typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
 
 
 def unit_of(hint: Any) -> str:
     """Return the unit in an annotation or in the first member of a union that has one; empty without one."""
     if typing.get_origin(hint) is Annotated:
         return next((item for item in typing.get_args(hint)[1:] if isinstance(item, str)), "")
-    if typing.get_origin(hint) in (typing.Union, types.UnionType):
-        return next(filter(None, map(unit_of, typing.get_args(hint))), "")
-    return ""
+    members = members_of(hint)
+    return next(filter(None, map(unit_of, members)), "") if len(members) > 1 else ""
 
 
 def units(kind: type, unit: str = "", prefix: str = "") -> dict[str, str]:

@@ -19,7 +19,7 @@ from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import natural_frequency
-from wbc.tasks.stabilizer.zmp import NoContactForceError, zmp
+from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
@@ -143,6 +143,6 @@ def sole_bodies(robot: MujocoRobot) -> list[list[int]]:
 def zmp_of(wrench: Array, level: float) -> Array | None:
     """Return the ZMP of a wrench at the world origin in the horizontal plane at a level, m; None without force."""
     try:
-        return zmp(wrench, pin.SE3(np.eye(3), np.array([0.0, 0.0, level])))
+        return level_zmp(wrench, np.array([0.0, 0.0, level]))
     except NoContactForceError:
         return None

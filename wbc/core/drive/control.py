@@ -60,7 +60,8 @@ class State(NamedTuple):
     """Estimated state of the robot in one control tick.
 
     Attributes:
-        robot: Estimated robot, with its kinematics and dynamics; valid until the next tick.
+        robot: Estimated robot; valid until the next tick. In position control it has frames, the centre of mass and
+            their velocities, in torque and hybrid control Jacobians and dynamics, too.
         measurement: Measurement in which refused values are replaced by predictions, and missing wrenches by estimates.
             In a tick that has failed it is the measurement as received.
         load: Filtered vertical forces on the soles, shape (number of soles,), N.

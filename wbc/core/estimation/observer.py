@@ -132,7 +132,6 @@ class Observer:
         settings: ObserverSettings | None = None,
         *,
         adopt: bool = False,
-        dynamics: bool = True,
     ) -> None:
         """Start at rest in the present configuration of the robot.
 
@@ -140,13 +139,13 @@ class Observer:
             robot: Robot to estimate.
             settings: Settings; the defaults when None.
             adopt: Write the estimate into `robot` itself instead of a clone, for a controller of the estimated robot.
-            dynamics: Update the mass matrix, bias forces and Jacobians of the estimated robot, too. An update without
-                them is faster (`Robot.update_kinematics`). An adopted robot always has them.
+                It then has mass matrix, bias forces and Jacobians, too. A clone has frames, the centre of mass and
+                their velocities (`Robot.update_kinematics`).
         """
         robot.needs_feet("an observer of the base")
         q = np.array(robot.q)
         self.robot = robot if adopt else robot.clone()
-        self._update_robot = self.robot.update if adopt or dynamics else self.robot.update_kinematics
+        self._update_robot = self.robot.update if adopt else self.robot.update_kinematics
         self.settings = settings or ObserverSettings()
         self.inertial = InertialFilter(self.settings.inertial)
         self._min_load = self.settings.min_load * robot.force_scale
