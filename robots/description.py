@@ -21,7 +21,8 @@ from wbc.base.settings import Positive
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
-from wbc.core.robot import Closure, Coupling, Robot, driven_names, joints_to
+from wbc.core.model import Closure, Coupling, driven_names, joints_to
+from wbc.core.robot import Robot
 from wbc.robots import frames, moving, urdf
 from wbc.robots.derivation import posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TypedDict
 
 from wbc.core.frames import FrameDescription
-from wbc.core.robot import Closure
+from wbc.core.model import Closure
 from wbc.robots.derivation.servo import ServoRule
 
 

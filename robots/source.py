@@ -17,7 +17,8 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import Array
-from wbc.core.robot import GRAVITY, UNLIMITED, Coupling, driven_joints, driven_names, is_floating
+from wbc.core.model import Coupling, driven_joints, driven_names, is_floating
+from wbc.core.robot import GRAVITY, UNLIMITED
 
 Element = ElementTree.Element
 

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from wbc.base.errors import ModelError, shown
 from wbc.base.numbers import Array
-from wbc.core.robot import Coupling
+from wbc.core.model import Coupling
 from wbc.robots import tidying, urdf
 from wbc.robots.derivation import inertia
 from wbc.robots.source import Element, Geometry, Source

@@ -17,7 +17,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError, ModelError, choose, shown, shown_path
 from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array, finite_scalar
-from wbc.core.robot import Coupling
+from wbc.core.model import Coupling
 from wbc.robots.source import Element
 
 ENDLESS = 1e9

@@ -12,7 +12,8 @@ import pinocchio as pin
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import ROUNDING, finite_scalar, non_negative, positive
 from wbc.core.frames import FrameDescription
-from wbc.core.robot import GRAVITY, Closure, joints_to
+from wbc.core.model import Closure, joints_to
+from wbc.core.robot import GRAVITY
 from wbc.robots import frames
 from wbc.robots.derivation import defaults, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule

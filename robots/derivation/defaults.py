@@ -26,7 +26,8 @@ import pinocchio as pin
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import non_negative
 from wbc.core.frames import FrameDescription, Sole
-from wbc.core.robot import GRAVITY, is_floating, joints_to
+from wbc.core.model import is_floating, joints_to
+from wbc.core.robot import GRAVITY
 from wbc.robots import frames
 from wbc.robots.derivation.soles import UNITS, no_sole, plausible, sole_rectangle
 from wbc.robots.frames import SoleName

@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from wbc.base.errors import InputError, ModelError, choose, shown
 from wbc.base.numbers import Array, finite_scalar
 from wbc.core.frames import Sole
-from wbc.core.robot import Closure, driven_joints, driven_names, joints_to
+from wbc.core.model import Closure, driven_joints, driven_names, joints_to
 
 INSIDE = 0.05
 """Distance from joint limits at half-sitting, share of the range: a posture on a limit would keep it active."""
@@ -230,12 +230,8 @@ def check_standing(model: pin.Model, soles: tuple[Sole, ...], q: Array) -> None:
         raise InputError(
             f"half-sitting puts one sole {step * 1e3:.1f} mm above the other; at most 1 mm is allowed"
         )
-    corners = [
-        place.act(np.array([x * sole.length, y * sole.width, 0.0]))[:2]
-        for sole, place in zip(soles, places, strict=True)
-        for x, y in itertools.product((-0.5, 0.5), repeat=2)
-    ]
-    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    corners = np.concatenate([sole.corners(place) for sole, place in zip(soles, places, strict=True)])[:, :2]
+    low, high = corners.min(axis=0), corners.max(axis=0)
     if (com[:2] < low).any() or (com[:2] > high).any():
         raise InputError(
             f"half-sitting puts the centre of mass at ({com[0]:.3f}, {com[1]:.3f}) m, outside the soles, "

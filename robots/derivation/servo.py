@@ -17,7 +17,8 @@ import pinocchio as pin
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
-from wbc.core.robot import GRAVITY, driven_joints, joints_to
+from wbc.core.model import driven_joints, joints_to
+from wbc.core.robot import GRAVITY
 
 ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
 """Rotor inertia seen at a joint over m h², with m the mass of the robot and h the height of its centre of mass.

@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
-from wbc.core.robot import Coupling
+from wbc.core.model import Coupling
 from wbc.robots.source import Element, Geometry, Source
 
 WORLD_LINK = "world_link"

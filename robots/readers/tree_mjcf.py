@@ -9,7 +9,7 @@ import mujoco
 
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import finite_scalar
-from wbc.core.robot import Coupling
+from wbc.core.model import Coupling
 from wbc.robots.frames import SOLE_NAMES
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 

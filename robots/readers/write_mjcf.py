@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
-from wbc.core.robot import Closure
+from wbc.core.model import Closure
 from wbc.robots.readers.chains_mjcf import Chain
 from wbc.robots.readers.source_mjcf import SLIDE, Mjcf, along, motion, placed, placement_of, text
 from wbc.robots.readers.tree_mjcf import Tree

@@ -70,8 +70,7 @@ def floor_under(places: RobotPlaces, robot: Robot, data: mujoco.MjData) -> Array
     robot.update_kinematics(robot.half_sitting, np.zeros(robot.nv))
     for sole in robot.soles:
         place = robot.placement(sole.frame)
-        for x, y in ((0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
-            points.append(place.act(np.array([0.5 * x * sole.length, 0.5 * y * sole.width, 0.0])))
+        points += [np.array(place.translation), *sole.corners(place)]
     hip = float(robot.placement(robot.base_frame).translation[2])
     q = robot.half_sitting.copy()
     q[:2] += AWAY

@@ -399,9 +399,4 @@ def lowest_sole_point(robot: Robot, q: Array) -> float:
     """Return the height of the lowest corner of the soles of a robot in a configuration, shape (nq,), m."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)
-    heights = []
-    for sole in robot.soles:
-        place = data.oMf[robot.frame_id(sole.frame)]
-        along, across = 0.5 * sole.length * place.rotation[2, 0], 0.5 * sole.width * place.rotation[2, 1]
-        heights.append(float(place.translation[2]) - abs(float(along)) - abs(float(across)))
-    return min(heights)
+    return min(float(sole.corners(data.oMf[robot.frame_id(sole.frame)])[:, 2].min()) for sole in robot.soles)

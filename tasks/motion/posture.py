@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked
-from wbc.base.numbers import Array, non_negative
+from wbc.base.numbers import Array
+from wbc.base.settings import NonNegative
 from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.move import USUAL_SPEED, Coordinates
 from wbc.core.qp.options import GainOptions
@@ -38,7 +39,7 @@ class PostureTask(JointTask, SelectionTask):
         target: JointValues | None = None,
         *,
         joints: str | Sequence[str] | None = None,
-        joint_weights: Mapping[str, float] | None = None,
+        joint_weights: Mapping[str, NonNegative] | None = None,
         **options: Unpack[GainOptions],
     ) -> None:
         """Describe the task.
@@ -51,10 +52,7 @@ class PostureTask(JointTask, SelectionTask):
             **options: See `GainOptions`.
         """
         self._factor: Array | None = None
-        self._factors = {
-            joint: non_negative(f"weight of joint '{joint}' in a posture task", factor)
-            for joint, factor in (joint_weights or {}).items()
-        }
+        self._factors = joint_weights or {}
         self._slides: NDArray[np.bool_] | None = None  # joints of the task that slide
         self._usual = False  # nobody has given a bound of the error
         super().__init__("posture", target, joints, options)

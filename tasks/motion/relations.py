@@ -105,19 +105,16 @@ class JointCouplingTask(_Number):
     @checked
     def __init__(
         self,
-        coefficients: Mapping[str, float],
+        coefficients: Mapping[str, Number],
         target: Annotated[Number, "rad"] | None = None,
         **options: Unpack[GainOptions],
     ) -> None:
         """Describe the task by joint → coefficient and the target of the sum, which is the present sum when None."""
-        if not isinstance(coefficients, Mapping) or not coefficients:
-            raise InputError(f"a coupling needs joints with coefficients, got {coefficients!r}")
-        self.coefficients = {
-            joint: finite_scalar(f"coefficient of joint '{joint}'", value)
-            for joint, value in coefficients.items()
-        }
-        if not any(self.coefficients.values()):
-            raise InputError("a coupling needs a coefficient that is not zero")
+        if not any(coefficients.values()):
+            raise InputError(
+                f"a coupling needs a joint with a coefficient that is not zero, got {coefficients}"
+            )
+        self.coefficients = dict(coefficients)
         self._values = np.array(list(self.coefficients.values()))
         super().__init__(f"coupling of {', '.join(coefficients)}", 1, **options)
         if target is not None:

@@ -60,8 +60,6 @@ class StiffnessScheduler:
             policy: Policy that decides the stiffness, or a plain function of a `SwingScan`.
             timing: Settings; the defaults when None.
         """
-        if not isinstance(foot, VariableStiffnessFoot):
-            raise InputError(f"a foot of variable stiffness is needed, got {type(foot).__name__}")
         robot.needs_feet("scheduling of stiffness")
         self.timing = StiffnessTiming() if timing is None else timing
         self.policy = as_policy(policy)

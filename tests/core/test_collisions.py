@@ -649,8 +649,8 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "nothing": (wbc.CollisionLimit, "at least one pair"),
     "some": (lambda: wbc.CollisionLimit("some"), "all"),
     "no shapes": (lambda: wbc.CollisionLimit("all").bind(panda().robot()), "no pair that can touch"),
-    "shape": (lambda: wbc.Obstacle("x", "box"), "shape of obstacle 'x'"),  # type: ignore[arg-type]
-    "placement": (lambda: wbc.Obstacle("x", BALL, np.eye(4)), "placement of obstacle 'x'"),  # type: ignore[arg-type]
+    "shape": (lambda: wbc.Obstacle("x", "box"), "shape of Obstacle"),  # type: ignore[arg-type]
+    "placement": (lambda: wbc.Obstacle("x", BALL, np.eye(4)), "placement of Obstacle"),  # type: ignore[arg-type]
     "velocity": (lambda: setattr(wbc.Obstacle("x", BALL), "velocity", [0.0]), "velocity of obstacle 'x'"),
     "far hull": (lambda: wbc.CollisionHull(((1e77, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0))), "1000000"),
     "far sphere": (lambda: wbc.CollisionSphere(0.1, (0.0, 1e77, 0.0)), "1000000"),

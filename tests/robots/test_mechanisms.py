@@ -16,7 +16,8 @@ from mujoco_dynamics import assert_same_dynamics
 import wbc
 from wbc.base.errors import InputError, ModelError
 from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
-from wbc.core.robot import GRAVITY, Closure, Coupling
+from wbc.core.model import Closure, Coupling
+from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 from wbc.tasks import MomentumTask, check_rows
 

@@ -173,7 +173,7 @@ def test_low_acceleration_makes_velocities_change_less() -> None:
 
 REFUSED: dict[str, tuple[Callable[[Robot], object], str]] = {
     "frame twice": (lambda r: DistanceTask("a", "a"), "twice"),
-    "no joints": (lambda r: JointCouplingTask({}), "coefficients"),
+    "no joints": (lambda r: JointCouplingTask({}), "coefficient"),
     "zeros": (lambda r: JointCouplingTask({"a": 0.0}), "not zero"),
     "joint": (lambda r: JointCouplingTask({"elbow_": 1.0}).bind(r), "elbow_"),
     "short limb": (lambda r: ManipulabilityTask("panda_link2").bind(r), "joints"),

@@ -138,3 +138,8 @@ class Sole(FrameDescription):
     name: str = field(kw_only=True)
     length: Annotated[SoleSide, "m"] = field(kw_only=True)
     width: Annotated[SoleSide, "m"] = field(kw_only=True)
+
+    def corners(self, place: pin.SE3) -> Array:
+        """Return the corners of the sole whose frame has a placement, shape (4, 3), m."""
+        half = 0.5 * np.array([self.length, self.width, 0.0])
+        return np.array([place.act(half * (x, y, 0.0)) for x in (1.0, -1.0) for y in (1.0, -1.0)])

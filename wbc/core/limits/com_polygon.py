@@ -110,15 +110,9 @@ class CoMPolygonLimit(Barrier):
         """
         robot = self.robot
         chosen = robot.soles if soles is None else [robot.sole(name) for name in soles]
-        corners = [
-            robot.placement(sole.frame).act(np.array([x * sole.length, y * sole.width, 0.0]))[:2]
-            for sole in chosen
-            for x in (-0.5, 0.5)
-            for y in (-0.5, 0.5)
-        ]
-        if not corners:
+        if not chosen:
             raise InputError(f"limit '{self.name}' needs at least one sole")
-        self.polygon = np.array(corners)
+        self.polygon = np.concatenate([sole.corners(robot.placement(sole.frame)) for sole in chosen])[:, :2]
 
     @property
     def distance(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
 import coal
 import numpy as np
@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from wbc.base.checked import result
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import Positive, settings
@@ -152,8 +152,6 @@ Shape = (
 RoundShape = CollisionSphere | CollisionCapsule
 """Shapes that are all points within a radius of a point or a segment."""
 
-SHAPES = get_args(Shape)
-
 ENDLESS = (CollisionHalfSpace, CollisionHeights)
 """Shapes of obstacles alone."""
 
@@ -173,14 +171,11 @@ class Obstacle:
     name: str = result("_name", "make another obstacle")
     shape: Shape = result("_shape", "make another obstacle")
 
-    def __init__(self, name: str, shape: Shape, placement: pin.SE3 | None = None) -> None:
+    @checked
+    def __init__(
+        self, name: Annotated[str, Field(min_length=1)], shape: Shape, placement: pin.SE3 | None = None
+    ) -> None:
         """Describe the obstacle; without a placement its frame is the world frame."""
-        if not isinstance(name, str) or not name:
-            raise InputError(f"name of an obstacle must be text, got {shown(name)}")
-        if not isinstance(shape, SHAPES):
-            raise InputError(
-                f"shape of obstacle '{name}' must be a shape such as a CollisionBox, got {shown(shape)}"
-            )
         self._name, self._shape = name, shape
         self._velocity = np.zeros(6)
         self.placement = pin.SE3.Identity() if placement is None else placement

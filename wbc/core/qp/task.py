@@ -115,16 +115,15 @@ class Task(Motion):
         return self._hard
 
     @hard.setter
+    @checked_arguments
     def hard(self, value: bool) -> None:
-        if isinstance(value, (bool, np.bool_)) and value == self._hard:
+        if value == self._hard:
             return
         if self.owner is not None:
             raise InputError(
                 f"task '{self.name}' is in a controller, where hard is fixed: remove it, assign hard, and add it again"
             )
-        if not isinstance(value, (bool, np.bool_)):
-            raise InputError(f"hard of task '{self.name}' must be true or false, got {shown(value)}")
-        self._hard = bool(value)
+        self._hard = value
         self._act()
 
     @property

@@ -21,10 +21,11 @@ from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.frames import FixedPose, pose
+from wbc.core.model import joints_to
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.move import Move, PoseCoordinates
 from wbc.core.qp.task import NEAR, SLOW
-from wbc.core.robot import BASE_DOF, joints_to
+from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import Ramp, approach
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.walking.hands.frames import WORLD, Frames, carried

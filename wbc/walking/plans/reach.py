@@ -13,7 +13,8 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import Positive, in_units, settings
-from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
+from wbc.core.model import joints_to
+from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot
 from wbc.walking.plans.effort import SwingLeg, swing_effort
 from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, SoleSizes, moved
 from wbc.walking.plans.gait import Gait, StepGait
