@@ -144,13 +144,13 @@ class JointCouplingTask(_Number):
 class ManipulabilityTask(_Number):
     """Task that brings the manipulability √det(J Jᵀ) of the end of a limb to a target, away from singular postures.
 
-    J is the Jacobian of the position (or of the pose) of a frame over the joints of its limb. With a target that the
+    J is the Jacobian of the position of a frame over the joints of its limb. With a target that the
     limb cannot reach, the manipulability becomes as large as the other tasks allow.
 
     Source: T. Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4(2), 1985.
     """
 
-    __slots__ = ("_columns", "_data", "_id", "_size", "_trunk", "frame")
+    __slots__ = ("_columns", "_data", "_id", "_trunk", "frame")
     unit = "m³"
 
     @checked
@@ -160,19 +160,17 @@ class ManipulabilityTask(_Number):
         target: NonNegative | None = None,
         *,
         trunk: str | None = None,
-        pose: bool = False,
         **options: Unpack[GainOptions],
     ) -> None:
         """Describe the task.
 
         Args:
             frame: Frame at the end of the limb.
-            target: Manipulability, m³ for positions; the present one when None.
+            target: Manipulability, m³; the present one when None.
             trunk: Frame at which the limb begins; the base when None.
-            pose: Use position and orientation, for limbs of six joints or more.
             **options: See `GainOptions`.
         """
-        self.frame, self._trunk, self._size = frame, trunk, 6 if pose else 3
+        self.frame, self._trunk = frame, trunk
         super().__init__(f"{frame} manipulability", 1, **options)
         if target is not None:
             self.target = target
@@ -183,15 +181,13 @@ class ManipulabilityTask(_Number):
         self._id, self._data = robot.frame_id(self.frame), robot.model.createData()
         joints = robot.joints_between(self.frame, self._trunk or robot.base_frame)
         self._columns = robot.nv - robot.na + np.array(joints, dtype=np.intp)
-        if len(joints) < self._size:
-            raise InputError(
-                f"'{self.frame}' has {len(joints)} joints; {self._size} are required for '{self.name}'"
-            )
+        if len(joints) < 3:
+            raise InputError(f"'{self.frame}' has {len(joints)} joints; 3 are required for '{self.name}'")
         super().bind(robot)
 
     def present(self, robot: Robot) -> Array:
         """Return the manipulability, shape (1,)."""
-        rows = frame_jacobian(robot.model, robot.data, self._id, _WORLD)[: self._size, self._columns]
+        rows = frame_jacobian(robot.model, robot.data, self._id, _WORLD)[:3, self._columns]
         return np.array([np.sqrt(max(np.linalg.det(rows @ rows.T), 0.0))])
 
     @property
@@ -205,20 +201,17 @@ class ManipulabilityTask(_Number):
         Column j of J changes with joint i before it by ω_i × that column, and with one after it, in its linear part, by
         ω_j × column i.
         """
-        rows = jacobian[: self._size]
+        rows = jacobian[:3]
         square = rows @ rows.T
         size = np.sqrt(max(np.linalg.det(square), 0.0))
         if size < ROUNDING:
             return size, np.zeros(rows.shape[1])
-        inverse = np.linalg.solve(square, rows).T  # shape (n, size)
-        linear, spin = jacobian[:3].T, jacobian[3:].T
+        inverse = np.linalg.solve(square, rows).T  # shape (n, 3)
+        linear, spin = rows.T, jacobian[3:].T
         gradient = np.empty(rows.shape[1])
         for i in range(rows.shape[1]):
-            change = np.zeros((rows.shape[1], 6))
-            change[i:, :3] = np.cross(spin[i], linear[i:])
-            change[:i, :3] = np.cross(spin[:i], linear[i])
-            change[i:, 3:] = np.cross(spin[i], spin[i:])
-            gradient[i] = size * float((inverse * change[:, : self._size]).sum())
+            change = np.concatenate((np.cross(spin[:i], linear[i]), np.cross(spin[i], linear[i:])))
+            gradient[i] = size * float((inverse * change).sum())
         return float(size), gradient
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:

@@ -360,18 +360,6 @@ def test_in_flight_the_velocity_decays_and_nothing_is_known_of_legs() -> None:
     assert inertial.turned == 0.0
 
 
-def test_an_attitude_is_aligned_by_the_smallest_turn() -> None:
-    inertial = filtered()
-    rotation = inertial.rotation.copy()
-    force = rotation.T @ np.array([2.0, -1.0, 9.0])
-    inertial.align(force)
-    up = inertial.rotation @ force
-    np.testing.assert_allclose(up, [0.0, 0.0, np.linalg.norm(force)], atol=1e-9)
-    turn = pin.log3(inertial.rotation @ rotation.T)
-    assert np.linalg.norm(turn) == pytest.approx(math.acos(9.0 / np.linalg.norm(force)))
-    assert turn[2] == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_stand_tells_the_bias_about_the_vertical_as_the_mean_over_its_time() -> None:
     """Of the first second a bias of zero counts; feet that seem to turn faster than 0.01 rad/s count as much."""
     for rate, counted in ((0.004, 0.004), (0.5, 0.01), (-0.5, -0.01)):

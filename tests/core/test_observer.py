@@ -497,18 +497,6 @@ def undisturbed(sensors: list[Measurement]) -> list[np.ndarray]:
     return found
 
 
-def test_aligning_with_gravity_sets_roll_and_pitch() -> None:
-    robot = biped()
-    observer = Observer(robot)
-    truth = pin.rpy.rpyToMatrix(0.05, -0.08, 0.0)
-    q = np.array(robot.half_sitting)
-    q[3:7] = pin.Quaternion(truth).coeffs()
-    robot.update(q, np.zeros(robot.nv))
-    force = robot.placement("imu").rotation.T @ (GRAVITY * UP)
-    observer.reset(specific_force=force)
-    np.testing.assert_allclose(observer.robot.placement("base").rotation[2], truth[2], atol=1e-6)
-
-
 def test_wrenches_from_torques_count_springs_and_damping_of_the_robot() -> None:
     """Torques that hold a robot still show the wrenches on its soles; with springs and damping they are greater."""
     description = load("hrp4_class")

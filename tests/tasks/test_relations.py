@@ -26,7 +26,6 @@ ITEMS: dict[str, Callable[[Robot], wbc.Task | wbc.Limit]] = {
     "distance": lambda r: DistanceTask(*ends(r)),
     "coupling": lambda r: JointCouplingTask({r.joint_names[1]: 1.0, r.joint_names[3]: -0.5}),
     "manipulability": lambda r: ManipulabilityTask(ends(r)[0]),
-    "manipulability of a pose": lambda r: ManipulabilityTask(ends(r)[0], pose=True),
     "box": lambda r: wbc.FramePositionLimit(ends(r)[0], lower=(0.1, -0.2, 0.1), upper=(0.5, 0.5, 0.5)),
     "plane": lambda r: wbc.FramePositionLimit(ends(r)[0], directions=[(0.0, 3.0, 4.0)], upper=[0.5]),
     "speed": lambda r: wbc.FrameSpeedLimit(ends(r)[0], linear=0.5, angular=1.0),

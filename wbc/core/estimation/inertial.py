@@ -121,12 +121,6 @@ class InertialFilter:
         off += float(up.dot(self._bias_at_rest - self.gyro_bias))
         self._bias_at_rest = self.gyro_bias + off * up
 
-    def align(self, specific_force: Array) -> None:
-        """Turn the attitude by the smallest rotation after which the specific force of a robot at rest points up."""
-        up = self.rotation @ specific_force
-        turn = pin.Quaternion.FromTwoVectors(up / np.linalg.norm(up), np.array([0.0, 0.0, 1.0]))
-        self.rotation = turn.toRotationMatrix() @ self.rotation
-
     def predict(self, angular_velocity: Array, specific_force: Array, dt: float) -> None:
         """Integrate gyroscope and accelerometer over dt, s, with the mean of the samples at its two ends."""
         gyro, force = self._last or (angular_velocity, specific_force)

@@ -25,7 +25,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
@@ -240,24 +240,12 @@ class Observer:
         """True when no foot carries more than the minimum load."""
         return not any(self._shares)
 
-    def reset(self, q: Array | None = None, specific_force: Array | None = None) -> None:
-        """Restart at rest from a configuration; the bias of the gyroscope is kept.
-
-        Args:
-            q: Configuration, shape (nq,); half-sitting when None.
-            specific_force: Reading of the accelerometer of the robot at rest, in the IMU frame, shape (3,), m/s². Roll
-                and pitch are then taken from this reading instead of q.
-        """
+    def reset(self, q: Array | None = None) -> None:
+        """Restart at rest from a configuration, shape (nq,), half-sitting when None; the gyroscope's bias is kept."""
         robot = self.robot
         q = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)
         robot.update(q, np.zeros(robot.nv))
         self.inertial.reset(robot.placement(self._imu).rotation)
-        if specific_force is not None:
-            base_to_imu = robot.placement(self._imu).rotation.T @ robot.placement(robot.base_frame).rotation
-            self.inertial.align(finite_array("specific force (m/s²)", specific_force, (3,)))
-            tilted = np.array(q)
-            tilted[3:7] = pin.Quaternion(self.inertial.rotation @ base_to_imu).coeffs()
-            robot.update(tilted, np.zeros(robot.nv))
         self._position = tuple(robot.q[:3].tolist())
         self._time = None
         self._measured[0][:], self._measured[1][:] = robot.q, robot.v

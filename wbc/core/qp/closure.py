@@ -214,10 +214,6 @@ class LoopClosure(Contact):
             drift += self._turn_spin.dot(add_cross(turning, w1, w2))
         return drift
 
-    def full_wrench(self, wrench: Array) -> Array:
-        """Return a wrench of the solution, shape (dim,), as all its components along the axes of the first frame."""
-        return np.asarray(self.directions.T.dot(wrench))
-
 
 def _directions(robot: Robot, frame: int, other: int, rotation: bool) -> Array:
     """Return the directions in the axes of a frame in which joints move it against another one, shape (dim, 3 or 6)."""

@@ -112,8 +112,6 @@ class QpSolver:
         self.problem = problem
         self.settings = settings or SolverSettings()
         self._fast = ActiveSet(problem, self.settings.tolerance, CORRECTIONS)
-        self._guess = np.zeros(problem.lower.size)  # multipliers
-        self._exact = False  # the last solution is the active set's, and not in the guess yet
         self.iterations = 0
         rescues = ("DAQP without a guess", "badly scaled", "relaxed", "other", "failed")
         self.counts = dict.fromkeys(("active set", "DAQP", *rescues), 0)
@@ -143,11 +141,7 @@ class QpSolver:
         if self._by_active_set and self._steady and self._fast.solve():
             self.iterations = self._fast.iterations
             self.counts["active set"] += 1
-            self._exact = True
             return _SOLVED
-        if self._exact:  # what was found last is the next guess
-            self._exact = False
-            self._guess[:] = self.multipliers
         hopeless = without_solution(p)
         if hopeless is not None:
             self.counts["failed"] += 1
@@ -162,13 +156,12 @@ class QpSolver:
 
     def _solve_by_daqp(self, hessian: Array, gradient: Array) -> bool:
         """Solve with DAQP from the active set of the last tick; return True if its solution is accepted."""
-        solution = self._daqp.solve(hessian, gradient, self._guess)
+        before = self.multipliers
+        solution = self._daqp.solve(hessian, gradient, before)
         self.iterations = self._daqp.iterations
         if solution is None or not self._accept(solution[0], solution[2]):
             return False
-        active = solution[2] != 0.0
-        self._steady = bool((active == (self._guess != 0.0)).all())
-        self._guess[:] = solution[2]
+        self._steady = bool(((solution[2] != 0.0) == (before != 0.0)).all())
         self._fast.guess(self.multipliers)
         self.counts["DAQP"] += 1
         return True
