@@ -13,6 +13,7 @@ import logging
 import math
 import numbers
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
@@ -338,13 +339,10 @@ class Plausibility:
         A reading that is impossible, or refused at present, is NaN.
         """
         n = self._na
-        if isinstance(measurement, Measurement) and measurement.sole_wrench is None:
-            measurement = replace(measurement, sole_wrench=np.zeros(self._shapes[-1]))
         try:
-            m = self._formed(measurement)
-        except MeasurementError:
+            position, velocity = (_numbers(measurement, name, (n,)) for name in SIGNALS[:2])
+        except (MeasurementError, AttributeError):  # of another shape, or no measurement
             return np.full(n, np.nan), np.full(n, np.nan)
-        position, velocity = m.joint_position, m.joint_velocity
         good = np.abs(position - self._middle[:n]) <= self._bound[:n]
         slow = np.abs(velocity) <= self._speed
         if self._faults:
@@ -534,14 +532,10 @@ def _worst(values: Array, most: Array) -> tuple[int, float]:
 
 def _stamp_of(m: Measurement) -> float:
     """Return the time of a measurement as a float, s; truth values and texts are none."""
-    time: Any = m.time
-    if isinstance(time, np.ndarray) and time.ndim == 0:
-        time = time[()]
-    if not isinstance(time, bool) and isinstance(time, numbers.Real):
-        try:
+    time: Any = m.time[()] if isinstance(m.time, np.ndarray) and m.time.ndim == 0 else m.time
+    if isinstance(time, numbers.Real) and not isinstance(time, bool):
+        with suppress(OverflowError):  # an integer of many digits
             return float(time)
-        except OverflowError:  # an integer of many digits
-            pass
     raise MeasurementError(f"time of a measurement must be a finite number, got {shown(time)}")
 
 
