@@ -532,7 +532,9 @@ def _worst(values: Array, most: Array) -> tuple[int, float]:
 
 def _stamp_of(m: Measurement) -> float:
     """Return the time of a measurement as a float, s; truth values and texts are none."""
-    time: Any = m.time[()] if isinstance(m.time, np.ndarray) and m.time.ndim == 0 else m.time
+    time: Any = m.time
+    if isinstance(time, np.ndarray) and time.ndim == 0:
+        time = time[()]
     if isinstance(time, numbers.Real) and not isinstance(time, bool):
         with suppress(OverflowError):  # an integer of many digits
             return float(time)
