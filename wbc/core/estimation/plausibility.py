@@ -535,7 +535,7 @@ def _stamp_of(m: Measurement) -> float:
     time: Any = m.time
     if isinstance(time, np.ndarray) and time.ndim == 0:
         time = time[()]
-    if isinstance(time, numbers.Real) and not isinstance(time, bool):
+    if not isinstance(time, bool) and isinstance(time, numbers.Real):
         with suppress(OverflowError):  # an integer of many digits
             return float(time)
     raise MeasurementError(f"time of a measurement must be a finite number, got {shown(time)}")
