@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.base.lag import LagGain, lag_gain
+from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, scalar
 from wbc.base.settings import Positive, settings
 from wbc.base.vectors import Vector
@@ -92,7 +92,6 @@ class InertialFilter:
         self._left: complex | None = None  # innovation that the last correction has left
         self._last: tuple[Array, Array] | None = None
         self._dt, self._half_period = 0.0, scalar(0.0)
-        self._velocity_gain = LagGain()
 
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
         """Restart from attitude (3, 3) and velocity (3,), m/s, of the IMU in the world; the gyro bias is kept."""
@@ -159,10 +158,10 @@ class InertialFilter:
         innovation = velocity - self.velocity
         x, y, _ = innovation.tolist()
         found = complex(x, y)
-        innovation *= self._velocity_gain(dt, s.velocity_time_constant)
+        gain, yaw = lag_gain(dt, s.velocity_time_constant), lag_gain(dt, s.yaw_time_constant)
+        innovation *= gain
         self.velocity += innovation
         self.steady += lag_gain(dt, STEADY) * (complex(*self.legs[:2]) - self.steady)
-        gain, yaw = self._velocity_gain.number, lag_gain(dt, s.yaw_time_constant)
         self.unexplained = 0j if self._left is None else found - self._left
         self._left = found * (1.0 - gain)
         # A tilt δ shows as the innovation −g τ_v (δ × z) once the velocity has settled: turn against it.

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.base.lag import LagGain
+from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 
 
@@ -29,7 +29,7 @@ class MomentumResidual:
     def __init__(self, size: int, bandwidth: float) -> None:
         """Start at zero, with the gain K, 1/s."""
         self.value = np.zeros(size)
-        self._time_constant, self._gain = 1.0 / bandwidth, LagGain()
+        self._time_constant = 1.0 / bandwidth
         self._momentum: Array = np.zeros(size)
         self.started = False
 
@@ -47,6 +47,6 @@ class MomentumResidual:
         unknown -= known
         self._momentum = momentum
         unknown -= self.value
-        unknown *= self._gain(dt, self._time_constant)
+        unknown *= lag_gain(dt, self._time_constant)
         self.value += unknown
         return self.value
