@@ -14,11 +14,10 @@ from at_rest import at_rest
 
 from wbc.base.errors import MeasurementError
 from wbc.core.estimation.consistency import ConsistencyMonitor, time_ratio
-from wbc.core.estimation.feet import FootComparison
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
+from wbc.core.estimation.legs import LegComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility
-from wbc.core.estimation.turning import TurnComparison
 from wbc.core.estimation.wrenches import FORCE_STD, MOMENT_STD, TORQUE_STD, WRENCH_STD, WrenchEstimator
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import SIGNALS
@@ -160,11 +159,11 @@ def test_a_machines_own_time_is_the_slope_of_its_motions_if_all_joints_agree() -
 
 def compared(
     shares: tuple[float, float], speeds: Any, gravity: float = 1.0, ticks: int = 100
-) -> tuple[FootComparison, int | None]:
+) -> tuple[LegComparison, int | None]:
     """Comparison after some ticks, and the first tick at whose end something was wrong."""
-    feet, first = FootComparison(DT), None
+    feet, first = LegComparison(DT, HEIGHT), None
     for tick in range(ticks):
-        feet.move(speeds(tick * DT), (0.0, 0.0, GRAVITY))
+        feet.move(speeds(tick * DT), [STILL] * 2, (0.0, 0.0), (0.0, 0.0, GRAVITY))
         feet.compare(shares, gravity)
         if first is None and (feet.swapped or feet.silent is not None):
             first = tick
@@ -233,22 +232,22 @@ TURN_DT, HEIGHT = 1e-3, 0.7
 
 def turning(
     legs: Any, carries: float = 0.6, ticks: int = 200, shown: Any = None
-) -> tuple[TurnComparison, int | None]:
+) -> tuple[LegComparison, int | None]:
     """Comparison of a foot that has stood for 0.1 s and seems to turn about y by 0.2 rad/s from then on.
 
     `legs` is the velocity of the IMU by the leg along x at a time from then on, m/s, and `shown` the acceleration that
     the accelerometer shows, m/s². Returned is the first tick in which the gyroscope is found wrong as well.
     """
-    comparison, first = TurnComparison(TURN_DT, HEIGHT, 2), None
+    comparison, first = LegComparison(TURN_DT, HEIGHT), None
     up = (0.0, 0.0, GRAVITY)
     for _ in range(100):
-        comparison.compare([STILL] * 2, [STILL] * 2, (carries, 1.0 - carries), up)
+        comparison.move([STILL] * 2, [STILL] * 2, (carries, 1.0 - carries), up)
     for tick in range(1, ticks + 1):
         time = tick * TURN_DT
         feet, rate = [(-legs(time), 0.0, 0.0), STILL], [(0.0, 0.2, 0.0), STILL]
         force = up if shown is None else (shown(time), 0.0, GRAVITY)
-        comparison.compare(feet, rate, (carries, 1.0 - carries), force)
-        if comparison.wrong and first is None:
+        comparison.move(feet, rate, (carries, 1.0 - carries), force)
+        if comparison.turns and first is None:
             first = tick
     return comparison, first
 
@@ -265,7 +264,7 @@ def test_a_wrong_gyroscope_turns_gravity_and_moves_the_imu_over_the_foot() -> No
     memory = 0.3
     for ticks in (20, 60, 200):
         comparison, _ = turning(lambda _: 0.0, ticks=ticks)
-        foot, time = comparison._feet[0], ticks * TURN_DT
+        foot, time = comparison._legs[0], ticks * TURN_DT
         gone = math.exp(-time / memory)
         assert foot.tilt == pytest.approx(0.2 * memory * (1.0 - gone), rel=0.02)
         drop = GRAVITY * 0.2 * memory * (memory * (1.0 - gone) - time * gone)

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, scalar
 from wbc.base.vectors import Vector, part_way
-from wbc.core.estimation.feet import LASTING, MEMORY, SMOOTHING, STILL, FootComparison
+from wbc.core.estimation.legs import LASTING, MEMORY, OFFSET, SMOOTHING, STILL, LegComparison
 from wbc.core.estimation.observer import Observer
-from wbc.core.estimation.turning import OFFSET, TurnComparison
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 
@@ -191,8 +190,7 @@ class ConsistencyMonitor:
         data = robot.model.createData()
         pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
         height = float(data.oMf[robot.frame_id(robot.imu_frame)].translation[2])  # of the IMU
-        self._turning = TurnComparison(dt, height, len(self._names))
-        self._feet = FootComparison(dt) if len(self._names) == 2 else None
+        self._legs = LegComparison(dt, height)
         self.reset()
 
     def reset(self) -> None:
@@ -222,9 +220,7 @@ class ConsistencyMonitor:
         self._suspected = self._gyro_doubted = self._slapped = 0.0
         self._turned: Vector = STILL
         self._slips, self._slipped = [0.0] * len(self._names), [0.0] * len(self._names)
-        self._turning.reset()
-        if self._feet is not None:
-            self._feet.reset()
+        self._legs.reset()
 
     def update(
         self,
@@ -263,22 +259,21 @@ class ConsistencyMonitor:
         self._shares = [
             share + gain * (load / weight - share) for share, load in zip(self._shares, loads, strict=True)
         ]
-        feet = self._feet
-        velocities = observer.foot_velocities
-        self._turning.compare(velocities, observer.foot_rotations, observer.load_shares, force)
-        if self._turning.wrong:
+        legs = self._legs
+        legs.move(observer.foot_velocities, observer.foot_rotations, observer.load_shares, force)
+        if legs.turns:
             self._gyro_doubted = REMEMBERED
-        if feet is not None:
-            feet.move(velocities, force)
-        stands = min(loads) > CARRIES * weight or (
-            self._stood > STANDING and feet is not None and feet.together
-        )
+        stands = min(loads) > CARRIES * weight or (self._stood > STANDING and legs.together)
         self._stood = self._stood + self._dt if stands else 0.0
         alike = observer.foot_rotation if self._stood > STANDING else STILL
         self._rotation = part_way(self._rotation, alike, gain)
         blind = measurement.wrench_source != "sensor"
-        if feet is not None and not blind:
-            doubts += self._contradicted_forces(feet)
+        if not blind:
+            legs.compare(self._shares, self._gravity)
+            if legs.swapped:
+                doubts.append("force sensors swapped between the feet")
+            if legs.silent is not None:
+                doubts.append(f"force sensor of {self._names[legs.silent]} too low for the weight")
         doubts += self._slipping(observer.slides)
         if self._gyroscope_contradicts(observer.stance_rotation, observer.inertial.unexplained, blind):
             doubts.append("gyroscope contradicts accelerometer and legs")
@@ -398,14 +393,6 @@ class ConsistencyMonitor:
             self._slips[i] = self._slips[i] + self._dt if slips else 0.0
             self._slipped[i] = SLIPPED if self._slips[i] >= SLIPS else self._slipped[i] - self._dt
         return [f"{name} slips" for name, left in zip(self._names, self._slipped, strict=True) if left > 0.0]
-
-    def _contradicted_forces(self, feet: FootComparison) -> list[str]:
-        """Compare force sensors with the motion of the feet."""
-        feet.compare(self._shares, self._gravity)
-        doubts = ["force sensors swapped between the feet"] if feet.swapped else []
-        if feet.silent is not None:
-            doubts.append(f"force sensor of {self._names[feet.silent]} too low for the weight")
-        return doubts
 
     def _frozen_readings(self, values: Array, last: Array) -> list[str]:
         """Names of the channels whose reading has stayed the same for too long."""

@@ -1,0 +1,188 @@
+"""Comparison of two legs with the accelerometer: which foot carries the robot, and whether the gyroscope is right.
+
+A foot that carries the robot rests on the ground: the velocity that its leg gives the inertial measurement unit (IMU)
+changes as the accelerometer says. A foot in the air moves as its swing asks. So legs and accelerometer alone tell which
+foot carries, and a foot that rests beside the foot which carries stands on the ground, too.
+
+A gyroscope that is wrong by ω about a horizontal axis seems to turn every foot by ω. It adds h ω to the velocity that a
+leg gives the IMU, with the height h of the IMU, and makes the tilt wrong, so that a part of gravity seems to accelerate
+the robot. The accelerometer shows none of this. Where a foot truly turns, as on a stone or a soft sole, or when it
+slaps down from an edge, the accelerometer shows what the leg shows.
+
+Pushes change nothing of either, since legs and IMU belong to one body: so the comparisons need no calm robot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from wbc.base.lag import lag_gain
+from wbc.base.vectors import Vector, part_way
+from wbc.core.robot import GRAVITY
+
+MEMORY, SMOOTHING, LASTING = 0.3, 0.03, 0.1
+"""Time over which velocities of a leg and of the accelerometer are compared, low-pass of speeds, and time for which a
+contradiction of force sensors must last, s."""
+
+MOVES, MORE = 0.15, 3.0
+"""Velocity of a leg that the accelerometer does not show, from which on its foot moves, m/s, if it is so many times
+that of the other leg."""
+
+ALONE, SILENT = 0.6, 0.05
+"""Shares of the weight that the foot which seems to carry the robot reports at least, and the other one at most."""
+
+RESTS = 0.1
+"""Speed of the feet against each other up to which both stand, m/s."""
+
+MISSING, NEARLY = 0.35, 0.15
+"""Share of the weight that force sensors do not report, of a robot that may be lighter by 30 % than its description;
+and greatest difference of the vertical specific force from gravity, over gravity, at which the ground must carry it."""
+
+CARRYING, SETTLED = 0.4, 0.04
+"""Share of the load from which a foot carries, and time for which it must have carried until its turn is compared, s:
+the blow of its landing moves leg and IMU as no model knows."""
+
+TURN, LEGS, DIFFERENT, TURNING = 0.05, 0.03, 0.65, 0.06
+"""Speed from which a foot turns, rad/s; velocity from which an error of the gyroscope shows in the legs, m/s; greatest
+difference of what the legs show from this velocity, over it, which is 1 if the foot truly turns; and time for which all
+this must last, s."""
+
+OFFSET = 1.0
+"""Time constant with which a lasting difference, an accelerometer's bias, is taken for normal, s."""
+
+STILL = (0.0, 0.0, 0.0)
+
+
+class LegComparison:
+    """Comparison of the legs of a robot with its accelerometer, and with force sensors and gyroscope.
+
+    Attributes:
+        together: True while the feet do not move against each other.
+        swapped: True while the foot in the air reports the weight, and the one on the ground none.
+        silent: Index of a foot that stands on the ground, carries a part of the weight, and reports no force; else
+            None.
+        turns: True while a foot turns, by the gyroscope, as only a wrong gyroscope explains.
+    """
+
+    def __init__(self, dt: float, height: float) -> None:
+        """Start with nothing known; dt is the control period, s, `height` that of the IMU over the soles, m."""
+        self._dt, self._height = dt, height
+        self._keep, self._gain = 1.0 - lag_gain(dt, MEMORY), lag_gain(dt, SMOOTHING)
+        self._slowly = lag_gain(dt, OFFSET)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self.swapped, self.together, self.turns = False, True, False
+        self.silent: int | None = None
+        self._legs = _Leg(), _Leg()
+        self._last: Sequence[Vector] | None = None
+        self._between: Vector = STILL
+        self._since = [0.0, 0.0]
+        self._alone: int | None = None  # foot that carries the robot by its sensor
+
+    def move(
+        self,
+        feet: Sequence[Vector],
+        rotations: Sequence[Vector],
+        shares: Sequence[float],
+        force: Sequence[float],
+    ) -> None:
+        """Compare the legs with accelerometer and gyroscope in one tick.
+
+        Args:
+            feet: Velocities of the two feet against the IMU, in the world, m/s.
+            rotations: Angular velocities of the feet by encoders and gyroscope, in the world, rad/s.
+            shares: Shares of the load that the feet bear.
+            force: Specific force at the IMU, in the world, m/s².
+        """
+        last, self._last, self.turns = self._last or feet, feet, False
+        dt, keep, gain = self._dt, self._keep, self._gain
+        fx, fy, fz = dt * force[0], dt * force[1], dt * (force[2] - GRAVITY)
+        for leg, (x, y, z), (u, v, w), (p, q, _), share in zip(
+            self._legs, feet, last, rotations, shares, strict=True
+        ):
+            (a, b, c), change = leg.parted, complex(u - x - fx, v - y - fy)
+            leg.parted = keep * a + change.real, keep * b + change.imag, keep * c + w - z - fz
+            leg.smooth = part_way(leg.smooth, leg.parted, gain)
+            self.turns |= self._turns(leg, change, complex(q, -p), share)
+        (x, y, z), (u, v, w) = feet
+        self._between = a, b, c = part_way(self._between, (x - u, y - v, z - w), gain)
+        self.together = a * a + b * b + c * c < RESTS**2
+
+    def _turns(self, leg: _Leg, change: complex, turn: complex, share: float) -> bool:
+        """Return True if a foot seems to turn as only a wrong gyroscope explains; see `_Leg`."""
+        dt, keep, gain = self._dt, self._keep, self._gain
+        if share <= CARRYING:
+            leg.leave()
+        elif leg.carried >= SETTLED:
+            leg.moved = keep * leg.moved + change
+            leg.tilt = keep * leg.tilt + dt * turn
+            leg.expected = keep * leg.expected + self._height * (turn - leg.turn) - GRAVITY * dt * leg.tilt
+            leg.offset += self._slowly * (leg.moved - leg.offset)
+            leg.smooth_moved += gain * (leg.moved - leg.offset - leg.smooth_moved)
+            leg.smooth_expected += gain * (leg.expected - leg.smooth_expected)
+            leg.smooth_turn += gain * (turn - leg.smooth_turn)
+            size = abs(leg.smooth_expected)
+            alike = abs(leg.smooth_moved - leg.smooth_expected) < DIFFERENT * size
+            explained = size > LEGS and abs(leg.smooth_turn) > TURN and alike
+            leg.since = leg.since + dt if explained else 0.0
+        leg.turn = turn
+        leg.carried += dt if share > CARRYING else 0.0
+        return leg.since >= TURNING
+
+    def compare(self, shares: Sequence[float], gravity: float) -> None:
+        """Compare the force sensors with the motion of the feet in one tick.
+
+        Args:
+            shares: Parts of the weight that the force sensors report, after a low-pass.
+            gravity: Vertical specific force over gravity, after a low-pass.
+        """
+        carrying = 0 if shares[0] > shares[1] else 1
+        few = shares[1 - carrying] < SILENT
+        alone = carrying if few and shares[carrying] > ALONE else None
+        if alone != self._alone and alone is not None:  # its swing is over
+            for leg in self._legs:
+                leg.parted = leg.smooth = STILL
+        self._alone = alone
+        sizes = [math.hypot(*leg.smooth) for leg in self._legs]
+        moves = alone is not None and sizes[carrying] > max(MOVES, MORE * sizes[1 - carrying])
+        nearly = abs(gravity - 1.0) < NEARLY
+        missing = few and self.together and nearly and shares[0] + shares[1] < 1.0 - MISSING
+        for i, wrong in enumerate((moves, missing)):
+            self._since[i] = self._since[i] + self._dt if wrong else 0.0
+        self.swapped = self._since[0] >= LASTING
+        self.silent = 1 - carrying if self._since[1] >= LASTING else None
+
+
+class _Leg:
+    """State of one leg; horizontal velocities of the IMU by the leg are x + iy in the world, m/s.
+
+    Attributes:
+        parted: Velocity that the accelerometer does not show, over the last time, in the world, m/s.
+        smooth: The same after a low-pass.
+        offset: `moved` after a slow low-pass; the only thing of a support that a swing leaves.
+        carried: Time for which the foot has carried, s; 0 while it does not.
+        turn: Direction in which a turn of the foot moves the IMU, times its speed, in the last tick, rad/s.
+        moved: Velocity that the accelerometer does not show, over the last time of this support.
+        tilt: Angle by which the foot has turned over the last time, rad.
+        expected: Velocity that the leg shows by a gyroscope that is wrong by the turn, over the last time.
+        smooth_moved: `moved` without `offset`, after a low-pass.
+        smooth_expected: `expected` after a low-pass.
+        smooth_turn: `turn` after a low-pass.
+        since: Time for which only a wrong gyroscope has explained the turn, s.
+    """
+
+    def __init__(self) -> None:
+        """Start with nothing known."""
+        self.parted: Vector = STILL
+        self.smooth: Vector = STILL
+        self.offset = 0j
+        self.leave()
+
+    def leave(self) -> None:
+        """Forget what belongs to the last support."""
+        self.carried = self.since = 0.0
+        self.turn = self.moved = self.tilt = self.expected = 0j
+        self.smooth_moved = self.smooth_expected = self.smooth_turn = 0j
