@@ -9,9 +9,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
-from wbc.core.frames import frame_jacobian
+from wbc.core.frames import frame_jacobian, unit_vector
 from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn
 from wbc.core.qp.options import ROTATION_AXES, MotionOptions
 from wbc.core.robot import Robot
@@ -19,15 +18,6 @@ from wbc.tasks.motion.frame import FrameTask
 
 NEAREST = 0.05
 """Least distance of a point that the gaze task divides by, m."""
-
-
-def unit_vector(what: str, value: ArrayLike) -> Array:
-    """Return a vector of length 1, shape (3,); `InputError` for what is not three finite numbers, or all zero."""
-    vector = finite_array(what, value, (3,))
-    length = float(np.linalg.norm(vector))
-    if length < ROUNDING:
-        raise InputError(f"{what} must not be zero, got {vector}")
-    return vector / length
 
 
 def _turning(task: FrameTask, axis: Array, direction: Array, jacobian: Array, error: Array) -> Array:

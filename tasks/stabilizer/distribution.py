@@ -128,8 +128,6 @@ class WrenchDistribution:
         Raises `InputError` for a margin that leaves nothing of a sole.
         """
         self.settings = s = settings or DistributionSettings()
-        if len(sizes) != 2:
-            raise InputError(f"sizes must be those of two soles, got {len(sizes)}")
         self._problem = p = Problem(0, 0, 18, 6, 1, 2 * ROWS)
         for column, row, (length, width) in zip((0, 6), (0, ROWS), sizes, strict=True):
             half_length, half_width = 0.5 * length - s.margin, 0.5 * width - s.margin

@@ -16,12 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from pydantic import PlainValidator
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -43,20 +42,6 @@ STIFFNESS = 100.0
 """Default stiffness of the CoM, 1/s²."""
 
 
-def _feet(contacts: Any) -> Sequence[SoleContact]:
-    """Return the contacts of two feet."""
-    if (
-        not isinstance(contacts, Sequence)
-        or len(contacts) != 2
-        or not all(isinstance(each, SoleContact) for each in contacts)
-        or contacts[0] is contacts[1]
-    ):
-        raise InputError(
-            f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
-        )
-    return contacts
-
-
 class StabilizerTask(CoMTask):
     """Task that balances a robot on two feet: feedback of the DCM, desired foot wrenches and foot admittances.
 
@@ -76,7 +61,7 @@ class StabilizerTask(CoMTask):
     @checked
     def __init__(
         self,
-        contacts: Annotated[Sequence[SoleContact], PlainValidator(_feet)],
+        contacts: Sequence[SoleContact],
         target: ArrayLike | None = None,
         *,
         drives: Drives = "torque",
@@ -101,6 +86,10 @@ class StabilizerTask(CoMTask):
             wrench_weight: Cost of deviations from the desired foot wrenches with torque drives, per N² and (Nm)².
             **options: See `MotionOptions`.
         """
+        if len(contacts) != 2 or contacts[0] is contacts[1]:
+            raise InputError(
+                f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
+            )
         defaults: MotionOptions = {"weight": 100.0, "stiffness": STIFFNESS}
         self._aim: tuple[Array, Array, Array] | None = (
             None  # CoM of a robot that stands, velocity, acceleration

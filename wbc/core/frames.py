@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array, read_only
+from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import settings
 
 Triple: TypeAlias = tuple[float, float, float]
@@ -27,6 +27,15 @@ def pose_of(rotation: Array, translation: Array) -> pin.SE3:
     placed = pin.SE3.Identity()
     placed.rotation, placed.translation = rotation, translation
     return placed
+
+
+def unit_vector(what: str, value: ArrayLike) -> Array:
+    """Return a vector of length 1, shape (3,); `InputError` for what is not three finite numbers, or all zero."""
+    vector = finite_array(what, value, (3,))
+    length = float(np.linalg.norm(vector))
+    if length < ROUNDING:
+        raise InputError(f"{what} must not be zero, got {vector}")
+    return vector / length
 
 
 def rotation_matrix(what: str, value: ArrayLike) -> Array:

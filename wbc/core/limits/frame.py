@@ -15,7 +15,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only, scalar
 from wbc.base.settings import Positive
 from wbc.base.vectors import add_cross, turned
-from wbc.core.frames import frame_jacobian
+from wbc.core.frames import frame_jacobian, unit_vector
 from wbc.core.limits.base import RECOVERY, Barrier
 from wbc.core.robot import Robot
 
@@ -222,13 +222,8 @@ class AxisConeLimit(FrameLimit):
         super().__init__(frame, "cone", 1, name, time_constant)
         if angle >= math.pi:
             raise InputError(f"angle of limit '{self.name}' must be below π rad, got {angle}")
-        units = []
-        for what, vector in (("axis", axis), ("direction", direction)):
-            given = finite_array(f"{what} of limit '{self.name}'", vector, (3,))
-            if np.linalg.norm(given) < ROUNDING:
-                raise InputError(f"{what} of limit '{self.name}' must not be zero")
-            units.append((given / np.linalg.norm(given)).tolist())
-        self._axis, self._direction = units
+        self._axis = unit_vector(f"axis of limit '{self.name}'", axis).tolist()
+        self._direction = unit_vector(f"direction of limit '{self.name}'", direction).tolist()
         self._angle, self._least = angle, math.cos(angle)
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:

@@ -17,10 +17,10 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, read_only
+from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
-from wbc.core.frames import frame_jacobian
+from wbc.core.frames import frame_jacobian, unit_vector
 from wbc.core.friction import box_wrench_cone, friction_pyramid, rectangle_wrench_cone
 from wbc.core.qp.motion import RATE, Motion
 from wbc.core.robot import GRAVITY, Reads, Robot
@@ -559,11 +559,8 @@ class PointContact(Contact):
 
     @normal.setter
     def normal(self, value: ArrayLike) -> None:
-        axis = finite_array(f"normal of contact '{self.name}'", value, (3,))
-        length = float(np.linalg.norm(axis))
-        if length < ROUNDING:
-            raise InputError(f"normal of contact '{self.name}' must not be zero")
-        turn = pin.Quaternion.FromTwoVectors(axis / length, np.array([0.0, 0.0, 1.0])).matrix()
+        axis = unit_vector(f"normal of contact '{self.name}'", value)
+        turn = pin.Quaternion.FromTwoVectors(axis, np.array([0.0, 0.0, 1.0])).matrix()
         self._world_to_contact = np.ascontiguousarray(turn)
 
     @property
