@@ -19,13 +19,14 @@ from wbc.base.checked import checked
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.base.vectors import Vector
+from wbc.core.frames import net_wrench
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
 from wbc.tasks.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.tasks.stabilizer.zmp import MIN_FORCE, level_zmp, net_wrench, zmp_offset
+from wbc.tasks.stabilizer.zmp import MIN_FORCE, level_zmp, zmp_offset
 
 
 class StabilizerOutput(NamedTuple):

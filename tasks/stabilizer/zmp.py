@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-import pinocchio as pin
 
 from wbc.base.errors import WbcError
 from wbc.base.numbers import Array
-from wbc.base.vectors import Vector, add_cross, turned_all
 
 MIN_FORCE = 1.0
 """Normal force below which a wrench has no meaningful point, N (mc_rtc's `MIN_NET_TOTAL_FORCE_ZMP`).
@@ -64,14 +60,3 @@ def zmp_offset(outside: Array, point: Array, weight: float) -> Array:
     mx -= y * fz - z * fy
     my -= z * fx - x * fz
     return np.array((my / weight, -mx / weight))
-
-
-def net_wrench(wrenches: Sequence[Vector], soles: Sequence[pin.SE3]) -> Array:
-    """Return the sum of wrenches in their sole frames, at the world origin in world axes, shape (6,), N and Nm."""
-    fx = fy = fz = mx = my = mz = 0.0
-    for wrench, sole in zip(wrenches, soles, strict=True):
-        force, moment = turned_all(sole.rotation.tolist(), (wrench[:3], wrench[3:]))
-        x, y, z = add_cross(moment, sole.translation.tolist(), force)
-        fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
-        mx, my, mz = mx + x, my + y, mz + z
-    return np.array((fx, fy, fz, mx, my, mz))

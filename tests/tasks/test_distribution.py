@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.base.errors import InputError
+from wbc.core.frames import net_wrench
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.distribution import (
     DistributionSettings,
@@ -14,7 +15,7 @@ from wbc.tasks.stabilizer.distribution import (
     WrenchDistribution,
     left_foot_ratio,
 )
-from wbc.tasks.stabilizer.zmp import cop, net_wrench
+from wbc.tasks.stabilizer.zmp import cop
 
 WEIGHT = 62.4 * GRAVITY  # JVRC-1
 SIZES = ((0.22, 0.10), (0.22, 0.10))

@@ -7,8 +7,9 @@ import pinocchio as pin
 import pytest
 
 from wbc.base.errors import InputError
+from wbc.core.frames import net_wrench
 from wbc.tasks.stabilizer.pendulum import Pendulum, dcm, natural_frequency
-from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, level_zmp, net_wrench
+from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, level_zmp
 
 
 def test_natural_frequency_of_a_085_m_pendulum() -> None:

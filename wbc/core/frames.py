@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import field
 from typing import Annotated, TypeAlias
 
@@ -14,6 +15,7 @@ from pydantic import Field
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import settings
+from wbc.base.vectors import Vector, add_cross, turned_all
 
 Triple: TypeAlias = tuple[float, float, float]
 
@@ -75,6 +77,17 @@ def frame_jacobian(model: pin.Model, data: pin.Data, frame: int, axes: pin.Refer
     """Return `pin.getFrameJacobian`, shape (6, nv): Pinocchio returns a vector for a robot with one joint."""
     jacobian: Array = pin.getFrameJacobian(model, data, frame, axes)
     return jacobian if jacobian.ndim == 2 else jacobian[:, None]
+
+
+def net_wrench(wrenches: Sequence[Vector], soles: Sequence[pin.SE3]) -> Array:
+    """Return the sum of wrenches in their sole frames, at the world origin in world axes, shape (6,), N and Nm."""
+    fx = fy = fz = mx = my = mz = 0.0
+    for wrench, sole in zip(wrenches, soles, strict=True):
+        force, moment = turned_all(sole.rotation.tolist(), (wrench[:3], wrench[3:]))
+        x, y, z = add_cross(moment, sole.translation.tolist(), force)
+        fx, fy, fz = fx + force[0], fy + force[1], fz + force[2]
+        mx, my, mz = mx + x, my + y, mz + z
+    return np.array((fx, fy, fz, mx, my, mz))
 
 
 class FixedPose(pin.SE3):  # type: ignore[misc]  # it has no stubs

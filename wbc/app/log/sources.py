@@ -21,6 +21,7 @@ from wbc.app.log.signals import Read, Signals, Tick, cached, optional
 from wbc.base.numbers import Array
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
+from wbc.core.frames import net_wrench
 from wbc.core.qp.solving.solution import Layout, Solution
 from wbc.core.robot import SIDES, Robot
 from wbc.sim.plant.hands import SCENE_PREFIX
@@ -28,7 +29,7 @@ from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.tasks.stabilizer.pendulum import dcm, natural_frequency
-from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp, net_wrench
+from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp
 from wbc.walking.contact import LIFT_OFFS
 from wbc.walking.control import WalkingControl
 

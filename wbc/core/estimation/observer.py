@@ -33,6 +33,7 @@ from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.sinking import Sinking
 from wbc.core.estimation.wrenches import WrenchSettings
+from wbc.core.frames import net_wrench
 from wbc.core.robot import GRAVITY, Robot, checked_configuration
 from wbc.core.signals import SIGNALS, Measurement
 
@@ -161,8 +162,6 @@ class Observer:
         self._predictor = DelayPredictor(robot.model, delay) if delay > 0.0 else None
         self._measured = np.array(q), np.zeros(robot.nv)
         # Of each foot, as plain numbers: see the properties.
-        self._loads, self._shares = [0.0] * n, [0.0] * n
-        self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
         self._anchors: list[Vector] = [(0.0, 0.0, 0.0)] * n
         self._anchor_yaw = [0.0] * n
         # Parts of q and v: of the base, and of the joints; then place and attitude of the base, and their rates.
@@ -177,8 +176,6 @@ class Observer:
         self._robot_soles = [self.robot.data.oMf[sole] for sole in self._soles]
         self._origin = np.array((0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
         self._wrenches = np.zeros((n, 6))
-        self._position: Vector = (0.0, 0.0, 0.0)
-        self._time: float | None = None
         outside = self.settings.outside
         self.sinking = Sinking(robot.mass * GRAVITY)
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
@@ -189,9 +186,7 @@ class Observer:
         # Velocities of the feet's CoPs in the world while the base does not move but turns, and that of the IMU, m/s.
         self._foot_motions: Sequence[Vector] = ()
         self._imu_motion: Vector = (0.0, 0.0, 0.0)
-        self.lifts, self.slides, self._slid = [False] * n, [False] * n, False
-        self._carried = [0.0] * n  # time for which each foot has carried, s
-        self._unaided, self._struck = 0.0, False  # time since a foot gave a reference, s
+        self._struck = False
         self.reset(q)
 
     def observe_outside(self) -> OutsideWrench:
@@ -229,11 +224,7 @@ class Observer:
     @property
     def net_wrench(self) -> Array:
         """Wrench of the ground on the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
-        net, felt = pin.Force.Zero(), pin.Force.Zero()
-        for placement, wrench in zip(self._robot_soles, self._wrenches, strict=True):
-            felt.vector = wrench
-            net += placement.act(felt)
-        return np.array(net.vector)
+        return net_wrench(self._wrenches.tolist(), self._robot_soles)
 
     @property
     def in_flight(self) -> bool:
@@ -246,8 +237,8 @@ class Observer:
         q = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)
         robot.update(q, np.zeros(robot.nv))
         self.inertial.reset(robot.placement(self._imu).rotation)
-        self._position = tuple(robot.q[:3].tolist())
-        self._time = None
+        self._position: Vector = tuple(robot.q[:3].tolist())
+        self._time: float | None = None
         self._measured[0][:], self._measured[1][:] = robot.q, robot.v
         if self._predictor is not None:
             self._predictor.reset()
@@ -255,9 +246,11 @@ class Observer:
             self.outside.reset()
         n = len(self._soles)
         self.lifts, self.slides, self._slid = [False] * n, [False] * n, False
-        self._carried, self._unaided = [0.0] * n, 0.0
         self.sinking.reset()
-        self._loads, self._shares, self._cops = [0.0] * n, [0.0] * n, [(0.0, 0.0)] * n
+        self._carried = [0.0] * n  # time for which each foot has carried, s
+        self._unaided = 0.0  # time since a foot gave a reference, s
+        self._loads, self._shares = [0.0] * n, [0.0] * n
+        self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
         for i, sole in enumerate(self._soles):
             placement = robot.placement(sole)

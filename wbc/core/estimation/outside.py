@@ -28,8 +28,9 @@ from pydantic import Field
 
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
-from wbc.base.vectors import Vector, add_cross, turned_all
+from wbc.base.vectors import Vector, add_cross
 from wbc.core.estimation.residual import MomentumResidual
+from wbc.core.frames import net_wrench
 from wbc.core.robot import GRAVITY, Robot
 
 logger = logging.getLogger(__name__)
@@ -149,17 +150,14 @@ class OutsideWrench:
 
     def _feet(self, wrenches: list[list[float]], com: Vector, weight: float) -> tuple[Vector, Vector, bool]:
         """Force of the feet, their moment about the CoM, and whether a foot has just met the ground."""
-        fx = fy = fz = mx = my = mz = 0.0
         touched = False
-        for i, (row, sole) in enumerate(zip(wrenches, self._soles, strict=True)):
-            (a, b, c), moment = turned_all(sole.rotation.tolist(), (row[:3], row[3:]))
-            x, y, z = sole.translation.tolist()
-            u, v, w = add_cross(moment, (x - com[0], y - com[1], z - com[2]), (a, b, c))
-            fx, fy, fz, mx, my, mz = fx + a, fy + b, fz + c, mx + u, my + v, mz + w
+        for i, row in enumerate(wrenches):
             loaded = row[2] > (0.04 if self._loaded[i] else 0.08) * weight
             touched = touched or (loaded and not self._loaded[i])
             self._loaded[i] = loaded
-        return (fx, fy, fz), (mx, my, mz), touched
+        fx, fy, fz, *moment = net_wrench(wrenches, self._soles).tolist()
+        x, y, z = com
+        return (fx, fy, fz), add_cross(moment, (-x, -y, -z), (fx, fy, fz)), touched
 
     def _learn(self, c: float, n: float, weight: float, dt: float) -> None:
         """Average the residual in the heading of the base."""
