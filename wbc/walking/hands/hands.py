@@ -27,11 +27,11 @@ from wbc.base.errors import InputError, choose
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.base.vectors import along
+from wbc.core.frames import unit_vector
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.core.trajectories import Follower
-from wbc.tasks.motion.direction import unit_vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.contact import GaitPhase
