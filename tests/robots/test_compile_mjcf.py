@@ -11,7 +11,7 @@ from meshes import CORNERS, obj, stl
 from mjcf_biped import biped
 
 from wbc.base.errors import InputError, ModelError
-from wbc.core.robot import Coupling
+from wbc.core.model import Coupling
 from wbc.robots import RobotDescription
 from wbc.robots.readers.compile_mjcf import MOST_FOLDERS, compiled, one_line
 from wbc.robots.source_of import source_of

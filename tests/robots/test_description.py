@@ -14,7 +14,7 @@ from urdf_biped import FEET, FOOT_BOX, biped
 import wbc
 from wbc.base.errors import InputError, ModelError
 from wbc.core.frames import FrameDescription
-from wbc.core.robot import Closure
+from wbc.core.model import Closure
 from wbc.robots import RobotDescription, files, load, registry
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.source_of import source_of

@@ -11,7 +11,7 @@ import pytest
 from mjcf_biped import MOTORS, biped
 
 from wbc.base.errors import InputError, ModelError
-from wbc.core.robot import Coupling
+from wbc.core.model import Coupling
 from wbc.robots import RobotDescription
 from wbc.robots.readers.feet_mjcf import _flat_side, _touch_ground
 from wbc.robots.readers.tree_mjcf import find_tree

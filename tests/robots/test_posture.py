@@ -14,7 +14,7 @@ from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped
 
 from wbc.base.errors import InputError, ModelError
 from wbc.core.frames import Sole
-from wbc.core.robot import Closure
+from wbc.core.model import Closure
 from wbc.robots import RobotDescription
 from wbc.robots.derivation import posture
 from wbc.robots.derivation.complete import heading

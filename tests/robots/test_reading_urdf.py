@@ -12,7 +12,7 @@ import pytest
 from mjcf_biped import biped as mjcf_biped
 
 from wbc.base.errors import ModelError
-from wbc.core.robot import Coupling
+from wbc.core.model import Coupling
 from wbc.robots import RobotDescription
 from wbc.robots.source_of import source_of
 
