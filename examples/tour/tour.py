@@ -31,7 +31,7 @@ from wbc.policy import PolicyControl, PolicyGuard
 from wbc.sim import Machine, MujocoLoop, Simulation, trial_loop
 from wbc.sim.studies import Journal, SweepSummary, register_trial, sweep
 from wbc.sim.studies.outcomes import KINDS, Outcome, TrialKind
-from wbc.walking import WalkingControl, WalkingControlSettings
+from wbc.walking import SteppingSettings, WalkingControl, WalkingControlSettings
 
 HERE = Path(__file__).resolve().parent
 
@@ -40,6 +40,9 @@ PERIOD = 0.002
 
 LIMITS = (0.5, 0.4, 1.0)
 """Greatest velocity that the harness asks for: forward and aside, m/s, and turn, rad/s."""
+
+SWING = 0.09
+"""Height of a swing, over that of the CoM: the floor is flat, and the default is one for rough ground."""
 
 ENGINES = {"mujoco": "", "dart": f"{HERE.parent / 'other_engine.py'}:DartLoop"}
 """Physics engine → its loop; MuJoCo simulates the benchmark's model as it is."""
@@ -110,7 +113,8 @@ class Tour:
         start[2] += setup.drop
         self.loop.reset(start)
         robot.update(standing(robot), np.zeros(robot.nv))
-        settings = setup.settings or WalkingControlSettings(mode=setup.mode)
+        steps = SteppingSettings(swing_height=SWING)
+        settings = setup.settings or WalkingControlSettings(mode=setup.mode, stepping=steps)
         observer = None
         if setup.delay > 0.0:
             stated = ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)
