@@ -107,7 +107,7 @@ class Harness:
             self.description, simulated, control_period=tour.PERIOD, noise="none", seed=0, machine=machine
         )
         self.gauge = self.description.robot()
-        self.settings = WalkingControlSettings(mode="torque", step_kind="free", stepping=settings)
+        self.settings = WalkingControlSettings(mode="torque", stepping=settings)
 
     def punch(self, state: Row, joint: str, force: np.ndarray) -> Row:
         """Punch the robot in a state, and return what became of it."""
