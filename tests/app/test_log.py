@@ -280,7 +280,7 @@ def test_what_has_the_name_of_the_new_file_is_not_written(
 
 @pytest.mark.parametrize("ticks", [10, ROWS + 10])
 def test_a_forked_process_leaves_the_log_of_its_parent(ticks: int, log_file: Path) -> None:
-    """Whether the child ends the recording, or Python ends it with the child."""
+    """The child ends the recording, or Python ends it with the child."""
     writer = write(log_file, ticks)
     child = os.fork()
     if child == 0:

@@ -256,7 +256,7 @@ def test_a_joint_without_torque_and_without_bounds_makes_no_qp_wrong() -> None:
 
 @pytest.mark.parametrize("always", [False, True])
 def test_torques_with_other_wrenches_keep_limits_and_rates_too(always: bool) -> None:
-    """Whether each tick has other wrenches, or some have; those of the solution follow on them without a jump."""
+    """Each tick has other wrenches, or some have; those of the solution follow on them without a jump."""
     controller = standing("hrp4_class", dt=0.002, posture=False)
     robot, rng, ratio, rate = controller.robot, np.random.default_rng(0), 0.8, 500.0
     controller.add(CoMTask(), PostureTask(), TorqueLimits(ratio=ratio, rate=rate))

@@ -1,4 +1,4 @@
-"""What is derived of a robot beside its soles and its posture: feet, torso, IMU, rotors, and where it looks."""
+"""Feet, torso, IMU, rotors and the direction of sight that are derived of a robot."""
 
 from __future__ import annotations
 

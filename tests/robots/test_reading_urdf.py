@@ -205,7 +205,7 @@ def test_joints_that_follow_do_not_count_as_joints_that_move() -> None:
 
 
 def test_a_servo_moves_what_is_coupled_to_its_joint_with_it() -> None:
-    """What the mass matrix shows, rotors included."""
+    """The mass matrix shows it, rotors included."""
     follower = joint("k", "a", "c", LIMIT + '<mimic joint="j" multiplier="-2" offset="0.5"/>')
     description = read(arm(joint("j", "a", "b"), follower, joint("l", "c", "d")), armature=0.3)
     robot = description.robot()

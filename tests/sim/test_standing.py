@@ -247,7 +247,7 @@ def test_stands_clips_and_searches_for_pushes_are_trials_of_studies(tmp_path: Pa
 def test_the_largest_impulse_with_a_recovery_is_found_to_the_resolution(
     limit: float, highest: float, resolution: float
 ) -> None:
-    """What is returned was tried and recovered, and within the resolution above it an impulse was not."""
+    """The impulse that is returned was tried and recovered, and one within the resolution above it was not held."""
     tried: dict[float, bool] = {}
 
     def recovers_(impulse: float) -> bool:

@@ -79,7 +79,7 @@ class Coupling:
     offset: float
 
 
-class Loads:
+class CarriedMasses:
     """Point masses that the frames of a model carry, once for all robots that share the model.
 
     Attributes:

@@ -22,8 +22,8 @@ from wbc.base.settings import NonNegative, Triple
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import Sole
 from wbc.core.model import (
+    CarriedMasses,
     Closure,
-    Loads,
     couplings_of,
     driven_joints,
     driven_names,
@@ -274,7 +274,7 @@ class Robot:
                 raise ModelError(
                     f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
                 )
-        self._loads = Loads(model)
+        self._loads = CarriedMasses(model)
         self._carried, self._total_mass = 0, scalar(self._loads.total_mass)
         self._subtree_forces = [np.asarray(each) for each in self.data.Fcrb] if self.couplings else []
 
