@@ -130,7 +130,7 @@ OUTCOMES = {
     "A robot from a wheel": r"moved by \d\.\d mm",
     "A sensor of your own": r"[56]\d mm higher, None",
     "Drive from another process": r"[1-9]\d* steps, None and the steering ended with 0",
-    "Two laws of balance compared": r"planned: completed.*\n.*free: completed",
+    "Two laws of balance compared": r"position: completed.*\n.*torque: completed",
 }
 """Recipe → what it prints."""
 

@@ -192,7 +192,11 @@ def test_nothing_is_doubted_of_good_sensors_of_a_robot_that_is_punched(seed: int
 def test_other_masses_and_infeasible_tasks_get_no_wild_command(name: str, task: str, mode: str) -> None:
     report = run(task, mode, [name], lasting=True)
     assert report.raised is None and report.wild is None
-    if CHANGES[name][1]:
+    # Contacts of free steps have a cost of motion, so that limits without torque leave a solution: the robot sinks.
+    yielding = name == "limits that contradict each other" and task == "walk" and mode != "position"
+    if yielding:
+        assert not report.upright
+    elif CHANGES[name][1]:
         assert report.named <= 0.2, f"named after {report.named} s: {report.status}"
     elif name.startswith("masses"):
         assert report.upright and not report.stopped and math.isinf(report.named)
