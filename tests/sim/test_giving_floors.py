@@ -139,6 +139,16 @@ def bouncing(ratio: float, drop: float = 0.02) -> tuple[Rig, float]:
     return rig(damping), damping
 
 
+def extremes(rig: Rig, seconds: float) -> tuple[float, float]:
+    """Step a rig for a time, s; return the greatest depth of its foot (m) and its greatest speed upwards (m/s)."""
+    deepest = fastest = 0.0
+    for _ in range(rig.steps(seconds)):
+        rig.step()
+        deepest = max(deepest, -float(rig.data.site(rig.foot.wrench_site).xpos[2]))
+        fastest = max(fastest, rig.ankle_speed)
+    return deepest, fastest
+
+
 def bounce(rig: Rig, damping: float) -> tuple[float, float]:
     """Greatest depth, m, and speed of the rebound, m/s, of m z̈ = −m g + max(0, −K z − C ż) below the floor."""
     size = rig.foot.fit.sole
@@ -160,11 +170,7 @@ def test_a_foot_bounces_from_the_floor_as_from_a_spring_and_a_damper(ratio: floa
     """
     rig, damping = bouncing(ratio)
     depth, speed = bounce(rig, damping)
-    deepest = fastest = 0.0
-    for _ in range(rig.steps(0.4)):
-        rig.step()
-        deepest = max(deepest, -float(rig.data.site(rig.foot.wrench_site).xpos[2]))
-        fastest = max(fastest, rig.ankle_speed)
+    deepest, fastest = extremes(rig, 0.4)
     size = rig.foot.fit.sole
     most = 0.01 + 0.5 * rig.test.physics.timestep * damping * size.length * size.width / rig.mass
     assert deepest == pytest.approx(depth, rel=most)
@@ -203,11 +209,7 @@ def in_dart(rig: Rig, damping: float, seconds: float) -> tuple[float, float, flo
 def test_a_foot_bounces_and_rests_in_another_engine_as_in_this_one() -> None:
     rig, damping = bouncing(0.2)
     depth, speed, rest = in_dart(rig, damping, 2.0)
-    deepest = fastest = 0.0
-    for _ in range(rig.steps(2.0)):
-        rig.step()
-        deepest = max(deepest, -float(rig.data.site(rig.foot.wrench_site).xpos[2]))
-        fastest = max(fastest, rig.ankle_speed)
+    deepest, fastest = extremes(rig, 2.0)
     size = rig.foot.fit.sole
     theory = rig.mass * GRAVITY / (SPRUNG * size.length * size.width)
     assert (deepest, fastest) == (pytest.approx(depth, rel=0.02), pytest.approx(speed, rel=0.02))
