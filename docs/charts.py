@@ -9,8 +9,9 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
-from wbc.app.plot.style import AMBER, BLUE, ORANGE
+from wbc.app.plot.style import AMBER, BLUE, ORANGE, SKY
 from wbc.sim.studies.intervals import share_interval
 
 DOCS = Path(__file__).parent
@@ -34,6 +35,12 @@ def numbers(cell: str) -> list[float]:
     return [float(found) for found in re.findall(r"-?\d+(?:\.\d+)?", cell.replace("−", "-"))]
 
 
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure, the same bytes for the same numbers, and forget it."""
+    figure.savefig(path, metadata={"Date": None})
+    plt.close(figure)
+
+
 def draw_tour(path: Path) -> None:
     """Survived time and completed runs of the public tour, ours with intervals."""
     rows = table("stepping.md", "| survived, s | completed, % |")[::-1]
@@ -47,33 +54,141 @@ def draw_tour(path: Path) -> None:
             if len(each) == 3:
                 axis.plot(each[1:], [name, name], color="black", lw=1.6)
         axis.set_xlabel(label)
-    figure.savefig(path)
-    plt.close(figure)
+    save(figure, path)
+
+
+def draw_shares(path: Path, page: str, corner: str, columns: dict[int, tuple[str, str]]) -> None:
+    """Shares of completed walks, "k of n" in columns of a table, with the 95 % intervals of independent walks.
+
+    Args:
+        path: File of the figure.
+        page: Page with the table, in this folder.
+        corner: Begin of the head of the table.
+        columns: Column → its colour and its name in the legend.
+    """
+    rows = table(page, corner)
+    figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.34 * len(rows)), layout="constrained")
+    for column, (colour, label) in columns.items():
+        shift = 0.3 * (list(columns).index(column) - 0.5 * (len(columns) - 1))
+        places, shares = [], []
+        for i, row in enumerate(rows):
+            if len(found := numbers(row[column])) < 2:
+                continue
+            done, count = (int(value) for value in found[:2])
+            low, high = share_interval(done, count)
+            axis.plot([100.0 * low, 100.0 * high], [i + shift] * 2, color=colour, lw=1.8)
+            places.append(i + shift)
+            shares.append(100.0 * done / count)
+        axis.plot(shares, places, "o", ms=5, color=colour, label=label)
+    axis.set_yticks(np.arange(len(rows)), [row[0] for row in rows], fontsize=9)
+    axis.invert_yaxis()
+    axis.set_xlabel("completed (%)")
+    axis.set_xlim(0.0, 102.0)
+    axis.grid(axis="x", color="0.9")
+    axis.set_axisbelow(True)
+    if len(columns) > 1:
+        axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(columns))
+    save(figure, path)
+
+
+def draw_rough(path: Path) -> None:
+    """Share of walks of g1 with free steps that arrive over rough ground, blind."""
+    draw_shares(path, "measured_walks.md", "Free steps, blind, flat feet", {1: (BLUE, "g1")})
+
+
+def draw_floors(path: Path) -> None:
+    """Cost of transport over the stiffness of the floor, for each robot, kind of steps and sole."""
+    rows = [
+        [*row[0].split(", "), *row[1:]]
+        for row in table("measured_walks.md", "Robot, stiffness of the floor, N/m³")
+    ]
+    series = (
+        (2, ORANGE, "--", "planned, flat sole"),
+        (3, ORANGE, "-", "planned, default sole"),
+        (4, BLUE, "--", "free, flat sole"),
+        (5, BLUE, "-", "free, default sole"),
+    )
+    robots = list(dict.fromkeys(row[0] for row in rows))
+    figure, axes = plt.subplots(1, len(robots), figsize=(8.4, 3.6), sharey=True, layout="constrained")
+    for axis, robot in zip(axes, robots, strict=True):
+        of_robot = [row for row in rows if row[0] == robot]
+        for column, colour, style, label in series:
+            found = [numbers(row[column]) for row in of_robot]
+            cost = [each[1] if len(each) > 1 else np.nan for each in found]
+            axis.plot(range(len(cost)), cost, style, color=colour, label=label)
+            for whole in (True, False):
+                places = [i for i, each in enumerate(found) if len(each) > 1 and (each[0] == 2) is whole]
+                axis.plot(
+                    places, [cost[i] for i in places], "o", color=colour, mfc=colour if whole else "white"
+                )
+        axis.set_xticks(range(len(of_robot)), [row[1] for row in of_robot])
+        axis.set_xlabel("stiffness of the floor (N/m³)")
+        axis.set_title(robot, fontsize=10)
+        axis.set_ylim(0.0)
+    axes[0].set_ylabel("cost of transport")
+    axes[0].legend(frameon=False, fontsize=8, loc="upper left")
+    save(figure, path)
+
+
+def draw_pairs(path: Path, corner: str, label: str) -> None:
+    """Two values of a row, without and with a rule, joined by a line."""
+    rows = table("measured_walks.md", corner)
+    figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
+    without, with_it = ([numbers(row[k])[0] for row in rows] for k in (1, 2))
+    for i, pair in enumerate(zip(without, with_it, strict=True)):
+        axis.plot(pair, [i, i], color=GREY, lw=2.0, zorder=0)
+    axis.plot(without, range(len(rows)), "o", color=ORANGE, label="without the rule")
+    axis.plot(with_it, range(len(rows)), "o", color=BLUE, label="with it")
+    axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9)
+    axis.invert_yaxis()
+    axis.set_xlim(0.0)
+    axis.set_xlabel(label)
+    axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    save(figure, path)
+
+
+def draw_sinking(path: Path) -> None:
+    """Error of the estimated height on floors that give."""
+    draw_pairs(path, "Error of the height at the end, mm", "error of the height (mm)")
+
+
+def draw_standing(path: Path) -> None:
+    """Largest impulse that a standing robot recovers from, by direction."""
+    rows = table("measured_pushes.md", "Largest impulse, Ns/kg")
+    figure, axis = plt.subplots(figsize=(8.4, 3.0), layout="constrained")
+    for k, (row, colour) in enumerate(zip(rows, (ORANGE, AMBER, BLUE, SKY), strict=True)):
+        places = np.arange(4) + 0.2 * (k - 1.5)
+        axis.bar(places, [numbers(cell)[0] for cell in row[1:5]], 0.18, color=colour, label=row[0])
+    axis.set_xticks(range(4), ["forward", "left", "back", "right"])
+    axis.set_ylabel("largest impulse (Ns/kg)")
+    axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
+    save(figure, path)
+
+
+def draw_rules(path: Path) -> None:
+    """Gain in held punches of each change, with its interval."""
+    rows = table("measured_pushes.md", "What is different | Pairs |")
+    figure, axis = plt.subplots(figsize=(8.4, 1.9), layout="constrained")
+    for i, row in enumerate(rows):
+        gain, low, high = numbers(row[5].replace("+", ""))
+        axis.plot([low, high], [i, i], color=BLUE, lw=1.8)
+        axis.plot(gain, i, "o", color=BLUE)
+    axis.axvline(0.0, color="black", lw=1.0)
+    axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_xlabel("gain in held punches (% of the pairs)")
+    save(figure, path)
+
+
+def draw_slip(path: Path) -> None:
+    """Error of the estimated place after feet have slipped."""
+    draw_pairs(path, "Error of the place at the end, mm", "error of the place (mm)")
 
 
 def draw_seeing(path: Path) -> None:
-    """Share of completed walks over rough ground, blind and with a depth camera, with 95 % intervals."""
-    rows = [row for row in table("measured_seeing.md", "Steps, sole and height") if "soft" not in row[0]]
-    figure, axis = plt.subplots(figsize=(8.4, 3.4), layout="constrained")
-    for shift, column, colour, label in ((-0.12, 1, ORANGE, "blind"), (0.12, 2, BLUE, "depth camera")):
-        for i, row in enumerate(rows):
-            done, count = (int(value) for value in numbers(row[column])[:2])
-            low, high = share_interval(done, count)
-            axis.plot([i + shift] * 2, [100.0 * low, 100.0 * high], color=colour, lw=1.6)
-            axis.plot(i + shift, 100.0 * done / count, "o", color=colour, label=None if i else label)
-    axis.set_xticks(
-        np.arange(len(rows)),
-        [
-            row[0].replace(" of its size", "").replace("times as high", "× high").replace(", ", "\n")
-            for row in rows
-        ],
-        fontsize=8,
-    )
-    axis.set_ylabel("completed (%)")
-    axis.set_ylim(0.0, 104.0)
-    axis.legend(frameon=False, loc="lower left")
-    figure.savefig(path)
-    plt.close(figure)
+    """Share of completed walks over rough ground, blind and with a depth camera."""
+    columns = {1: (ORANGE, "blind"), 2: (BLUE, "depth camera")}
+    draw_shares(path, "measured_seeing.md", "`hrp4_class` over 3 m of rough ground", columns)
 
 
 def draw_kinematics(path: Path) -> None:
@@ -87,8 +202,7 @@ def draw_kinematics(path: Path) -> None:
     axis.set_yticks(np.arange(len(rows)), [row[0].partition(":")[0] for row in rows])
     axis.set_xlabel("time over that of wbc (1: as fast)")
     axis.legend(frameon=False)
-    figure.savefig(path)
-    plt.close(figure)
+    save(figure, path)
 
 
 def main() -> None:
@@ -97,8 +211,14 @@ def main() -> None:
     mpl.use("Agg")
     mpl.rcParams |= {"svg.hashsalt": "wbc", "svg.fonttype": "none", "font.family": "sans-serif"}
     for name, draw in (
+        ("measured_floors.svg", draw_floors),
         ("measured_kinematics.svg", draw_kinematics),
+        ("measured_rough.svg", draw_rough),
+        ("measured_rules.svg", draw_rules),
         ("measured_seeing.svg", draw_seeing),
+        ("measured_sinking.svg", draw_sinking),
+        ("measured_slip.svg", draw_slip),
+        ("measured_standing.svg", draw_standing),
         ("measured_tour.svg", draw_tour),
     ):
         draw(folder / name)
