@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import html
-import inspect
-import json
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
 from html.parser import HTMLParser
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
@@ -31,7 +27,6 @@ sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 from short_types import as_names, shorten  # noqa: E402
 
 from wbc import __version__  # noqa: E402 - the path comes first
-from wbc.app.commands.settings import settings_of  # noqa: E402
 from wbc.base.numbers import Array  # noqa: E402
 
 project, author = "wbc", "The wbc developers"
@@ -68,13 +63,8 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 napoleon_preprocess_types = False
 
-TABLES = re.compile(
-    r"^<!-- (?:settings of ([\w.]+)(?: as (\w+))?|commands|grounds|studies) -->$", re.MULTILINE
-)
-"""Comments in whose place tables are put: of a tree of settings, of all commands, grounds, studies."""
-
 CLONE = re.compile(r"^> In a clone .*\n", re.MULTILINE)
-"""Line for those who read a page in a clone, where what is made from the code is missing."""
+"""Line for those who read a page of the reference in a clone, where the docstrings are missing."""
 
 OUTSIDE = re.compile(r"\]\((\.\./[\w/]+\.md)(?:#[\w-]+)?\)")
 """Links to Markdown outside of the documentation."""
@@ -82,46 +72,9 @@ OUTSIDE = re.compile(r"\]\((\.\./[\w/]+\.md)(?:#[\w-]+)?\)")
 SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Yields|Source):.*")
 
 
-def fill_tables(app: Sphinx, docname: str, source: list[str]) -> None:
-    """Put tables in the place of comments, made from the code, so that nothing is written twice."""
-    text = TABLES.sub(_tables, CLONE.sub("", source[0]))
-    source[0] = OUTSIDE.sub(r"](path:\1)", text)
-
-
-def _tables(match: re.Match[str]) -> str:
-    if match[1] is not None:
-        module, _, kind = match[1].rpartition(".")
-        return "\n".join(_settings(getattr(import_module(module), kind), match[2] or ""))
-    if "studies" in match[0]:
-        files = sorted((ROOT / "examples" / "studies").glob("*.json"))
-        rows = [f"| `{file.stem}` | {json.loads(file.read_text())['about']} |" for file in files]
-        return "\n".join(["| Study | Question |", "|---|---|", *rows])
-    if "grounds" in match[0]:
-        import wbc.sim.terrain  # noqa: PLC0415, F401 - makes the families known
-        from wbc.sim.terrain.families.base import terrain_families  # noqa: PLC0415
-
-        rows = [f"| `{name}` | {inspect.getdoc(kind)} |" for name, kind in terrain_families().items()]
-        rows = [row.partition("\n")[0].rstrip(" |") + " |" for row in rows]
-        return "\n".join(["| Family | |", "|---|---|", *rows])
-    from wbc.app.cli import make_app  # noqa: PLC0415
-
-    text = make_app(None).generate_docs(heading_level=2, flatten_commands=True)
-    text = text[text.index("\n## wbc ") :]  # before it: a list that the margin has, too
-    text = re.sub(r"^## (.+)$", r"## `\1`", text, flags=re.MULTILINE)  # else "--" becomes a dash
-    return re.sub(
-        r"(--install-completion) .*(?=\[OPTIONS\])", r"\1 ", text
-    )  # without the name of this program
-
-
-def _settings(kind: type, path: str) -> Iterator[str]:
-    """Tables of a tree of settings, one a class: names as `--set` takes them, defaults, meanings."""
-    owner = ""
-    for each in settings_of(kind, path):
-        if each.owner != owner:
-            owner = each.owner
-            yield from (f"\n### {owner}\n", "| | Default | |", "|---|---|---|")
-        text = re.sub(r"([|*])", r"\\\1", each.about)
-        yield f"| `{each.name}` | {each.default} | {text} |"
+def change_source(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Leave out what is for readers in a clone, and mark links out of the documentation."""
+    source[0] = OUTSIDE.sub(r"](path:\1)", CLONE.sub("", source[0]))
 
 
 def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -277,7 +230,7 @@ def write_equation(translator: Any, node: Element) -> None:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Connect everything."""
     app.add_html_math_renderer("mathml", (write_formula, None), (write_equation, None))
-    app.connect("source-read", fill_tables)
+    app.connect("source-read", change_source)
     app.connect("autodoc-process-docstring", mark_blocks, priority=400)
     app.connect("autodoc-process-signature", name_types)
     app.connect("doctree-read", shorten)
