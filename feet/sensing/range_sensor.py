@@ -7,9 +7,10 @@ from typing import Annotated
 
 import numpy as np
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, whole_number
-from wbc.base.settings import NonNegative, Positive, Share, settings
+from wbc.base.numbers import ROUNDING
+from wbc.base.settings import NonNegative, Positive, Seed, Share, settings
 
 
 @settings
@@ -48,9 +49,10 @@ class RangeSampler:
     The last `reading`, m, is NaN when lost or out of range; `fresh` says whether the last call took a new one.
     """
 
-    def __init__(self, sensor: RangeSensor, seed: int = 0) -> None:
+    @checked
+    def __init__(self, sensor: RangeSensor, seed: Seed = 0) -> None:
         self.sensor = sensor
-        self._seed = whole_number("seed", seed, low=0)
+        self._seed = seed
         self.reset()
 
     def reset(self) -> None:

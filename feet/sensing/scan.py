@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from wbc.base.errors import InputError, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array, positive
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.base.settings import Positive, settings
 
 PROFILE_STEP = 0.007
@@ -83,7 +83,9 @@ class Profile:
 
     def last(self, length: float) -> Profile:
         """Return the end of the profile, nearest to the landing place, at most `length` (m) long."""
-        count = int(positive("length of the end of a profile (m)", length) / self.step + 1e-6) + 1
+        count = (
+            int(finite_scalar("length of the end of a profile (m)", length, above=0.0) / self.step + 1e-6) + 1
+        )
         if count >= self.x.size:
             return self
         cut = slice(self.x.size - count, None)

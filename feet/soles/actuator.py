@@ -9,7 +9,7 @@ from typing import Annotated
 from pydantic import Field
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import finite_scalar, non_negative
+from wbc.base.numbers import finite_scalar
 from wbc.base.settings import NonNegative, settings
 
 SOFTEST, STIFFEST = 1.0, 2000.0
@@ -93,7 +93,7 @@ class StiffnessActuator:
             duration: Duration, s.
         """
         target = self.check(command)
-        left = non_negative("duration (s)", duration)
+        left = finite_scalar("duration (s)", duration, low=0.0)
         if self.acts_at_once:
             return StiffnessState(target, target, target)
         goal, reference, actual = (math.log10(k) for k in (target, state.reference, state.actual))

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array, positive
+from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.base.settings import Positive, settings
 
 
@@ -91,7 +91,7 @@ class AnkleSole:
         spacing: float | None = None,
     ) -> AnkleSole:
         """Return a level sole below an upright ankle link, its centre `ankle_behind` ahead of it; all in m."""
-        positive("ankle height over the sole (m)", ankle_height)
+        finite_scalar("ankle height over the sole (m)", ankle_height, above=0.0)
         return cls(
             ankle_link,
             (ankle_behind, 0.0, -ankle_height),

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
-from wbc.base.numbers import ROUNDING, finite_scalar, non_negative, positive
+from wbc.base.numbers import ROUNDING, finite_scalar
 from wbc.core.frames import FrameDescription
 from wbc.core.model import Closure, joints_to
 from wbc.core.robot import GRAVITY
@@ -148,7 +148,7 @@ def complete(
         "servo": options.get("servo") or ServoRule(),
         "gains": options.get("gains") or {},
         "package_dirs": package_dirs,
-        "height": None if height is None else positive("height (m)", height),
+        "height": None if height is None else finite_scalar("height (m)", height, above=0.0),
         "source": source,
         "licence": options.get("licence", "unknown"),
         "derived": tuple(notes),
@@ -172,7 +172,7 @@ def check_values(robot: Any, model: pin.Model) -> None:
     for what, (given, unit) in values.items():
         for name, value in given.items():
             choose("joint", name, names)
-            non_negative(f"{what} of joint '{name}'{unit}", value)
+            finite_scalar(f"{what} of joint '{name}'{unit}", value, low=0.0)
     for name, value in robot.half_sitting.items():
         i = model.nq - len(names) + names.index(choose("joint", name, names))
         low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])

@@ -8,7 +8,7 @@ from typing import Any
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.numbers import Array, finite_array, positive
+from wbc.base.numbers import Array, finite_array, finite_scalar
 
 _OVER = 1e-12
 """Remaining time at which a push is over, s."""
@@ -40,7 +40,7 @@ class Pushes:
                 body,
                 finite_array("force of the push (N)", force, (3,)),
                 point,
-                positive("duration of the push (s)", duration),
+                finite_scalar("duration of the push (s)", duration, above=0.0),
             )
         )
 

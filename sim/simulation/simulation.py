@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError, MeasurementError, WbcError, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array, positive
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.base.settings import Seed
 from wbc.core.conventions import Index
 from wbc.core.robot import Robot, checked_configuration
@@ -387,7 +387,7 @@ def step_together(robots: Sequence[Simulation], commands: Sequence[Command]) -> 
 
 def _check_period(period: float, own: float) -> None:
     """Check that a command is made for the control period of a simulation, s, or for a whole number of them."""
-    period = positive("period of a command (s)", period)
+    period = finite_scalar("period of a command (s)", period, above=0.0)
     if round(period / own) < 1 or abs(round(period / own) * own - period) > ROUNDING:
         raise InputError(
             f"the control is made for a period of {1e3 * period:g} ms, and the simulation advances by "

@@ -17,7 +17,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, Array, finite_scalar, non_negative, positive
+from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import NonNegative, Number, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
@@ -288,8 +288,8 @@ class Terrain:
             x and z of the samples, each of shape (n,), m.
         """
         a = finite_scalar("profile x0 (m)", self.start if x0 is None else x0)
-        b = finite_scalar("profile x1 (m)", self.stop if x1 is None else x1, low=a, open_low=True)
-        spacing = positive("profile step (m)", step)
+        b = finite_scalar("profile x1 (m)", self.stop if x1 is None else x1, above=a)
+        spacing = finite_scalar("profile step (m)", step, above=0.0)
         if b - a > MAX_NODES * spacing:
             raise InputError(
                 f"profile step (m) must be at least {(b - a) / MAX_NODES:.3g}, for {MAX_NODES:.3g} samples between "
@@ -303,7 +303,10 @@ class Terrain:
 
         The obstacle of one step is the amplitude, or one riser. A negative clearance is an `InputError`.
         """
-        height, rise = non_negative("foot clearance (m)", clearance), self.parameters.rise_at(self.amplitude)
+        height, rise = (
+            finite_scalar("foot clearance (m)", clearance, low=0.0),
+            self.parameters.rise_at(self.amplitude),
+        )
         if rise > height:
             warnings.warn(
                 f"terrain '{self.name}' rises by {1e3 * rise:.3g} mm, more than the foot clearance of "

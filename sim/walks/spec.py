@@ -11,9 +11,9 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import PlainValidator
 
 from wbc.base.changes import Changes, as_changes, changed, normal_changes
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, file_hash
-from wbc.base.numbers import whole_number
 from wbc.base.settings import Angle, NonNegative, Number, Seed, json_object, settings
 from wbc.core.drive.control import Mode
 from wbc.feet import Foot
@@ -280,13 +280,13 @@ class WalkSpec(TrialSpec):
             stairs,
         )
 
-    def with_seed(self, seed: int) -> WalkSpec:
+    @checked
+    def with_seed(self, seed: Seed) -> WalkSpec:
         """Return the spec with another seed; quicker than `replace`, which checks all fields again."""
         twin = copy.copy(self)
-        number = whole_number("seed", seed, low=0)
-        if number >= SEED_LIMIT:
+        if seed >= SEED_LIMIT:
             raise InputError(f"a seed must be below 2**63, got {seed}")
-        object.__setattr__(twin, "seed", number)
+        object.__setattr__(twin, "seed", seed)
         if self.scheduling[0] is not None:  # an oracle knows the ground
             checked_policy(
                 self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, twin.ground()

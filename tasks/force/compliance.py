@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
-from wbc.base.numbers import Array, finite_array, positive, read_only
+from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
 from wbc.base.settings import NonNegative
 from wbc.core.frames import frame_jacobian, pose_of
 from wbc.core.qp.options import POSE_AXES, MotionOptions
@@ -269,7 +269,7 @@ class ComplianceTask(FrameTask):
         self._offset_rotation = np.dot(self._offset_rotation, pin.exp3(dt * clamped[3:]))
 
     def _start(self, dt: float) -> None:
-        self._check_damping(self.damping, positive("control period (s)", dt))
+        self._check_damping(self.damping, finite_scalar("control period (s)", dt, above=0.0))
         self._period = dt
         self._gain_of_period = -math.expm1(-dt / self._time_constant) if self._time_constant > 0.0 else 1.0
 

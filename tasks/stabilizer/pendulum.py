@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.base.numbers import Array, finite_array, positive
+from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.core.robot import GRAVITY
 
 
 def natural_frequency(height: float) -> float:
     """Return ω = √(g / h), 1/s, at a height of the CoM over the ZMP, m; `InputError` if it is not above zero."""
-    return math.sqrt(GRAVITY / positive("height of the CoM over the ZMP (m)", height))
+    return math.sqrt(GRAVITY / finite_scalar("height of the CoM over the ZMP (m)", height, above=0.0))
 
 
 def dcm(com: Array, com_velocity: Array, omega: float) -> Array:

@@ -53,6 +53,12 @@ class Spec:
     pushes: tuple[Push, ...] = ()
 
 
+@settings
+class Scale:
+    factor: Annotated[Positive | tuple[Positive, ...], "m"] = 1.0
+    of: Annotated[dict[str, Positive], "kg"] = field(default_factory=dict)
+
+
 @settings(kw_only=True)
 class Gait:
     first: Push = field(default_factory=Push)
@@ -178,6 +184,9 @@ def test_a_refused_value_is_named_by_its_place_its_unit_and_what_was_given() -> 
         (Spec, {"start": [0.0, "x", 0.0]}, ("start[1]", "'x'")),
         (Gait, {"spec": {"push": {"impulse": -3.0}}}, ("spec.push.impulse (Ns/kg)", "-3.0")),
         (Spec, [1], ("Spec", "1")),
+        (Scale, {"factor": [1.0, -2.0]}, ("factor[1] (m) must be greater than 0", "-2.0")),
+        (Scale, {"factor": "x"}, ("factor (m) must be a valid number or a sequence", "'x'")),
+        (Scale, {"of": {"knee": -2.0}}, ("of['knee'] (kg) must be", "-2.0")),
     ):
         with pytest.raises(InputError) as refusal:
             from_json(kind, data)

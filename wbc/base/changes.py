@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.settings import may_be_none, nested_settings, to_json
+from wbc.base.settings import hashable, may_be_none, nested_settings
 
 T = TypeVar("T")
 
@@ -38,14 +38,12 @@ def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes
 
 
 def _plain(name: str, value: Any) -> Value:
-    value = to_json(value)  # numbers and arrays of NumPy
-    if isinstance(value, (list, tuple)) and all(_is_scalar(item) for item in value):
-        return tuple(value)
-    if not _is_scalar(value):
+    value = hashable(value)
+    if not all(map(_is_scalar, value if isinstance(value, tuple) else (value,))):
         raise InputError(
             f"setting '{name}' must be a number, a truth value, text, null or a list of these, got {shown(value)}"
         )
-    return typing.cast(Scalar, value)
+    return typing.cast(Value, value)
 
 
 def _is_scalar(value: Any) -> bool:

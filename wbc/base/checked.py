@@ -23,7 +23,7 @@ from pydantic import PlainValidator, Strict, TypeAdapter, ValidationError
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import read_only
-from wbc.base.settings import CONFIG, Numbers, hashable, members_of, refusal, unit_of
+from wbc.base.settings import CONFIG, Numbers, hashable, members_of, refuse
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -61,8 +61,9 @@ def checked(function: F) -> F:
             by_name = {
                 name: ArgumentCheck(function, name, hint) for name, hint in checkable(function).items()
             }
-            names = [*inspect.signature(function).parameters]
-            table = [(names.index(name), by_name[name]) for name in by_name if name in names], by_name
+            kinds = [(each.name, each.kind) for each in inspect.signature(function).parameters.values()]
+            places = [name for name, kind in kinds if kind <= inspect.Parameter.POSITIONAL_OR_KEYWORD]
+            table = [(places.index(name), by_name[name]) for name in by_name if name in places], by_name
         by_place, by_name = table
         given, count = list(args), len(args)
         for place, check in by_place:
@@ -166,12 +167,12 @@ class ArgumentCheck:
     def __init__(self, function: Callable[..., Any], name: str, hint: Any) -> None:
         """Prepare the check of an argument of a function."""
         self._validate = TypeAdapter(_for_pydantic(hint), config=CONFIG).validator.validate_python
-        members = members_of(hint)
-        self.taken = frozenset(part for part in members if isinstance(part, type) and part not in NUMBERS)
+        self.taken = frozenset(
+            part for part in members_of(hint) if isinstance(part, type) and part not in NUMBERS
+        )
         self._plain = not any(isinstance(part, Numbers) for part in _parts(hint))
-        self._unit, self._union = unit_of(hint), len(set(members) - {type(None)}) > 1
         self._is_method = next(iter(inspect.signature(function).parameters)) in ("self", "cls")
-        self._name, self._of = name, function.__qualname__.rpartition("<locals>.")[2]
+        self._hint, self._name, self._of = hint, name, function.__qualname__.rpartition("<locals>.")[2]
         if self._is_method:  # of a class that derives, perhaps, from the one that has it
             self._of = "" if function.__name__ == "__init__" else function.__name__
         if name == "value":
@@ -185,7 +186,7 @@ class ArgumentCheck:
             owner = type(args[0]) if self._is_method and not isinstance(args[0], type) else None
             owner = owner or (args[0] if self._is_method else None)
             of = ".".join(filter(None, (getattr(owner, "__name__", ""), self._of)))
-            raise refusal(f"{self._name} of {of}", self._unit, error, value, self._union) from None
+            refuse(error, value, self._hint, f"{self._name} of {of}")
 
 
 def _for_pydantic(hint: Any) -> Any:

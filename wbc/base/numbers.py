@@ -56,49 +56,41 @@ def plain(value: Any) -> Any:
     raise TypeError(f"{shown(value)} is no value that JSON has")
 
 
-def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages."""
+def finite_array(
+    what: str,
+    value: ArrayLike,
+    shape: tuple[int, ...] | None = None,
+    *,
+    low: float = -math.inf,
+    above: float = -math.inf,
+    high: float = math.inf,
+) -> Array:
+    """Return a copy of finite numbers as a float64 array of a shape, any when None; `what` is its name in messages.
+
+    `low` is the least number, `above` one that every number exceeds, `high` the greatest one.
+    """
+    kind = "numbers" if shape != () else "a number"
     try:
         array = numbers(value)
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
-        raise InputError(f"{what} must be numbers, got {shown(value)}") from error
+        raise InputError(f"{what} must be {kind}, got {shown(value)}") from error
     if shape is not None and array.shape != shape:
-        raise InputError(f"{what} must have shape {shape}, got {array.shape}")
-    # Three times as fast as NumPy for the small arrays of a tick.
-    if not all(map(math.isfinite, array.ravel().tolist())):
-        raise InputError(f"{what} must be finite, got {shown(array)}")
+        of = f"have shape {shape}, got {array.shape}" if shape else f"be a number, got {shown(value)}"
+        raise InputError(f"{what} must {of}")
+    flat = array.ravel().tolist()  # three times as fast as NumPy for the small arrays of a tick
+    if not all(map(math.isfinite, flat)):
+        raise InputError(f"{what} must be finite, got {shown(value if shape == () else array)}")
+    if flat and (min(flat) < low or min(flat) <= above or max(flat) > high):
+        bounds = {"of at least": low, "above": above, "of at most": high}
+        rules = " and ".join(f"{rule} {bound:g}" for rule, bound in bounds.items() if math.isfinite(bound))
+        raise InputError(f"{what} must be {kind.replace('num', 'finite num')} {rules}, got {shown(value)}")
     return array
 
 
 def finite_scalar(
-    what: str, value: Any, *, low: float = -math.inf, high: float = math.inf, open_low: bool = False
+    what: str, value: Any, *, low: float = -math.inf, above: float = -math.inf, high: float = math.inf
 ) -> float:
-    """Return a number as a float inside [low, high], or (low, high] with `open_low`; `what` is named in messages."""
-    if isinstance(value, (str, bytes, bool)):
-        raise InputError(f"{what} must be a number, got {shown(value)}")
-    try:
-        number = float(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"{what} must be a number, got {shown(value)}") from error
-    if not math.isfinite(number):
-        raise InputError(f"{what} must be finite, got {number}")
-    if number < low or number > high or (open_low and number == low):
-        raise InputError(f"{what} must lie in {'(' if open_low else '['}{low:g}, {high:g}], got {number:g}")
-    return number
-
-
-def positive(what: str, value: Any) -> float:
-    """Return a number as a float above zero; `InputError` for anything else."""
-    return finite_scalar(what, value, low=0.0, open_low=True)
-
-
-def non_negative(what: str, value: Any) -> float:
-    """Return a number as a float of at least zero; `InputError` for anything else."""
-    return finite_scalar(what, value, low=0.0)
-
-
-def whole_number(what: str, value: Any, *, low: int) -> int:
-    """Return an integer that is not below `low`; `InputError` for anything else."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < low:
-        raise InputError(f"{what} must be an integer of at least {low}, got {shown(value)}")
-    return int(value)
+    """Return a finite number of a range, as of `finite_array`, as a float."""
+    if type(value) is float and math.isfinite(value) and low <= value <= high and above < value:
+        return value
+    return float(finite_array(what, value, (), low=low, above=above, high=high))

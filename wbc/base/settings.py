@@ -17,6 +17,7 @@ import dataclasses
 import functools
 import json
 import math
+import re
 import types
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -64,6 +65,9 @@ Count = Annotated[int, Field(ge=1, le=MOST)]
 Seed = Annotated[int, Field(ge=0)]
 """Seed of a random generator: an integer, zero or above."""
 
+Index = Annotated[int, Field(ge=0)]
+"""An integer, zero or above: a place in an order, such as a tick of a log or a level of priority."""
+
 Number = Annotated[float, Field(allow_inf_nan=False)]
 """A finite number of any sign and size: a place, or a speed that a check of the whole bounds."""
 
@@ -96,14 +100,9 @@ class Numbers:
     def checked(self, value: Any) -> Array:
         """Return a copy as a float64 array; what is outside is a `ValueError` that says the rule."""
         try:
-            array = finite_array("", value, self.shape)
+            return finite_array("", value, self.shape, low=self.low, above=self.above, high=self.high)
         except InputError as error:
             raise ValueError(str(error).strip()) from None
-        if not ((array >= self.low) & (array > self.above) & (array <= self.high)).all():
-            bounds = {"at least": self.low, "above": self.above, "at most": self.high}
-            rules = [f"{rule} {bound:g}" for rule, bound in bounds.items() if math.isfinite(bound)]
-            raise ValueError(f"must be finite numbers {', '.join(rules)}".rstrip())
-        return array
 
 
 PositiveNumbers = Annotated[ArrayLike, Numbers(above=0.0)]
@@ -149,7 +148,7 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False, eq: bool 
         try:
             check(self, *map(hashable, args), **{name: hashable(value) for name, value in values.items()})
         except ValidationError as error:
-            _refuse(type(self), error)
+            refuse(error, values, type(self))
 
     made.__init__ = init
     return typing.cast(type[T], made)
@@ -212,7 +211,7 @@ def from_json(kind: type[T], data: Any) -> T:
         # As JSON, because there alone strict checks take an object for settings and a list for a tuple.
         return typing.cast(T, _adapter(typing.cast(Any, kind)).validate_json(json.dumps(data, default=plain)))
     except ValidationError as error:
-        _refuse(kind, error)
+        refuse(error, data, kind)
     except (RecursionError, TypeError, ValueError) as error:  # values that JSON cannot hold
         if isinstance(error, InputError):
             raise
@@ -224,61 +223,60 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def _refuse(kind: Any, error: ValidationError) -> NoReturn:
-    """Raise a name that does not exist, else the first value that was refused, as an error of this library."""
-    errors = error.errors(include_url=False)
-    # A wrong name comes before what it leaves missing.
-    first = next((e for e in errors if e["type"].startswith("unexpected")), errors[0])
-    cause, loc = first.get("ctx", {}).get("error"), list(first["loc"])
-    if isinstance(cause, InputError):
-        raise cause from None
-    if loc and isinstance(loc[0], int):  # a value given without its name
-        loc[:1] = [*getattr(kind, FIELDS, ())][loc[0] : loc[0] + 1]
-    owner, path, unit = kind, "", ""
-    for part in loc:
-        path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
-        if part in getattr(owner, FIELDS, ()):
-            hint = _hints(owner)[str(part)]
-            owner, unit = next(_classes_in(hint), None), unit_of(hint)
-    if first["type"] == "unexpected_keyword_argument":
-        unknown_name(f"setting of {getattr(owner, '__name__', path)}", loc[-1], getattr(owner, FIELDS, ()))
-    raise _sentence(path or getattr(kind, "__name__", str(kind)), unit, [_rule(first)], first) from None
+def refuse(error: ValidationError, value: Any, hint: Any, what: str = "") -> NoReturn:
+    """Raise the error of a value that its annotation refuses: where it is wrong, unit, the rules there, what is there.
 
-
-def refusal(what: str, unit: str, error: ValidationError, value: Any, of_union: bool) -> InputError:
-    """Return the error of a value, `what`, that its annotation refuses; of a union, with the rules of its members."""
+    A name that does not exist comes before what it leaves missing. Of settings, `what` is empty.
+    """
     errors = error.errors(include_url=False)
-    first = max(errors, key=lambda each: len(each["loc"])) if of_union else errors[0]
+    near = (each for each in errors if what or each["loc"][:1] == errors[0]["loc"][:1])
+    unknown = (each for each in errors if each["type"].startswith("unexpected"))
+    first = next(unknown, None) or max(
+        near, key=lambda each: len(each["loc"])
+    )  # of a union, the closest member
     if isinstance(cause := first.get("ctx", {}).get("error"), InputError):
-        return cause
-    place = _place_in(value, first["loc"])
-    same = [each for each in errors if _place_in(value, each["loc"]) == place]
-    return _sentence(f"{what}{place}", unit, [*dict.fromkeys(map(_rule, same))], first)
+        raise cause from None
+    place, unit, owner = _place_in(value, hint, first["loc"])
+    if first["type"] == "unexpected_keyword_argument":
+        unknown_name(
+            f"setting of {getattr(owner, '__name__', what)}", first["loc"][-1], getattr(owner, FIELDS, ())
+        )
+    rules = [_rule(each) for each in errors if _place_in(value, hint, each["loc"])[0] == place]
+    rule = " or ".join(dict.fromkeys([rules[0], *(each.removeprefix("must be ") for each in rules[1:])]))
+    name = f"{what}{place}".removeprefix(".") or getattr(hint, "__name__", str(hint))
+    unit = f" ({unit})" if unit else ""
+    told = first["type"].startswith("missing") or ", got " in rule
+    given = "" if told else f", got {shown(first['input'])}"
+    raise InputError(f"{name}{unit}{'' if rule.startswith('must') else ':'} {rule}{given}") from None
 
 
-def _place_in(value: Any, loc: Sequence[int | str]) -> str:
-    """Return a place in a value, such as "['left_knee'][1]"; names of members of a union are none."""
-    place = ""
+def _place_in(value: Any, hint: Any, loc: Sequence[int | str]) -> tuple[str, str, Any]:
+    """Return a place in a value, such as ".pushes[1].time" or "['knee']", its unit, and the settings that it is in.
+
+    Names of members of a union are no places.
+    """
+    place, unit, owner = "", unit_of(hint), hint
     for part in loc:
-        if isinstance(part, int) or (isinstance(value, Mapping) and part in value):
+        names = [*getattr(owner, FIELDS, ())]
+        if not place and names and isinstance(part, int):  # a value given without its name
+            part = names[part] if part < len(names) else part  # noqa: PLW2901
+        if part in names:
+            place, inside = f"{place}.{part}", _hints(owner)[str(part)]
+            unit, owner = unit_of(inside), next(_classes_in(inside), None)
+        elif isinstance(part, int) or (isinstance(value, Mapping) and part in value):
             place += f"[{part!r}]"
-            value = value[part] if isinstance(value, Mapping) else None
-    return place
+        else:
+            continue
+        known = isinstance(value, (list, tuple)) or (isinstance(value, Mapping) and part in value)
+        value = value[part] if known else None
+    return place, unit, owner
 
 
 def _rule(error: Mapping[str, Any]) -> str:
     said = str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "must be", 1)
-    return said.replace("a valid tuple", "a sequence").replace("a valid dictionary", "a mapping")
-
-
-def _sentence(what: str, unit: str, rules: Sequence[str], error: Mapping[str, Any]) -> InputError:
-    """Return the error of a value: its name and unit, the rules that it breaks, the value."""
-    rule = " or ".join([rules[0], *(rule.removeprefix("must be ") for rule in rules[1:])])
-    unit = f" ({unit})" if unit else ""
-    given = (
-        "" if error["type"].startswith("missing") or ", got " in rule else f", got {shown(error['input'])}"
+    return re.sub(
+        "a valid (tuple|array)", "a sequence", re.sub("a valid (dictionary|object)", "a mapping", said)
     )
-    return InputError(f"{what}{unit}{'' if rule.startswith('must') else ':'} {rule}{given}")
 
 
 @functools.cache

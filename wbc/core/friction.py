@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wbc.base.numbers import Array, positive
+from wbc.base.numbers import Array, finite_scalar
 
 
 def mean_distance(half_length: float, half_width: float) -> float:
@@ -35,7 +35,8 @@ def rectangle_wrench_cone(
     Source: Caron, Pham, Nakamura, "Stability of surface contacts for humanoid robots: closed-form formulae of the
     contact wrench cone for rectangular support areas", ICRA 2015, eq. (9)–(14).
     """
-    x, y = positive("half length (m)", half_length), positive("half width (m)", half_width)
+    x = finite_scalar("half length (m)", half_length, above=0.0)
+    y = finite_scalar("half width (m)", half_width, above=0.0)
     mu = inner_friction(friction)
     cone = np.zeros((16, 6))
     cone[0:4, 2] = -mu  # friction pyramid
@@ -56,7 +57,7 @@ def rectangle_wrench_cone(
 
 def inner_friction(friction: float) -> float:
     """Return ν = μ / √2, with which the pyramid |f_x|, |f_y| ≤ ν f_z is inside the cone √(f_x² + f_y²) ≤ μ f_z."""
-    return positive("friction", friction) / math.sqrt(2.0)
+    return finite_scalar("friction", friction, above=0.0) / math.sqrt(2.0)
 
 
 def friction_pyramid(friction: float) -> Array:

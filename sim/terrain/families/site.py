@@ -9,8 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import ROUNDING, Array, whole_number
+from wbc.base.numbers import ROUNDING, Array
+from wbc.base.settings import Seed
 
 LONGEST_TRACK = 1000.0
 """Longest and widest track, m."""
@@ -23,12 +25,11 @@ class Draws:
     releases), so the raw 64-bit words of PCG64 are turned into doubles here.
     """
 
-    def __init__(self, seed: int, key: str) -> None:
+    @checked
+    def __init__(self, seed: Seed, key: str) -> None:
         """Start the stream of a seed, 0 or above, and a key, which tells a ground from all others of the seed."""
         words = np.frombuffer(hashlib.sha256(key.encode()).digest(), dtype="<u4")
-        self._bits = np.random.PCG64(
-            np.random.SeedSequence([whole_number("seed", seed, low=0), *words.tolist()])
-        )
+        self._bits = np.random.PCG64(np.random.SeedSequence([seed, *words.tolist()]))
 
     def uniform(self, low: float, high: float, count: int) -> Array:
         """Draw `count` numbers from [low, high), shape (count,)."""

@@ -31,7 +31,8 @@ from wbc.app.view.walk_marks import sole_poses
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import decoding
-from wbc.base.numbers import Array, positive, whole_number
+from wbc.base.numbers import Array, finite_scalar
+from wbc.base.settings import Index
 from wbc.core.robot import SIDES
 from wbc.sim.plant.plant import Plant
 
@@ -107,7 +108,8 @@ class Replay:
             rate: Pictures per second of the film, Hz.
             speed: Speed of the film: seconds of the run in one second of the film.
         """
-        step = positive("speed of the replay", speed) / positive("pictures a second (1/s)", rate)
+        rate = finite_scalar("pictures a second (1/s)", rate, above=0.0)
+        step = finite_scalar("speed of the replay", speed, above=0.0) / rate
         time = self.log.time
         if (time[-1] - time[0] + 1e-9) / step > MOST_PICTURES:
             raise InputError(f"a replay has at most {MOST_PICTURES:,} pictures, got {rate:g} a second")
@@ -117,13 +119,14 @@ class Replay:
         nearest = np.where(time[after] - times <= times - time[before], after, before)
         return [int(i) for i in np.unique(nearest)]
 
-    def picture(self, tick: int) -> Picture:
+    @checked
+    def picture(self, tick: Index) -> Picture:
         """Move all bodies to their positions at a tick, and return the marks and the text of this tick.
 
         Furniture of a log that was recorded before its places were stays where it was at the start. Forces are those of
         the foot sensors. A tick that the log does not have is an `InputError`.
         """
-        if whole_number("tick of a log", tick, low=0) >= len(self):
+        if tick >= len(self):
             raise InputError(f"tick of a log must be below {len(self)}, got {tick}")
         if isinstance(self._stage, DescribedStage):
             self._stage.show(self._q[tick])

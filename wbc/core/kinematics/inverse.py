@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, NoSolutionError
-from wbc.base.numbers import Array, finite_array, whole_number
-from wbc.base.settings import Count, NonNegative, Period, Positive, Seed
+from wbc.base.numbers import Array, finite_array
+from wbc.base.settings import Count, Index, NonNegative, Period, Positive, Seed
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.levels import solve_levels
 from wbc.core.kinematics.reach import Search
@@ -87,7 +87,8 @@ class InverseKinematics(Items):
     def add(self, item: ItemT, /, *, level: int = 0) -> ItemT: ...
     @overload
     def add(self, item: Item, /, *items: Item, level: int = 0) -> tuple[Item, ...]: ...
-    def add(self, item: Item, /, *items: Item, level: int = 0) -> Any:
+    @checked
+    def add(self, item: Item, /, *items: Item, level: Index = 0) -> Any:
         """Add tasks, contacts and limits, and return the item, or all of several as a tuple.
 
         Args:
@@ -101,7 +102,6 @@ class InverseKinematics(Items):
             InputError: See `Controller.add`. Tasks on forces or torques, tasks that read sensors, and torque limits
                 cannot be used in inverse kinematics.
         """
-        whole_number("level of a task", level, low=0)
         for each in (item, *items):
             if level and (not isinstance(each, Task) or each.hard):
                 raise InputError(f"{each!r} holds at every level: add it without `level`")

@@ -450,8 +450,8 @@ class SoleContact(HeldFrame):
         """
         least = 2.0 * self._margin
         self._box = (
-            finite_scalar(f"length of contact '{self.name}' (m)", length, low=least, open_low=True),
-            finite_scalar(f"width of contact '{self.name}' (m)", width, low=least, open_low=True),
+            finite_scalar(f"length of contact '{self.name}' (m)", length, above=least),
+            finite_scalar(f"width of contact '{self.name}' (m)", width, above=least),
         )
         place = finite_array(f"centre of contact '{self.name}' (m)", centre, (2,))
         if self._torsion is None and place.any():

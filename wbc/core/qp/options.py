@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.errors import InputError, names_in, shown, unknown_name
-from wbc.base.numbers import Array, whole_number
+from wbc.base.numbers import Array, finite_scalar
 from wbc.core.robot import Robot
 
 POSITION_AXES = ("x", "y", "z")
@@ -142,7 +142,7 @@ class Choice:
         self.keep: slice | NDArray[np.intp] | EllipsisType = ...
         self.n_linear: int | None = None
         if isinstance(rows, int):
-            self.dim = self.n_rows = whole_number(f"number of rows of task '{task}'", rows, low=1)
+            self.dim = self.n_rows = int(finite_scalar(f"number of rows of task '{task}'", rows, low=1))
         else:
             mask = axis_mask(task, rows if axes is None else axes, rows)
             kept = np.flatnonzero(mask)

@@ -87,9 +87,7 @@ def conformance(
     check_parts("a loop", loop, "description", "control_period", "measure", "step")
     if not isinstance(loop.description, RobotDescription):
         raise InputError(f"description of a loop must be a RobotDescription, got {shown(loop.description)}")
-    finite_scalar(
-        "control period of the loop (s)", loop.control_period, low=0.0, high=LONGEST_PERIOD, open_low=True
-    )
+    finite_scalar("control period of the loop (s)", loop.control_period, above=0.0, high=LONGEST_PERIOD)
     session = Session(loop, delay)
     for group, names in CHECKS:
         why = session.lost if session.lost and group is not _clock else group(session)
