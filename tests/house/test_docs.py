@@ -287,6 +287,14 @@ def test_constants_of_the_law_are_those_of_the_code() -> None:
         given, si = (np.atleast_1d(getattr(values, name))[0] for values in (own, in_si(own, size)))
         assert given == float(value), name
         assert si == pytest.approx(float(of_g1), rel=0.05, abs=5e-4), name
+    units = re.findall(
+        r"^\| (?:length|time|velocity|force) \|.*", text_of(ROOT / "docs/stepping_law.md"), re.MULTILINE
+    )
+    for column, robot in enumerate(("g1", "hrp4_class", "talos"), start=3):
+        size = RobotSize.of(wbc.load_robot(robot).robot(), SteppingSettings().bend)
+        own = size.height, 1.0 / size.omega, size.height * size.omega, size.weight
+        told = [float(row.split("|")[column].split()[0]) for row in units]
+        assert own == pytest.approx(told, rel=2e-3), robot
 
 
 @pytest.mark.slow
