@@ -26,6 +26,7 @@ from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array
 from wbc.base.settings import Positive
 from wbc.core.estimation.observer import Observer
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 from wbc.sim.plant.mujoco_robot import MujocoRobot
@@ -36,7 +37,6 @@ from wbc.sim.walks.arrival import middle
 from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
-from wbc.walking.plans.footsteps import heading
 
 Pixels = NDArray[np.uint8]
 Seen = NDArray[np.float32]

@@ -14,7 +14,7 @@ from wbc.base.settings import Period, Seed
 from wbc.core.limits.base import Limit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task
-from wbc.core.robot import Robot
+from wbc.core.robot import Robot, random_joints
 
 STEP = 1e-6
 """Step of the differences: of each coordinate, rad or m, and of the motion, s."""
@@ -172,6 +172,5 @@ def _random_state(robot: Robot, random: np.random.Generator) -> tuple[Array, Arr
     if robot.floating:
         q[:3] = random.normal(size=3)
         q[3:7] = pin.Quaternion(pin.exp3(random.normal(size=3))).coeffs()
-    low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
-    q[robot.base_nq :] = low + random.uniform(0.2, 0.8, robot.na) * (high - low)
+    q[robot.base_nq :] = random_joints(robot, random, room=0.2)
     return q, random.normal(size=robot.nv)

@@ -15,6 +15,7 @@ from generator import Generator
 from model import ARMATURE, ARMS, JOINTS
 
 import wbc
+from wbc.sim.walks.meter import Vibration
 
 SECONDS, POINTS, SEGMENT = 90.0, 18, 5.0
 """Time of a run, s; number of waypoints, and the time for each of them, s."""
@@ -167,23 +168,18 @@ class Effort:
             for group, parts in GROUPS.items()
         }
         self.energy = np.zeros(len(joint_names))
-        self.vibration = np.zeros(len(joint_names))
-        self._velocity: np.ndarray | None = None
-        self._acceleration: np.ndarray | None = None
+        self._vibration = Vibration(len(joint_names), COMMANDS)
 
     def add(self, torque: np.ndarray, velocity: np.ndarray) -> None:
         """Add a sample: torques, shape (na,), Nm, and velocities, shape (na,), rad/s, of the joints."""
         self.energy += np.abs(torque * velocity) * COMMANDS
-        last = None if self._velocity is None else (velocity - self._velocity) / COMMANDS
-        if last is not None and self._acceleration is not None:
-            self.vibration += np.abs(last - self._acceleration)
-        self._velocity, self._acceleration = velocity.copy(), last
+        self._vibration.add(velocity)
 
     def by_group(self) -> dict[str, dict[str, float]]:
         """Return energy, J, and vibration, rad/s², of each group of joints."""
         return {
             name: {group: round(float(values[columns].sum()), 3) for group, columns in self._groups.items()}
-            for name, values in (("energy", self.energy), ("vibration", self.vibration))
+            for name, values in (("energy", self.energy), ("vibration", self._vibration.value))
         }
 
 

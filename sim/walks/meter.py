@@ -10,7 +10,9 @@ import numpy as np
 
 from wbc.base.hull import hull_and_area
 from wbc.base.numbers import Array
+from wbc.base.vectors import along
 from wbc.core.drive.control import DriveControl
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.policy.control import PolicyControl
@@ -55,7 +57,7 @@ class _Moment(NamedTuple):
     elapsed: float
     duration: float
     stance: int
-    rotation: list[float]  # of the stance sole, row by row
+    rotation: Array  # of the stance sole, shape (3, 3)
     dcm_error: list[float] | None  # target minus measured; None without a stabilizer
 
     @property
@@ -70,16 +72,38 @@ class _Moment(NamedTuple):
 
     def seen(self, x: float, y: float) -> tuple[float, float]:
         """Return a horizontal vector of the world, forward and outward seen from the stance foot."""
-        yaw = math.atan2(self.rotation[3], self.rotation[0])
-        c, s = math.cos(yaw), math.sin(yaw)
-        left = c * y - s * x
-        return c * x + s * y, left if self.stance == 0 else -left
+        yaw = heading(self.rotation)
+        ahead, left = along((math.cos(yaw), math.sin(yaw)), x, y)
+        return ahead, left if self.stance == 0 else -left
 
     @property
     def tilt(self) -> tuple[float, float]:
         """Roll and pitch of the stance sole, rad."""
-        down, side, up = self.rotation[6:]
+        down, side, up = self.rotation[2].tolist()
         return math.atan2(side, up), -math.asin(min(1.0, max(-1.0, down)))
+
+
+class Vibration:
+    """Sum of the changes of the joints' accelerations from sample to sample; an acceleration is that of two samples.
+
+    Attributes:
+        value: Sum of each joint, rad/s².
+    """
+
+    def __init__(self, joints: int, period: float) -> None:
+        """Begin without a sample, for a number of joints and the time from sample to sample, s."""
+        self.value, self._period = np.zeros(joints), period
+        self._velocity: Array | None = None
+        self._acceleration: Array | None = None
+
+    def add(self, velocity: Array) -> None:
+        """Add a sample of the joints' velocities, shape (na,), rad/s."""
+        if self._velocity is not None:
+            acceleration = (velocity - self._velocity) / self._period
+            if self._acceleration is not None:
+                self.value += np.abs(acceleration - self._acceleration)
+            self._acceleration = acceleration
+        self._velocity = velocity.copy()
 
 
 class WalkMeter(TrialHook):
@@ -99,9 +123,8 @@ class WalkMeter(TrialHook):
         self._peak = np.zeros(plant.robot.na)  # greatest torque of each joint over its limit
         self._effort: list[float] = []
         self.work = np.zeros(plant.robot.na)  # of each joint, the negative counted as positive, J
-        self._vibration = 0.0
         self._ticks, self._every = 0, max(1, round(SAMPLE / plant.control_period))
-        self._velocity = self._acceleration = np.zeros(0)  # of the joints in the last sample
+        self._vibration = Vibration(plant.robot.na, self._every * plant.control_period)
         self._slip = 0.0
         self._soles: list[tuple[Array, Array, Array] | None] = [None, None]
         self._impact: float | None = None
@@ -141,17 +164,8 @@ class WalkMeter(TrialHook):
         self.work += np.abs(torque * velocity) * plant.control_period
         self._effort.append(float(share.max()))
         if self._ticks % self._every == 0:
-            self._record_vibration(velocity)
+            self._vibration.add(velocity)
         self._ticks += 1
-
-    def _record_vibration(self, velocity: Array) -> None:
-        """Add the changes of the joints' accelerations from the last sample to this one, rad/s²."""
-        if self._velocity.size:
-            acceleration = (velocity - self._velocity) / (self._every * self._plant.control_period)
-            if self._acceleration.size:
-                self._vibration += float(np.abs(acceleration - self._acceleration).sum())
-            self._acceleration = acceleration
-        self._velocity = velocity.copy()
 
     def _record_slip(self, wrenches: list[list[float]]) -> None:
         """Add the way along the ground of the points of the soles at their centres of pressure, m."""
@@ -203,7 +217,7 @@ class WalkMeter(TrialHook):
     def _record_stance(self, progress: Progress, dcm_error: list[float] | None) -> None:
         """Record the tilt of the stance sole and the DCM error; its contact area once a step."""
         plant, stance = self._plant, progress.stance
-        rotation = plant.sole_pose(stance)[1].ravel().tolist()
+        rotation = plant.sole_pose(stance)[1].copy()
         moment = _Moment(
             plant.time,
             progress.steps_done + 1,
@@ -237,7 +251,7 @@ class WalkMeter(TrialHook):
         Without DCM errors the onset is the fall itself, and its direction that of the CoM's true velocity.
         """
         progress = self._walking.progress
-        level = np.eye(3).ravel().tolist()
+        level = np.eye(3)
         now = _Moment(
             self._plant.time, progress.steps_done + 1, progress.phase, 0.0, 0.0, 0, level, [0.0, 0.0]
         )
@@ -286,7 +300,7 @@ class WalkMeter(TrialHook):
                 float(self.work[legs := self._plant.robot.leg_joints].sum()),
                 float(np.delete(self.work, legs).sum()),
             ),
-            "vibration": self._vibration,
+            "vibration": float(self._vibration.value.sum()),
             "slip": self._slip,
             "touchdowns": Touchdowns(
                 count[Event.EARLY_TOUCH_DOWN],

@@ -17,6 +17,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, choose
 from wbc.core.conventions import rotation_of
 from wbc.core.estimation.observer import Observer
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
@@ -45,7 +46,6 @@ from wbc.sim.walks.trained import trained_control, turned
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
-from wbc.walking.plans.footsteps import heading
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 LEAST_WAY = 0.05

@@ -26,6 +26,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, read_only
 from wbc.base.settings import NonNegative
+from wbc.core.frames import heading
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.options import MotionOptions
 from wbc.core.qp.task import Drives
@@ -187,7 +188,7 @@ class StabilizerTask(CoMTask):
         """Take the present places of the soles, and the present heading, as those of a robot that stands."""
         self._places = [pin.SE3(self.robot.placement(sole)) for sole in self._sole_ids]
         self._away = [False, False]
-        self._yaw = _heading(self.robot)
+        self._yaw = heading(self.robot.placement(self.robot.base_frame).rotation)
 
     def _set_down(self) -> None:
         """Stand where feet have been set down that had left their places."""
@@ -197,7 +198,7 @@ class StabilizerTask(CoMTask):
             elif contact.active and self._away[side]:
                 self._away[side] = False
                 self._places[side] = pin.SE3(self.robot.placement(self._sole_ids[side]))
-                self._yaw = _heading(self.robot)
+                self._yaw = heading(self.robot.placement(self.robot.base_frame).rotation)
                 self.stabilizer.feet.reset(side)
 
     def observe(self, measurement: Measurement, dt: float) -> None:
@@ -326,9 +327,3 @@ class StabilizerTask(CoMTask):
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
         self._aim = np.array(target), np.array(velocity), np.array(acceleration)
-
-
-def _heading(robot: Robot) -> float:
-    """Return the direction of the base's x axis in the ground plane, rad."""
-    x, y, _ = robot.placement(robot.base_frame).rotation[:, 0].tolist()
-    return math.atan2(y, x)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from wbc import load_robot
 from wbc.base.errors import InputError
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, check_motion, make_feasible
 from wbc.motion.contacts import always_standing, find_contacts, runs, touching
@@ -19,7 +20,6 @@ from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion, Soles, corners_of, zmp_of
 from wbc.motion.measures import measure, nearest_inside, supports_of
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.reach import Reach
 
 RATE = 100.0

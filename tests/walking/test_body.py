@@ -11,6 +11,7 @@ import pytest
 
 from wbc import load_robot
 from wbc.base.errors import InputError
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
 from wbc.sim import Plant
@@ -20,7 +21,6 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.body import ACCELERATION, SPEED, TURN_ACCELERATION, TURN_SPEED, lowest_com
 from wbc.walking.contact import GaitPhase
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.reach import Leg
 from wbc.walking.stepping.gait import SteppingWalk
 

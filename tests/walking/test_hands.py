@@ -13,6 +13,7 @@ import pytest
 from standing_hands import AHEAD, DOWN, held_hand, standing, turned, wrench_at
 
 from wbc.base.errors import InputError
+from wbc.core.frames import heading
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Follower
@@ -38,7 +39,6 @@ from wbc.walking.hands.frames import FEET, FOLLOW, Frames, carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.turn import GyroTurn
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference
 from wbc.walking.swing import FootMotion
 

@@ -31,6 +31,18 @@ def pose_of(rotation: Array, translation: Array) -> pin.SE3:
     return placed
 
 
+def heading(rotation: Array) -> float:
+    """Return the heading of a frame's x axis, rad, from its rotation to the world, shape (3, 3)."""
+    return math.atan2(rotation[1, 0], rotation[0, 0])
+
+
+def direction(rotation: Array) -> complex:
+    """Return the direction in the plane of a frame's x axis, of length 1, from its rotation to the world."""
+    x, y = float(rotation[0, 0]), float(rotation[1, 0])
+    size = math.hypot(x, y) or 1.0
+    return complex(x / size, y / size)
+
+
 def unit_vector(what: str, value: ArrayLike) -> Array:
     """Return a vector of length 1, shape (3,); `InputError` for what is not three finite numbers, or all zero."""
     vector = finite_array(what, value, (3,))

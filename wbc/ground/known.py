@@ -24,6 +24,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
+from wbc.core.frames import heading
 from wbc.core.limits.shapes import RoundShape
 from wbc.core.robot import Robot
 from wbc.ground.body import OwnBody
@@ -109,7 +110,7 @@ class KnownGround:
             raise InputError(f"a KnownGround needs a robot with soles, '{robot.name}' has none")
         self.settings = s = settings or GroundSettings()
         base = robot.placement(robot.base_frame)
-        yaw = math.atan2(base.rotation[1, 0], base.rotation[0, 0])
+        yaw = heading(base.rotation)
         self.map = HeightMap(s.map, (float(base.translation[0]), float(base.translation[1]), yaw))
         self.elevation: ElevationMap | None = None
         self.doubts: dict[str, str] = {}

@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
+from wbc.core.frames import heading
 from wbc.core.robot import Robot
 from wbc.motion.contacts import runs
 from wbc.motion.kinematics import Soles, corners_of
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.reach import STANDING, Leg, Reach
 
 CLEARANCE = 0.01

@@ -31,6 +31,7 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Period
 from wbc.core.drive.control import State
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
@@ -38,7 +39,7 @@ from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
-from wbc.walking.plans.footsteps import heading, mean_heading
+from wbc.walking.plans.footsteps import mean_heading
 from wbc.walking.plans.reach import Leg
 from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.settings import WalkingControlSettings

@@ -18,6 +18,7 @@ from wbc.base.settings import NonNegative, Period
 from wbc.core.drive.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.observer import Observer
+from wbc.core.frames import heading
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
@@ -32,7 +33,6 @@ from wbc.policy.filter import FilteredArms, PolicyFilter
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.references import Frames, ScannedGround, Tracked, clip_frames, network_frames
 from wbc.policy.terms import TERMS, GaitClock, Observed
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.source import Progress
 

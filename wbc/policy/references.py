@@ -12,12 +12,11 @@ from wbc.base.errors import choose
 from wbc.base.numbers import Array
 from wbc.base.settings import Number, Positive, settings
 from wbc.core.conventions import rotation_of
-from wbc.core.frames import pose_of
+from wbc.core.frames import heading, pose_of
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.motion import MotionClip
 from wbc.policy.network import OnnxNetwork
-from wbc.walking.plans.footsteps import heading
 
 
 class ClipFrame(NamedTuple):

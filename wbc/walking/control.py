@@ -28,6 +28,7 @@ from wbc.core.drive.control import State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
+from wbc.core.frames import heading
 from wbc.core.limits.base import Limit
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
@@ -46,7 +47,7 @@ from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.load import HeldLoad
-from wbc.walking.plans.footsteps import FootstepPlan, heading
+from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.sources import (
     FootstepSource,
     PlanSource,

@@ -15,7 +15,6 @@ is put into the model is taken off the wrench, so that both sum up to the load a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -28,6 +27,7 @@ from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
 from wbc.core.estimation.outside import OutsideWrench, moment_about
+from wbc.core.frames import direction
 from wbc.core.robot import GRAVITY, Robot
 
 SETTLING = 0.5
@@ -98,7 +98,7 @@ class HeldLoad:
     @property
     def place(self) -> Array:
         """Place of the load in the world, at the height of the hands, shape (3,), m."""
-        offset = self._heading() * self._offset
+        offset = direction(self._robot.data.oMi[1].rotation) * self._offset
         return self.middle + (offset.real, offset.imag, 0.0)
 
     @property
@@ -112,7 +112,7 @@ class HeldLoad:
             return
         points = [place.translation.tolist() for place in self._places]
         middle = [sum(point[axis] for point in points) / len(points) for axis in range(3)]
-        wrench, heading = outside.wrench, self._heading()
+        wrench, heading = outside.wrench, direction(self._robot.data.oMi[1].rotation)
         mx, my, _ = moment_about(wrench, robot.com.tolist(), middle)
         gain = lag_gain(dt, LAG if self.changing else REST_LAG)
         mass = self.applied - float(wrench[2]) / GRAVITY
@@ -150,10 +150,3 @@ class HeldLoad:
         x, y, _ = robot.com.tolist()
         first_x, first_y = moved.real + gained * (middle[0] - x), moved.imag + gained * (middle[1] - y)
         outside.explain((0.0, 0.0, -gained * GRAVITY, -first_y * GRAVITY, first_x * GRAVITY, 0.0))
-
-    def _heading(self) -> complex:
-        """Heading of the base as a complex number of length 1."""
-        rotation = self._robot.data.oMi[1].rotation
-        c, n = float(rotation[0, 0]), float(rotation[1, 0])
-        size = math.hypot(c, n) or 1.0
-        return complex(c / size, n / size)

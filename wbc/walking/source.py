@@ -19,12 +19,13 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.drive.control import State
+from wbc.core.frames import heading
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.plans.footsteps import Footstep, heading
+from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.sources import AT_REST, FootstepSource, Velocity
 from wbc.walking.steering import Steering
 from wbc.walking.swing import FootMotion

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
+from wbc.core.frames import heading
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
@@ -23,7 +24,6 @@ from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.body import UNTWISTED, Twist
 from wbc.walking.contact import GaitPhase
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
 from wbc.walking.stepping.rise import RiseLimit
 from wbc.walking.stepping.settings import SteppingConstants

@@ -30,12 +30,12 @@ from wbc.app.arguments import attribute_docs
 from wbc.base.errors import InputError, WbcError, choose
 from wbc.base.numbers import finite_array, finite_scalar
 from wbc.core.conventions import rotation_of
+from wbc.core.frames import heading
 from wbc.core.qp.controller import Controller
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.push import push_along
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.walking.plans.footsteps import heading
 
 if TYPE_CHECKING:
     from wbc.policy.control import PolicyControl

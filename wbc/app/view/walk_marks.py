@@ -20,11 +20,11 @@ from wbc.app.view.marks import (
     scan_mark,
 )
 from wbc.base.numbers import Array
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
-from wbc.walking.plans.footsteps import heading
 
 if TYPE_CHECKING:
     from wbc.walking.control import WalkingControl

@@ -19,7 +19,6 @@ S. Haddadin, A. De Luca, A. Albu-Schäffer, IEEE T-RO 33(6), 2017.
 from __future__ import annotations
 
 import logging
-import math
 from typing import Annotated
 
 import numpy as np
@@ -30,7 +29,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.base.vectors import Vector, add_cross
 from wbc.core.estimation.residual import MomentumResidual
-from wbc.core.frames import net_wrench
+from wbc.core.frames import direction, net_wrench
 from wbc.core.robot import GRAVITY, Robot
 
 logger = logging.getLogger(__name__)
@@ -123,10 +122,8 @@ class OutsideWrench:
             return self.wrench
         known = np.array((force[0], force[1], force[2] - weight, *moment))
         r = self._residual.update(momentum, known, dt).tolist()
-        rotation = robot.data.oMi[1].rotation
-        c, n = float(rotation[0, 0]), float(rotation[1, 0])
-        size = math.hypot(c, n) or 1.0
-        c, n = c / size, n / size
+        ahead = direction(robot.data.oMi[1].rotation)
+        c, n = ahead.real, ahead.imag
         if self._tared < s.tare:
             if self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
                 self._learn(c, n, weight, dt)

@@ -23,7 +23,7 @@ from wbc.core.qp.contact import Contact
 from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.solving.solver import Status
 from wbc.core.qp.task import Task
-from wbc.core.robot import Robot
+from wbc.core.robot import Robot, random_joints
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6
 """Cost per squared step at first, at least and at most."""
@@ -75,18 +75,13 @@ class Search:
         for number in range(2, starts + 1):
             if best.reached:
                 break
-            self.update(self._random_configuration(start, random))
+            q = start.copy()
+            q[self.robot.base_nq :] = random_joints(self.robot, random)
+            self.update(q)
             found, result = self._descend(iterations, number)
             if result.reached or not found >= cost:  # or the one before is none
                 cost, best = found, result
         return best
-
-    def _random_configuration(self, start: Array, random: np.random.Generator) -> Array:
-        robot, q = self.robot, start.copy()
-        low = np.where(np.isfinite(robot.position_lower), robot.position_lower, -np.pi)
-        high = np.where(np.isfinite(robot.position_upper), robot.position_upper, np.pi)
-        q[robot.nq - robot.na :] = random.uniform(low, high)
-        return q
 
     def _descend(self, iterations: int, number: int) -> tuple[float, ReachResult]:
         """Go down from the present configuration; return the cost that is left, and the result."""

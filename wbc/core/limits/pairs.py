@@ -14,7 +14,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError
 from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array
-from wbc.core.robot import Robot
+from wbc.core.robot import Robot, random_joints
 
 POSTURES = 1000
 """Random postures in which pairs are looked for that can touch."""
@@ -123,15 +123,12 @@ def _with_pairs(
 
 def _postures(robot: Robot, count: int, joints: Collection[int] | None = None) -> Iterator[Array]:
     """Yield half-sitting, and then random positions of some joints, by default of all; of one array."""
-    random, first = np.random.default_rng(0), robot.nq - robot.na
-    low, high = (
-        np.nan_to_num(x, neginf=-np.pi, posinf=np.pi) for x in (robot.position_lower, robot.position_upper)
-    )
+    random, first = np.random.default_rng(0), robot.base_nq
     moved: Any = slice(None)
     if joints is not None:
         moved = [place for j in joints if j > 0 and (place := robot.model.joints[j].idx_q - first) >= 0]
     q = np.array(robot.half_sitting)
     yield q
     for _ in range(count):
-        q[first:][moved] = random.uniform(low, high)[moved]
+        q[first:][moved] = random_joints(robot, random)[moved]
         yield q

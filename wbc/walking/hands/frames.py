@@ -11,10 +11,9 @@ from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
-from wbc.core.frames import pose, pose_of
+from wbc.core.frames import heading, pose, pose_of
 from wbc.core.qp.controller import Controller
 from wbc.core.trajectories import Follower
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.swing import REST, FootMotion
 
 WORLD, PELVIS, FEET = "world", "pelvis", "feet"

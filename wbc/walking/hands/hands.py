@@ -27,7 +27,7 @@ from wbc.base.errors import InputError, choose
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.base.vectors import along
-from wbc.core.frames import unit_vector
+from wbc.core.frames import heading, unit_vector
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -38,7 +38,6 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, Hand, HandSettings, HandState
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.hands.turn import GyroTurn
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference
 
 SHIFT_TIME = 0.15

@@ -26,6 +26,7 @@ import pinocchio as pin
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Share, in_units, settings
 from wbc.core.drive.control import State
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
@@ -35,7 +36,7 @@ from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading, mean_heading, other
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading, other
 from wbc.walking.plans.reach import Extent, Reach, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,

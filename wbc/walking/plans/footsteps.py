@@ -123,11 +123,6 @@ def moved(place: Place, dx: float, dy: float, turn: float) -> Place:
     return x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn
 
 
-def heading(rotation: Array) -> float:
-    """Return the heading of a frame's x axis, rad, from its rotation to the world, shape (3, 3)."""
-    return math.atan2(rotation[1, 0], rotation[0, 0])
-
-
 def mean_heading(left: float, right: float) -> float:
     """Return the heading half way between those of two feet, the short way round, rad."""
     return right + 0.5 * math.remainder(left - right, math.tau)

@@ -13,9 +13,9 @@ from wbc.base.lag import lag_gain
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.vectors import Point, Rotation, Vector, along, part_way
 from wbc.core.drive.control import State
+from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.tasks.stabilizer.zmp import zmp_offset
-from wbc.walking.plans.footsteps import heading
 from wbc.walking.stepping.law import Divergent, divergent_component
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants
 

@@ -13,10 +13,11 @@ import logging
 import math
 
 from wbc.base.checked import checked
+from wbc.core.frames import heading
 from wbc.core.robot import SIDES, Robot
 from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.ground import LAST_LOOK
-from wbc.walking.plans.footsteps import Footstep, heading, mean_heading
+from wbc.walking.plans.footsteps import Footstep, mean_heading
 from wbc.walking.plans.reach import Extent, Reach
 from wbc.walking.source import Reference
 from wbc.walking.steering import StepVelocity
