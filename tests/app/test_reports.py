@@ -9,7 +9,6 @@ import logging
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,22 +16,16 @@ import numpy as np
 import pytest
 
 from wbc.app import live
-from wbc.app.cli import BAD_INPUT, RAN, main
+from wbc.app.cli import RAN, main
 from wbc.app.commands import foot as foot_command
-from wbc.app.commands import motion as motion_command
 from wbc.app.commands import stand as stand_command
 from wbc.app.commands.settings import settings_of
-from wbc.app.commands.study import run as run_command
 from wbc.app.live import LiveDrive, LiveView, ProgressLine, ending, shown_progress, with_changes
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.app.walk_report import walk_text
 from wbc.base.errors import InputError, WbcError
 from wbc.feet import foot as foot_by_name
-from wbc.motion.measures import MotionMeasures
 from wbc.sim import WalkPlan, WalkSpec
-from wbc.sim.studies.journal import Entry
-from wbc.sim.studies.provenance import provenance
-from wbc.sim.studies.study import Study
 from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns, WalkResult, WallClock
 from wbc.walking import Gait
 
@@ -341,118 +334,6 @@ def test_the_text_of_a_stand_says_how_it_ended(capsys: Said, monkeypatch: pytest
         assert state in said.out and failed in said.err, said
 
 
-def measures(**values: Any) -> MotionMeasures:
-    parts = {"joint_excess": {"a": 0.1}, "joint_speed": {"a": 1.0, "b": 1.0}, "joint_torque": {}}
-    figures = dict.fromkeys(("foot_slide", "penetration", "zmp_worst", "friction"), 0.5) | {
-        "single_support": 0.25
-    }
-    return MotionMeasures(
-        **parts | figures | {"infeasible_frames": np.array([True, False, False, False, True])} | values
-    )
-
-
-def test_measures_of_a_clip_are_told_in_percent_and_before_and_after() -> None:
-    after = measures(single_support=1.0, joint_excess={}, infeasible_frames=np.zeros(5, dtype=bool))
-    rows = [re.split(r" {2,}", line.strip()) for line in motion_command._table(measures(), after)]
-    found = {
-        label: [float(v) for v in values[:2]]
-        for label, *values in (r[:1] + " ".join(r[1:]).split() for r in rows)
-    }
-    assert found["time on one foot"] == [25.0, 100.0] and found["frames that are not feasible"] == [40.0, 0.0]
-    assert found["joints over their limits"] == [1.0, 0.0] and found["joints over the speed allowed"] == [
-        2.0,
-        2.0,
-    ]
-    names = [f"joint_{i}" for i in range(9)]
-    result: Any = SimpleNamespace(
-        before=measures(),
-        after=after,
-        changes={name: 0.1 * i for i, name in enumerate(names)},
-        shortened=0.012,
-        stretched=1.5,
-    )
-    head, *_, most = motion_command._changes(SimpleNamespace(name="clip"), result)  # type: ignore[arg-type]
-    assert head.startswith("clip: feasible; 1.50 x its time") and head.endswith("12 mm")
-    assert (
-        re.findall(r"joint_(\d) ([\d.]+)", most)[:2] == [("8", "45.8"), ("7", "40.1")]
-        and most.count("joint_") == 6
-    )
-
-
-def test_options_of_a_clip_that_do_not_belong_to_it_are_refused(tmp_path: Path, capsys: Said) -> None:
-    clip = tmp_path / "clip.npz"
-    for words, said in (
-        (["check", str(clip), "-o", "a.npz"], "'motion check'"),
-        (["track", str(clip), "-o", "a.npz"], "'motion track'"),
-        (["filter", str(clip)], "--out"),
-        (["check", str(tmp_path / "person.bvh"), "--joint", "LKnee"], "LKnee"),
-    ):
-        np.savez(clip, x=np.zeros(3))
-        (tmp_path / "person.bvh").write_text("HIERARCHY")
-        assert main(["motion", *words]) == 2
-        assert said in capsys.readouterr().err or "bvh" in words[1]
-
-
-def test_a_clip_is_checked_filtered_and_tracked_by_its_verb(
-    capsys: Said, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    called: list[str] = []
-
-    def note(verb: str) -> Any:
-        def run(file: Path, options: Any, *rest: Any) -> Report:
-            called.append(verb)
-            return rest[-1].report({}, "")
-
-        return run
-
-    for verb in ("check", "filter", "track"):
-        monkeypatch.setattr(motion_command, f"_{verb}", note(verb))
-        assert main(["motion", verb, "clip.npz"]) == RAN
-    assert called == ["check", "filter", "track"]
-
-
-@pytest.mark.parametrize(("standing", "feasible"), [(True, True), (True, False), (False, True)])
-def test_a_clip_is_filtered_before_it_is_tracked_unless_it_is_feasible_and_stands(
-    standing: bool, feasible: bool, monkeypatch: pytest.MonkeyPatch, capsys: Said
-) -> None:
-    clip: Any = SimpleNamespace(name="clip", standing=np.ones(3) if standing else None)
-    robot, tracked = SimpleNamespace(), []
-    monkeypatch.setattr(motion_command.TrackOptions, "read", lambda self, file: (robot, clip))
-    monkeypatch.setattr(motion_command, "check_motion", lambda *_: SimpleNamespace(feasible=feasible))
-    made = SimpleNamespace(
-        clip="made", after=measures(), before=measures(), stretched=1.5, shortened=0.01, changes={"a": 0.1}
-    )
-    monkeypatch.setattr(motion_command, "make_feasible", lambda *_: made)
-
-    class Tracked:
-        hooks: list[Any] = []  # noqa: RUF012
-        last = None
-
-        def __init__(self, given: Any, spec: Any, **_: Any) -> None:
-            tracked.append(given)
-
-        def run(self, hooks: Any) -> Any:
-            from wbc.sim.balance.tracking import TrackResult  # noqa: PLC0415
-
-            ticks = {"median": 1.0, "p99": 2.0}
-            told = {
-                "motion": "clip",
-                "mode": "position",
-                "completed": True,
-                "clip_seconds": 1.0,
-                "fall": None,
-            }
-            told |= {"joint_rms_deg": 1.0, "worst_joint": "a", "worst_joint_rms_deg": 2.0, "largest_deg": 3.0}
-            told |= {"com_rms_mm": 4.0, "foot_slide_mm": 5.0, "landings": 2, "tick_us": ticks}
-            return TrackResult(robot="g1", seed=0, seconds=1.0, failures=0, **told)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(motion_command, "TrackTrial", Tracked)
-    assert main(["motion", "track", "clip.npz"]) == RAN
-    said = capsys.readouterr().out
-    assert tracked == [clip if standing and feasible else "made"]
-    assert ("1.50 x its time" in said) is not (standing and feasible) and "tracked to its end" in said
-
-
 def test_the_list_of_feet_is_in_millimetres_and_kilograms(capsys: Said) -> None:
     """Of a soft foot under g1: 278 x 104 mm, the ankle 30 mm behind its middle."""
     assert main(["foot", "--robot", "g1", "--json"]) == RAN
@@ -545,163 +426,3 @@ def test_settings_are_listed_by_their_full_names_with_their_defaults(capsys: Sai
     found = json.loads(capsys.readouterr().out)["settings"]
     assert found and all("swing_height" in name for name in found)
     assert main(["settings", "nothing_of_this_name"]) == 2
-
-
-# ---- studies --------------------------------------------------------------------------------------------------------
-
-PLAIN = {"name": "s", "cells": {"a": {}}, "arms": {"b": {}}, "seeds": list(range(8)), "metric": "steps_done"}
-
-
-def test_trials_without_a_result_are_named_with_their_commands(tmp_path: Path) -> None:
-    study = Study.from_json(PLAIN)
-    trials = list(study.trials())
-    entries = [
-        Entry(trial.plain, status, {"steps_done": 1} if status == "done" else None, None, None, provenance())
-        for trial, status in zip(trials, ("done", "crashed", "timeout"), strict=False)
-    ]
-    found = run_command.reruns(study, {entry.key: entry for entry in entries}, tmp_path / "a b.jsonl")
-    assert [(each["status"], each["seed"]) for each in found] == [("crashed", 1), ("timeout", 2)]
-    assert found[0]["command"].endswith(f"--key {entries[1].key[: run_command.KEY_LENGTH]}")
-    assert "'" in found[0]["command"], "a name with a space is one word"
-
-
-@pytest.mark.parametrize("failures", [0, 1, 5, 7])
-def test_the_text_of_a_sweep_names_the_first_failures(
-    failures: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
-) -> None:
-    (tmp_path / "s.json").write_text(json.dumps(PLAIN))
-    failed = [
-        {"command": f"run {i}", "status": "crashed", "cell": "a", "arm": "b", "seed": i}
-        for i in range(failures)
-    ]
-    counts = {"done": 8 - failures} | ({"crashed": failures} if failures else {})
-    summary = SimpleNamespace(
-        counts=counts,
-        per_hour=36.4,
-        total=8,
-        found=1,
-        run=7,
-        seconds=12.4,
-        to_json=lambda: {"counts": counts},
-    )
-    monkeypatch.setattr(run_command, "run_trials", lambda *_, **__: summary)
-    monkeypatch.setattr(run_command, "read_journal", lambda *_, **__: {})
-    monkeypatch.setattr(run_command, "reruns", lambda *_: failed)
-    words = ["study", "run", str(tmp_path / "s.json"), "--journal", str(tmp_path / "j.jsonl")]
-    assert main(words) == RAN
-    lines = capsys.readouterr().out.splitlines()
-    assert "8 trials, 1 were in" in lines[0] and lines[0].endswith("7 run in 12 s (36 an hour)")
-    assert [line.split()[1] for line in lines if "# crashed" in line] == [
-        str(i) for i in range(min(failures, 5))
-    ]
-    assert sum("--json" in line for line in lines) == (failures > 5) and (
-        failures < 7 or "and 2 more" in lines[-1]
-    )
-    assert main([*words, "--json"]) == RAN
-    assert json.loads(capsys.readouterr().out)["without_result"] == failed
-
-
-def test_a_key_of_a_journal_is_given_as_far_as_it_is_the_only_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
-) -> None:
-    trials = list(Study.from_json(PLAIN | {"seeds": list(range(30))}).trials())
-    entries = [Entry(trial.spec.to_json(), "done", {}, None, None, {}) for trial in trials]
-    journal = tmp_path / "j.jsonl"
-    journal.write_bytes(b"".join(entry.line() for entry in entries))
-    outcome = SimpleNamespace(status="done", result={}, error=None, clock=None)
-    monkeypatch.setattr(run_command, "run_trial", lambda *_: outcome)
-    first = [entry.key[0] for entry in entries]
-    common = next(letter for letter in first if first.count(letter) > 1)
-    words = ["study", "run", "--journal", str(journal), "--key"]
-    assert main([*words, common]) == BAD_INPUT
-    assert f"{first.count(common)} keys of the journal begin with '{common}'" in capsys.readouterr().err
-    entry = entries[first.index(common)]
-    assert main([*words, entry.key]) == RAN
-    assert f"{entry.key}: done, the same as in the journal (done)" in capsys.readouterr().out
-    assert main([*words, "none"]) == BAD_INPUT
-    assert "key of the journal" in capsys.readouterr().err
-
-
-def test_a_trial_is_the_same_when_status_and_result_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
-) -> None:
-    trial = next(iter(Study.from_json(PLAIN).trials()))
-    entry = Entry(trial.spec.to_json(), "done", {"steps_done": 1}, None, None, {})
-    journal = tmp_path / "j.jsonl"
-    journal.write_bytes(entry.line())
-    words = ["study", "run", "--journal", str(journal), "--key", entry.key[:6]]
-    for status, result, same in (
-        ("done", {"steps_done": 1}, True),
-        ("done", {"steps_done": 2}, False),
-        ("crashed", {"steps_done": 1}, False),
-        ("crashed", None, False),
-    ):
-        outcome = SimpleNamespace(
-            status=status, result=result, error="one\ntwo" if result is None else None, clock=None
-        )
-        monkeypatch.setattr(run_command, "run_trial", lambda *_, outcome=outcome: outcome)
-        assert main(words) == RAN
-        said = capsys.readouterr().out
-        assert ("not the same" not in said) is same
-        assert ("steps_done" in said) is (result is not None) and ("two" in said) is (result is None)
-        assert main([*words, "--json"]) == RAN
-        assert json.loads(capsys.readouterr().out)["same"] is same
-    assert main([*words, "-o", str(tmp_path / "spec.json")]) == RAN
-    written = (tmp_path / "spec.json").read_text(encoding="utf-8")
-    assert json.loads(written) == entry.spec and written.endswith("}\n")
-    capsys.readouterr()
-
-    study = tmp_path / "study.json"
-    study.write_text(json.dumps(PLAIN), encoding="utf-8")
-    words = ["study", "table", str(study), "--journal", str(journal), "--any-code"]
-    assert main([*words, "--json"]) == RAN
-    data = json.loads(capsys.readouterr().out)
-    assert main([*words, "-o", str(tmp_path / "table.json")]) == RAN
-    capsys.readouterr()
-    written = (tmp_path / "table.json").read_text(encoding="utf-8")
-    assert json.loads(written) == data and written.endswith("}\n")
-
-
-def test_a_filtered_clip_is_written_and_told_in_degrees_and_millimetres(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said
-) -> None:
-    clip: Any = SimpleNamespace(name="clip")
-    made = SimpleNamespace(
-        clip="made", after=measures(), before=measures(), stretched=1.5, shortened=0.012, changes={"a": 0.1}
-    )
-    written: list[Any] = []
-    monkeypatch.setattr(motion_command.TrackOptions, "read", lambda self, file: (None, clip))
-    monkeypatch.setattr(motion_command, "make_feasible", lambda *_: made)
-    monkeypatch.setattr(motion_command, "write_motion", lambda *what: written.append(what))
-    words = ["motion", "filter", str(tmp_path / "a.csv"), "-o", str(tmp_path / "b.npz")]
-    assert main([*words, "--json"]) == RAN
-    facts = json.loads(capsys.readouterr().out)
-    assert facts["steps_shortened_mm"] == pytest.approx(12.0) and facts["stretched"] == 1.5
-    assert facts["changed_most_deg"] == {"a": pytest.approx(math.degrees(0.1))}
-    assert main(words) == RAN
-    assert capsys.readouterr().out.splitlines()[-1] == f"written to {tmp_path / 'b.npz'}"
-    assert written == [("made", tmp_path / "b.npz")] * 2
-
-
-@pytest.mark.parametrize(("given", "taken"), [(("a", "b"), ("a", "b")), ((), None)])
-def test_the_joints_of_a_clip_are_those_that_are_given(
-    given: Any, taken: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[Any] = []
-    clip = SimpleNamespace(configurations=lambda robot: None)
-    monkeypatch.setattr(motion_command, "shows_person", lambda file: False)
-    monkeypatch.setattr(
-        motion_command, "read_motion", lambda file, rate, joints: asked.append((rate, joints)) or clip
-    )
-    options = motion_command.TrackOptions(robot="g1", joint=given, rate=30.0)
-    assert options.read(Path("a.csv"))[1] is clip and asked == [(30.0, taken)]
-    for option in ({"begin": 1.0}, {"end": 2.0}, {"up": "y"}):
-        with pytest.raises(InputError, match="person"):
-            motion_command.TrackOptions(robot="g1", **option).read(Path("a.csv"))
-
-
-def test_the_joints_of_a_person_are_named_by_their_parts() -> None:
-    options = motion_command.TrackOptions(robot="g1", joint=("left_knee=LKnee", "right_knee=R=Knee"))
-    assert dict(options._joint_of_person()) == {"left_knee": "LKnee", "right_knee": "R=Knee"}
-    with pytest.raises(InputError, match="LKnee"):
-        dict(motion_command.TrackOptions(robot="g1", joint=("LKnee",))._joint_of_person())

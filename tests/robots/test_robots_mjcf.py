@@ -4,30 +4,20 @@ from __future__ import annotations
 
 import re
 import tracemalloc
-from dataclasses import replace
-from functools import cache
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 from mjcf_biped import CAPSULES, MOTORS, biped
+from mjcf_robot import plain
 from mujoco_dynamics import assert_same_dynamics
-from properties import by_default
 
-from wbc import TorqueControl, balance_controller
 from wbc.base.errors import ModelError, UnknownNameError
 from wbc.robots import RobotDescription
 from wbc.robots.derivation.shapes import link_shapes
 from wbc.robots.readers.source_mjcf import placement_of
-from wbc.robots.report import UNMODELLED
-from wbc.sim import MujocoLoop, Plant
-
-
-@cache
-def plain() -> RobotDescription:
-    """Description of the robot that most cases change."""
-    return RobotDescription.from_mjcf(biped())
+from wbc.sim import Plant
 
 
 @pytest.mark.parametrize("kind", ["text", "path", "spec", "model"])
@@ -396,162 +386,6 @@ def test_bad_files_are_refused_by_name(what: str) -> None:
         RobotDescription.from_mjcf(xml)
 
 
-TENDONS = (
-    "<tendon>"
-    + "".join(
-        f'<fixed name="{side}" {{}}><joint joint="{side}_shoulder" coef="1"/></fixed>'
-        for side in ("left", "right")
-    )
-    + "</tendon>"
-)
-TIED = {
-    "weld": ('<equality><weld name="stand" body1="chest" body2="world"/></equality>', "'stand'"),
-    "leash": (
-        '<equality><connect name="leash" body1="ball" body2="left_arm" anchor="0 0 0"/></equality>',
-        "'leash'",
-    ),
-    "joints": ('<equality><joint name="gear" joint1="left_knee" joint2="right_knee"/></equality>', "'gear'"),
-    "constant": ('<equality><joint name="stop" joint1="waist"/></equality>', "'stop'"),
-    "tendons": (
-        TENDONS.format("", "") + '<equality><tendon name="both" tendon1="left" tendon2="right"/></equality>',
-        "'both'",
-    ),
-    "rope": (TENDONS.format('stiffness="5"', ""), "'left'"),
-    "damper": (TENDONS.format("", 'damping="1"'), "'right'"),
-    "gravity along y": ('<option gravity="0 -9.81 0"/>', "gravity"),
-    "tilted gravity": ('<option gravity="0.5 0 -9.79"/>', "gravity"),
-    "moon": ('<option gravity="0 0 -1.62"/>', "gravity"),
-    "wind": ('<option density="1.2" wind="10 0 0"/>', "wind"),
-    "water": ('<option viscosity="0.001"/>', "viscosity"),
-    **{
-        f"no {flag}": (f'<option><flag {flag}="disable"/></option>', f"{flag} is disabled")
-        for flag in (
-            "gravity",
-            "contact",
-            "constraint",
-            "actuation",
-            "sensor",
-            "limit",
-            "clampctrl",
-            "filterparent",
-        )
-    },
-    "other contacts": ('<option><flag override="enable"/></option>', "override"),
-    "tendon armature": (TENDONS.format('armature="0.1"', ""), "'left'"),
-    "tendon damping": (TENDONS.format('damping="0 1 0"', ""), "'left'"),
-}
-
-
-ALIKE = (
-    "tilted gravity",
-    "moon",
-    *(what for what in TIED if what.startswith("no ") and what != "no gravity"),
-)
-"""Forces of which another one of the same kind is tried by default."""
-
-
-@pytest.mark.parametrize("what", by_default(TIED, *(what for what in TIED if what not in ALIKE)))
-def test_forces_that_the_controller_does_not_know_are_named_at_the_start(what: str) -> None:
-    """By the description, and by the loop in that model with the description of another file."""
-    extra, name = TIED[what]
-    xml = biped(extra=extra)
-    doubts = [line for line in RobotDescription.from_mjcf(xml).doubts() if UNMODELLED in line]
-    assert len(doubts) == 1 and name in doubts[0]
-    notes = MujocoLoop(plain(), mujoco.MjModel.from_xml_string(xml)).notes
-    assert [line for line in notes if UNMODELLED in line and "other than described" not in line] == doubts
-
-
-KNEE = '<motor joint="left_knee" gear="2" ctrlrange="-40 40"'
-CHANGED = {
-    "damped base": ('<freejoint name="floating"/>', '<joint name="floating" type="free"/>', "floating"),
-    "delay": (KNEE, f'{KNEE} delay="0.01" nsample="8"', "delay of 1 actuators, up to 10 ms"),
-    "lag": (' kp="200" kv="10"', ' kp="200" kv="10" timeconst="0.02"', "lag of 1 actuators, up to 20 ms"),
-    "group": (KNEE, f'<general joint="left_knee" group="4"/>{KNEE}', "(group 4)"),
-    "thruster": ("</actuator>", '<motor name="rocket" joint="floating"/></actuator>', "'rocket'"),
-    "curved damping": ('<joint name="waist"', '<joint damping="1 2 0" name="waist"', "'waist'"),
-    "curved damping of a motor": (KNEE, f'{KNEE} damping="0 0 3"', "'left_knee'"),
-    "muscle": ("</actuator>", '<damper joint="waist" kv="2" ctrlrange="0 1"/></actuator>', "damper"),
-    "early ends": ('<joint name="waist"', '<joint margin="0.05" name="waist"', "waist"),
-    "belt": ('<geom name="ground"', '<geom surfacevel="1 0 0 0 0 0" name="ground"', "'ground' moves"),
-    "glue": ('<geom name="ground"', '<geom adhesion="5" name="ground"', "'ground' sticks"),
-}
-
-
-@pytest.mark.parametrize("what", CHANGED)
-def test_what_an_element_does_beside_what_is_read_is_named(what: str) -> None:
-    old, new, said = CHANGED[what]
-    xml = biped(extra='<option actuatorgroupdisable="4"/>').replace(old, new, 1)
-    doubts = [line for line in RobotDescription.from_mjcf(xml).doubts() if UNMODELLED in line]
-    assert len(doubts) == 1 and said in doubts[0]
-    model = mujoco.MjModel.from_xml_string(xml)
-    if what == "muscle":
-        with pytest.raises(ModelError, match="must be a motor"):
-            MujocoLoop(plain(), model)
-    else:
-        assert [line for line in MujocoLoop(plain(), model).notes if said in line][:1] == doubts
-
-
-ROTORS = {
-    "own": 'gear="10" armature="0.0004" damping="0.003"',
-    "negative gear": 'gear="-7" armature="0.0004" damping="0.003"',
-    "group that is off": 'gear="10" armature="0.0004" damping="0.003" group="4"',
-}
-
-
-@pytest.mark.parametrize("what", [*ROTORS, "two", "class"])
-def test_rotors_and_friction_of_actuators_are_those_of_their_joints(what: str) -> None:
-    """gear² times what the actuator has, as MuJoCo's mass matrix and passive forces have them."""
-    own = ROTORS.get(what, ROTORS["own"])
-    motor = f'<motor joint="left_knee" {own}/>'
-    xml = biped(extra='<option actuatorgroupdisable="4"/>')
-    if what == "class":
-        xml = xml.replace(
-            "<default>",
-            '<default><default class="big"><motor gear="10" armature="0.0004" damping="0.003"/></default>',
-            1,
-        )
-        motor = '<motor joint="left_knee" class="big"/>'
-    if what == "two":
-        motor += '<motor joint="left_knee" gear="3" armature="0.001" damping="0.01"/>'
-    xml = xml.replace("</actuator>", f"{motor}</actuator>")
-    model = mujoco.MjModel.from_xml_string(xml)
-    description = RobotDescription.from_mjcf(xml)
-    assert description.armature["left_knee"] > 0.03
-    assert_same_dynamics(description, mujoco.MjModel.from_xml_string(xml), states=3)
-    data = mujoco.MjData(model)
-    dof = int(model.joint("left_knee").dofadr[0])
-    data.qvel[dof] = 2.0
-    mujoco.mj_forward(model, data)
-    assert 2.0 * description.damping["left_knee"] == pytest.approx(-data.qfrc_damper[dof])
-    loop = MujocoLoop(description, model)
-    assert not any("rotor" in note or "damping" in note for note in loop.notes if "left_knee" in note)
-    plain = MujocoLoop(RobotDescription.from_mjcf(biped()), model)
-    assert any("rotor inertia of 1 joints" in note and "left_knee" in note for note in plain.notes)
-
-
-@pytest.mark.parametrize(
-    ("flag", "name"), [("spring", "springs"), ("damper", "damping"), ("frictionloss", "frictionloss")]
-)
-def test_what_a_flag_switches_off_is_not_taken_into_the_description(flag: str, name: str) -> None:
-    xml = biped(extra=f'<option><flag {flag}="disable"/></option>')
-    xml = xml.replace('<joint name="waist"', '<joint name="waist" stiffness="30"')
-    description = RobotDescription.from_mjcf(xml)
-    assert not getattr(description, name)
-    assert any(f"{flag} is disabled" in line for line in description.doubts())
-
-
-def test_actuators_of_a_group_that_is_off_neither_drive_nor_give_gains() -> None:
-    servo = '<position joint="left_knee" kp="300" group="4"/></actuator>'
-    extra = '<option actuatorgroupdisable="4"/>'
-    description = RobotDescription.from_mjcf(biped(extra=extra).replace("</actuator>", servo))
-    assert "left_knee" not in description.gains
-    assert "left_knee" in RobotDescription.from_mjcf(biped().replace("</actuator>", servo)).gains
-    alone = re.sub(
-        r'<motor joint="left_shoulder"/>', '<motor joint="left_shoulder" group="4"/>', biped(extra=extra)
-    )
-    assert "left_shoulder" not in RobotDescription.from_mjcf(alone).joint_names
-
-
 CORNERS = [(0, 0, 0), (0.2, 0, 0), (0, 0.2, 0), (0, 0, 0.2)]
 OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS) + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 INLINE = " ".join(str(each) for corner in CORNERS for each in corner)
@@ -654,61 +488,6 @@ def test_collision_shapes_are_the_geoms_that_touch(what: str) -> None:
         assert any("ellipsoid 'own'" in line for line in description.derived) == (what == "ellipsoid")
 
 
-def test_springs_and_damping_beside_the_drives_are_forces_of_the_controllers_model() -> None:
-    """They are those of MuJoCo, with springs at rest where the file says; the plant has them as well."""
-    xml = biped().replace(
-        'range="-60 60"/>\n        <inertial',
-        'range="-60 60" stiffness="100" springref="-20"/>\n        <inertial',
-    )
-    xml = xml.replace('<joint name="waist"', '<joint name="waist" stiffness="30"')
-    description = RobotDescription.from_mjcf(xml)
-    assert description.springs == {
-        "waist": (30.0, 0.0),
-        "left_ankle_pitch": pytest.approx((100.0, np.radians(-20.0))),
-        "right_ankle_pitch": pytest.approx((100.0, np.radians(-20.0))),
-    }
-    plain, robot = replace(description, springs={}, damping={}).robot(), description.robot()
-    q, v = np.array(robot.half_sitting), np.linspace(-2.0, 3.0, robot.nv)
-    q[7:] += 0.1
-    model = Plant(description).model
-    data = mujoco.MjData(model)
-    joints = [model.joint(name).id for name in description.joint_names]
-    places = model.jnt_dofadr[joints]
-    data.qpos[model.jnt_qposadr[joints]], data.qvel[places] = q[7:], v[6:]
-    mujoco.mj_fwdPosition(model, data)
-    mujoco.mj_passive(model, data)
-    assert abs(data.qfrc_spring[places]).max() > 1.0 and abs(data.qfrc_damper[places]).min() > 1e-2
-    plain.update(q, v)
-    for each in (robot, robot.clone()):
-        each.update(q, v)
-        np.testing.assert_allclose((plain.bias - each.bias)[6:], data.qfrc_passive[places], atol=1e-9)
-    loop = MujocoLoop(description, mujoco.MjModel.from_xml_string(xml), control_period=0.002)
-    control = TorqueControl(balance_controller(description.robot(), 0.002))
-    start = loop.truth().com
-    while loop.time < 0.5:
-        loop.step(control.command(loop.measure()))
-    assert control.failures == 0 and abs(loop.truth().com - start).max() < 5e-3
-
-
-@pytest.mark.parametrize("gear", [2.0, -2.0])
-def test_a_drive_of_one_direction_has_its_limits_in_controller_and_plant(gear: float) -> None:
-    knee = '<motor joint="left_knee" gear="2" ctrlrange="-40 40"/>'
-    xml = biped().replace(knee, f'<motor joint="left_knee" gear="{gear}" ctrlrange="0 30"/>')
-    xml = xml.replace('<joint name="waist"', '<joint name="waist" actuatorfrcrange="-60 20"')
-    description = RobotDescription.from_mjcf(xml)
-    expected = {"left_knee": (0.0, 60.0) if gear > 0.0 else (-60.0, 0.0), "waist": (-60.0, 20.0)}
-    assert description.torque_ranges == expected
-    robot, model = description.robot(), Plant(description).model
-    for name, (least, most) in expected.items():
-        i = robot.joint_index(name)
-        assert (robot.torque_lower[i], robot.torque_upper[i]) == (least, most)
-        np.testing.assert_array_equal(model.actuator(name).forcerange, (least, most))
-    cannot = [line for line in description.doubts() if "left_knee" in line]
-    assert bool(cannot) == (gear > 0.0), "standing takes a negative torque of the knee"
-    given = RobotDescription.from_mjcf(xml, torque_limits={"left_knee": 50.0})
-    assert set(given.torque_ranges) == {"waist"}
-
-
 TOE = """
 <geom class="foot" type="box" size="0.05 0.05 0.02" pos="-0.02 0 -0.05"/>
 <body name="{side}_toe" pos="0.06 0 -0.05"><joint name="{side}_toe" axis="0 1 0" range="-20 60"/>
@@ -744,24 +523,6 @@ def test_a_foot_of_several_bodies_is_what_touches_the_ground_under_the_ankle(foo
         RobotDescription.from_mjcf(xml, left_sole="left_foot", right_sole="right_foot").soles
         == description.soles
     )
-
-
-def test_what_does_not_act_is_not_named() -> None:
-    off = '<equality><joint joint1="left_knee" joint2="right_knee" active="false"/></equality>'
-    for extra in (off, TENDONS.format("", ""), '<option wind="1 0 0"/>'):
-        assert not any(UNMODELLED in line for line in RobotDescription.from_mjcf(biped(extra=extra)).doubts())
-    floating = biped().replace('<body name="chest"', '<body name="chest" gravcomp="1"')
-    assert any("gravcomp" in line for line in RobotDescription.from_mjcf(floating).doubts())
-
-
-def test_a_winch_beside_the_robot_is_none_of_its_drives() -> None:
-    crane = '<body name="crane"><joint name="lift" type="slide"/><geom size="0.1"/><site name="hook"/></body>'
-    rope = '<tendon><spatial name="rope"><site site="hook"/><site site="beam"/></spatial></tendon>'
-    xml = biped(extra=rope).replace(END, f'{crane}<site name="beam" pos="0 0 3"/>{END}')
-    xml = xml.replace("</actuator>", '<motor name="winch" tendon="rope"/></actuator>')
-    assert RobotDescription.from_mjcf(xml).joint_names == plain().joint_names
-    with pytest.raises(ModelError, match="'rope'"):
-        RobotDescription.from_mjcf(xml.replace('site="beam"', 'site="imu_here"'))
 
 
 def test_a_file_that_cannot_be_parsed_is_named(tmp_path: Path) -> None:
