@@ -256,7 +256,8 @@ class StabilizerTask(CoMTask):
         Returns:
             The output, which `apply` passes to the QP.
         """
-        estimate, stabilizer = self._given or self._measured(), self.stabilizer
+        owner, stabilizer = self.owner, self.stabilizer
+        estimate: Robot = self._given or (self.robot if owner is None else owner.measured)
         if estimate is not self._seen:
             self._seen, self._soles = estimate, [estimate.placement(sole) for sole in self._sole_ids]
         if stabilizer.mass != estimate.mass:  # a load was taken over or given back
@@ -275,11 +276,6 @@ class StabilizerTask(CoMTask):
             outside=outside,
         )
         return output
-
-    def _measured(self) -> Robot:
-        """Return the robot whose state is the measured one, where none was given."""
-        measured: Robot | None = getattr(self.owner, "measured", None)
-        return self.robot if measured is None else measured
 
     def apply(
         self,

@@ -31,7 +31,7 @@ STILL = (0.0, 0.0, 0.0)
 def observed(**parts: Any) -> Any:
     """Return the estimate of a robot that stands upright, with some parts replaced."""
     inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
-    still: dict[str, Any] = {"foot_rotation": STILL, "stance_rotation": STILL, "inertial": inertial}
+    still: dict[str, Any] = {"share": [0.4, 0.6], "inertial": inertial}
     still["foot_velocities"] = still["foot_rotations"] = [STILL] * 2
     still["load_shares"], still["slides"] = [0.5, 0.5], [False, False]
     return SimpleNamespace(**(still | parts))
@@ -106,7 +106,9 @@ def test_soles_that_carry_less_than_six_tenths_of_the_weight_are_doubted_unless_
 def test_feet_that_turn_alike_by_half_a_radian_a_second_contradict_the_gyroscope(
     rate: float, *, told: bool
 ) -> None:
-    found = {doubt for _, doubt in doubted(lambda m: m, 200, foot_rotation=(0.6 * rate, 0.8 * rate, 0.0))}
+    found = {
+        doubt for _, doubt in doubted(lambda m: m, 200, foot_rotations=2 * [(0.6 * rate, 0.8 * rate, 0.0)])
+    }
     assert found == ({"encoders and gyroscope disagree"} if told else set())
 
 

@@ -193,7 +193,7 @@ def test_a_foot_that_stands_under_a_turning_base_is_at_rest() -> None:
     turns = []
     for sensor in sensors:
         observer.update(sensor)
-        turns.append(observer.stance_rotation)
+        turns.append(observer.foot_rotations)
     assert np.abs([sensor.angular_velocity for sensor in sensors]).max() > 0.1, "rad/s"
     assert np.abs(turns[5:]).max() < 2e-3
 

@@ -260,12 +260,13 @@ class ConsistencyMonitor:
             share + gain * (load / weight - share) for share, load in zip(self._shares, loads, strict=True)
         ]
         legs = self._legs
-        legs.move(observer.foot_velocities, observer.foot_rotations, observer.load_shares, force)
+        rotations = observer.foot_rotations
+        legs.move(observer.foot_velocities, rotations, observer.load_shares, force)
         if legs.turns:
             self._gyro_doubted = REMEMBERED
         stands = min(loads) > CARRIES * weight or (self._stood > STANDING and legs.together)
         self._stood = self._stood + self._dt if stands else 0.0
-        alike = observer.foot_rotation if self._stood > STANDING else STILL
+        alike = _common(rotations) if self._stood > STANDING else STILL
         self._rotation = part_way(self._rotation, alike, gain)
         blind = measurement.wrench_source != "sensor"
         if not blind:
@@ -275,7 +276,9 @@ class ConsistencyMonitor:
             if legs.silent is not None:
                 doubts.append(f"force sensor of {self._names[legs.silent]} too low for the weight")
         doubts += self._slipping(observer.slides)
-        if self._gyroscope_contradicts(observer.stance_rotation, observer.inertial.unexplained, blind):
+        carries = [turn for turn, share in zip(rotations, observer.share, strict=True) if share >= 0.5]
+        stance = carries[-1] if carries else STILL
+        if self._gyroscope_contradicts(stance, observer.inertial.unexplained, blind):
             doubts.append("gyroscope contradicts accelerometer and legs")
         total = sum(self._shares)
         wrong = (
@@ -426,3 +429,13 @@ class ConsistencyMonitor:
         if which == 1:
             return "force sensors too high for the weight"
         return "accelerometer without gravity" if which == 2 else "encoders and gyroscope disagree"
+
+
+def _common(rotations: Sequence[Vector]) -> Vector:
+    """Return the angular velocity that two feet have in common; zero if they turn differently, or are not two."""
+    if len(rotations) == 2:
+        (a, b, c), (d, e, f) = rotations
+        mean = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
+        if math.hypot(a - d, b - e, c - f) < math.hypot(*mean):
+            return mean
+    return STILL

@@ -114,10 +114,6 @@ class Observer:
         inertial: Attitude, velocity and gyro bias of the IMU.
         load_shares: Shares of the load that the feet bear; also of a foot that moves, which has no `share`.
         foot_rotations: Angular velocities of the feet by encoders and gyroscope, along the world axes, rad/s.
-        foot_rotation: Angular velocity that both feet have in common, by encoders and gyroscope, along the world axes,
-            shape (3,), rad/s. Zero if the feet turn differently, as on stones or in a step.
-        stance_rotation: Angular velocity of the foot that carries more load, by encoders and gyroscope, along the world
-            axes, shape (3,), rad/s; zero in flight.
         lifts: True for each foot that moves up or down faster than the setting `slip`, by gyroscope and accelerometer.
             A load on such a leg does not come from the ground.
         slides: True for each foot that carries and slips along the ground, by gyroscope and accelerometer. It is no
@@ -181,8 +177,6 @@ class Observer:
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
         self.load_shares: Sequence[float] = [0.0] * n
         self.foot_rotations: Sequence[Vector] = [(0.0, 0.0, 0.0)] * n
-        self.foot_rotation: Vector = (0.0, 0.0, 0.0)
-        self.stance_rotation: Vector = (0.0, 0.0, 0.0)
         # Velocities of the feet's CoPs in the world while the base does not move but turns, and that of the IMU, m/s.
         self._foot_motions: Sequence[Vector] = ()
         self._imu_motion: Vector = (0.0, 0.0, 0.0)
@@ -422,7 +416,6 @@ class Observer:
         centres to the CoPs, `points` are the CoPs, m, and `ahead` the first axes of the soles; `expected` is the
         velocity of the base by the inertial measurement unit, m/s, None in the first tick, `dt` after the last, s.
         """
-        self.stance_rotation = (0.0, 0.0, 0.0)
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
         yaw_error = 0.0
         slip, unaided = self.settings.slip, self._unaided + dt
@@ -455,8 +448,7 @@ class Observer:
         moves = [moving or slides for moving, slides in zip(moves, self.slides, strict=True)]
         self._foot_motions = [speed for speed, _, _ in motions]
         a, b, c = spin
-        self.foot_rotations = rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]
-        self.foot_rotation = _common(rotations)
+        self.foot_rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]
         shares = [0.0 if moving else share for share, moving in zip(self._shares, moves, strict=True)]
         total = sum(shares)
         self._shares = [share / total for share in shares] if total > 0.0 else shares
@@ -469,8 +461,6 @@ class Observer:
             share = self._shares[i]
             if share == 0.0:
                 continue
-            if share >= 0.5:
-                self.stance_rotation = rotations[i]
             vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
             if abs(rz + spin[2]) > self.settings.spin:
                 self._anchor_yaw[i] = _yaw(axis)
@@ -530,16 +520,6 @@ def _alike(motions: Sequence[Vector]) -> bool:
     """Return True for feet that rest beside each other: it is not the feet that move, but the accelerometer errs."""
     (a, b, _), (c, d, _) = motions[0], motions[-1]
     return len(motions) > 1 and math.hypot(a - c, b - d) < SLIDES
-
-
-def _common(rotations: Sequence[Vector]) -> Vector:
-    """Return the angular velocity that two feet have in common; zero if they turn differently, or are not two."""
-    if len(rotations) == 2:
-        (a, b, c), (d, e, f) = rotations
-        mean = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
-        if math.hypot(a - d, b - e, c - f) < math.hypot(*mean):
-            return mean
-    return (0.0, 0.0, 0.0)
 
 
 def _yaw(axis: Vector) -> float:

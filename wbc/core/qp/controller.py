@@ -39,8 +39,8 @@ class Controller(Items):
             of a crane that holds the robot. They enter the dynamics at every tick. None for no such forces.
         drives: Kind of drive commands, "torque" or "position", of the control that runs the controller; None while no
             control runs it.
-        measured: Robot whose state is estimated from the sensors; None if this is `robot`. In position control they
-            differ. The control that runs the controller sets it.
+        measured: Robot whose state is estimated from the sensors: `robot`, or in position control another one, which
+            the control that runs the controller sets.
     """
 
     _assembly: Assembly
@@ -70,7 +70,7 @@ class Controller(Items):
         self._solution: Solution | None = None
         self.outside: Array | None = None
         self._released: ReleasedJoints | None = None
-        self.measured: Robot | None = None
+        self.measured = robot
         self.drives: Drives | None = None
         self._torques: Array | None = None  # of the last solution
         self._commanded: Array | None = (
