@@ -98,6 +98,8 @@ class Facing:
             not (balls[i] or balls[k]) or (ground is None and (flat[i] or flat[k]))
             for (i, k), ground in zip(self._pairs, grounds, strict=True)
         ]
+        halves = [float(shape.halfLength) if isinstance(shape, coal.Capsule) else 0.0 for shape in shapes]
+        self._halves, self._capsules = halves, [halves[i] > 0.0 and halves[k] > 0.0 for i, k in self._pairs]
         self._diameters = [2.0 * min(shapes[i].aabb_radius, shapes[k].aabb_radius) for i, k in self._pairs]
         self._point, self._at = coal.Sphere(0.0), coal.Transform3s()
         self._ask = [coal.ComputeDistance(self._point, shape) for shape in shapes]  # they keep no shape alive
@@ -116,6 +118,44 @@ class Facing:
             within: Distance up to which corners count, m.
             touching: Whether the pair is so near that earlier nearest points count.
         """
+        sides = (self._pairs[pair], 1.0), (self._pairs[pair][::-1], -1.0)
+        if self._capsules[pair]:
+            found = [corner for items, side in sides for corner in self._ends(*items, side, within)]
+        else:
+            found = self._of_faces(pair, distance, normal, nearest, within)
+        if touching and self._grounds[pair] is None:
+            for points, ((item, target), side) in zip(
+                self._earlier(pair, normal, nearest, distance), sides, strict=True
+            ):
+                found += self._corners(
+                    [point.tolist() for point in points], item, side, self._nearest(points, target), within
+                )
+        x, y, z = nearest.tolist()
+        far = [c for c in found if max(abs(c[7] - x), abs(c[8] - y), abs(c[9] - z)) > SAME]
+        return sorted(far)[:CORNERS]
+
+    def _ends(self, item: int, target: int, side: float, within: float) -> list[Corner]:
+        """Return the corners of a capsule that looks at another one, the ends of its axis; see `_corners`."""
+        one, other = self._data.oMg[item], self._data.oMg[target]
+        (ux, uy, uz), (vx, vy, vz) = one.rotation[:, 2].tolist(), other.rotation[:, 2].tolist()
+        (px, py, pz), (x, y, z) = one.translation.tolist(), other.translation.tolist()
+        half, most, radius = self._halves[item], self._halves[target], self._radii[target]
+        points, nearest = list[list[float]](), list[tuple[float, list[float]]]()
+        for end in (-half, half):
+            point = [px + end * ux, py + end * uy, pz + end * uz]
+            nx, ny, nz = x - point[0], y - point[1], z - point[2]
+            along = min(max(-(nx * vx + ny * vy + nz * vz), -most), most)
+            nx, ny, nz = nx + along * vx, ny + along * vy, nz + along * vz
+            length = math.sqrt(nx * nx + ny * ny + nz * nz)
+            if length > SAME:
+                points.append(point)
+                nearest.append((length - radius, [nx / length, ny / length, nz / length]))
+        return self._corners(points, item, side, nearest, within)
+
+    def _of_faces(
+        self, pair: int, distance: float, normal: Array, nearest: Array, within: float
+    ) -> list[Corner]:
+        """Return the corners of the faces of a pair; see `corners`."""
         first, second = self._pairs[pair]
         one, other = self._data.oMg[first], self._data.oMg[second]
         faces, place = self._found[pair], one.actInv(other)
@@ -128,25 +168,14 @@ class Facing:
         points = points[points.dot(normal) >= height - self._radii[first] - slack]
         if ground is not None:
             gaps, towards = ground.below(points, within + self._radii[first])
-            found = self._corners(
-                points, first, 1.0, zip(gaps.tolist(), towards.tolist(), strict=True), within
-            )
-        else:
-            if len(others):
-                others = others.dot(other.rotation.T) + other.translation
-                others = others[others.dot(normal) <= height + distance + self._radii[second] + slack]
-            if touching:
-                earlier = self._earlier(pair, normal, nearest, distance)
-                points = np.concatenate((points, earlier[0])) if earlier[0] else points
-                others = np.concatenate((others, earlier[1])) if earlier[1] else others
-            found = []
-            if len(points):
-                found = self._corners(points, first, 1.0, self._nearest(points, second), within)
-            if len(others):
-                found += self._corners(others, second, -1.0, self._nearest(others, first), within)
-        x, y, z = nearest.tolist()
-        far = [c for c in found if max(abs(c[7] - x), abs(c[8] - y), abs(c[9] - z)) > SAME]
-        return sorted(far)[:CORNERS]
+            below = zip(gaps.tolist(), towards.tolist(), strict=True)
+            return self._corners(points.tolist(), first, 1.0, below, within)
+        found = self._corners(points.tolist(), first, 1.0, self._nearest(points, second), within)
+        if len(others):
+            others = others.dot(other.rotation.T) + other.translation
+            others = others[others.dot(normal) <= height + distance + self._radii[second] + slack]
+            found += self._corners(others.tolist(), second, -1.0, self._nearest(others, first), within)
+        return found
 
     def _find(self, pair: int, place: pin.SE3, normal: Array) -> _Faces:
         """Find the corners of the faces of a pair, of the placement of its second shape against the first one."""
@@ -181,7 +210,7 @@ class Facing:
                 del kept[:-KEPT]
         return found
 
-    def _nearest(self, points: Array, target: int) -> Iterator[tuple[float, list[float]]]:
+    def _nearest(self, points: Iterable[Array], target: int) -> Iterator[tuple[float, list[float]]]:
         """Yield the distance of each point to a shape, and the unit vector from the point to the shape."""
         at, request, result, ask = self._at, self._request, self._result, self._ask[target]
         place = self._data.oMg[target]
@@ -193,7 +222,7 @@ class Facing:
 
     def _corners(
         self,
-        points: Array,
+        points: Sequence[Sequence[float]],
         item: int,
         side: float,
         nearest: Iterable[tuple[float, list[float]]],
@@ -202,7 +231,7 @@ class Facing:
         """Return the corners among points of one shape, the first one on side 1, within a distance of the other."""
         found, radius, place = list[Corner](), self._radii[item], self._data.oMg[item]
         axis = place.rotation[:, 2].tolist() if self._spins[item] else None
-        for (x, y, z), (distance, normal) in zip(points.tolist(), nearest, strict=True):
+        for (x, y, z), (distance, normal) in zip(points, nearest, strict=True):
             gap = distance - radius
             if gap > within:
                 continue
