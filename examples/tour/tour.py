@@ -27,7 +27,7 @@ from task import COMMANDS, DURATION, FLOOR, SECONDS, Effort, MovingArms, Teleope
 import wbc
 from wbc.app import Recorder
 from wbc.core.estimation.observer import ObserverSettings
-from wbc.policy import PolicyControl, PolicyGuard
+from wbc.policy import PolicyControl, PolicyFilter, PolicyGuard
 from wbc.sim import Machine, MujocoLoop, Simulation, trial_loop
 from wbc.sim.studies import Journal, SweepSummary, register_trial, sweep
 from wbc.sim.studies.outcomes import KINDS, Outcome, TrialKind
@@ -50,6 +50,17 @@ ENGINES = {"mujoco": "", "dart": f"{HERE.parent / 'other_engine.py'}:DartLoop"}
 DART_STEP = 0.001
 """Physics step in DART, s."""
 
+CONTROLS = ("policy", "guarded", "filtered")
+"""What walks with a policy: the policy alone, with the library's walk beside it, or with a filter of its arms."""
+
+KEPT_APART = [
+    (f"{side}_{hand}_link", link)
+    for side in ("left", "right")
+    for hand in ("wrist_yaw", "wrist_roll")
+    for link in ("torso_link", "pelvis", "left_hip_yaw_link", "right_hip_yaw_link")
+] + [("left_wrist_yaw_link", "right_wrist_yaw_link")]
+"""Pairs of links that a filter keeps apart."""
+
 LONGEST = 3600.0
 """Wall time after which a run is given up, s."""
 
@@ -68,14 +79,15 @@ class Setup:
     seconds: float = SECONDS
     engine: str = "mujoco"
     policy: str = ""  # ONNX file of a policy that walks in place of the library
-    guarded: bool = False  # the library takes over where it fails
+    control: str = "policy"  # one of CONTROLS, where there is a policy
     settings: WalkingControlSettings | None = None
 
     @property
     def name(self) -> str:
         """Name of the row of such runs in a table, whatever the engine."""
         parts = ["force sensors" if self.force_sensors else "no force sensors"]
-        parts += [f"policy {Path(self.policy).stem}" + ", guarded" * self.guarded] if self.policy else []
+        parts += [f"policy {Path(self.policy).stem}"] if self.policy else []
+        parts += [self.control] if self.control != "policy" else []
         parts += [f"{self.noise} noise"] if self.noise != "none" else []
         parts += ["hybrid, machine's gains"] if self.mode == "hybrid" else []
         parts += [f"delays {1e3 * self.delay:g} + {1e3 * self.delay:g} ms"] if self.delay > 0.0 else []
@@ -121,13 +133,21 @@ class Tour:
             observer = wbc.Observer(robot, stated, adopt=True)
         self.walking: WalkingControl | PolicyControl | PolicyGuard
         if setup.policy:
-            policy = PolicyControl(robot, setup.policy, PERIOD, observer=observer)
-            self.walking = PolicyGuard(policy) if setup.guarded else policy
+            arms = None
+            if setup.control == "filtered":
+                shapes = description.collision_shapes()
+                hands = wbc.CollisionLimit(KEPT_APART, shapes=shapes, recovery=100.0, influence=0.5)
+                arms = PolicyFilter(model.ARMS, [hands])
+            policy = PolicyControl(robot, setup.policy, PERIOD, filter=arms, observer=observer)
+            self.walking = PolicyGuard(policy) if setup.control == "guarded" else policy
         else:
             self.walking = WalkingControl(robot, None, PERIOD, settings, observer=observer)
         self.operator = Teleoperator(run, LIMITS)
         self.effort = Effort(robot.joint_names)
         self.punches = punches(run) if setup.punched else []
+        self.changed = (
+            0.0  # square of the torques that a filter has changed, summed over joints and ticks, (Nm)²
+        )
         self.given = 0  # punches
         self.ticks = 0
         self.fell: float | None = None
@@ -162,6 +182,8 @@ class Tour:
             loop.push(punch.joint, punch.force, DURATION, at=[0.0, 0.0, 0.0])
         measurement = loop.measure()
         command = walking.command(measurement)
+        if isinstance(walking, PolicyControl):
+            self.changed += float(walking.changed @ walking.changed)
         if self.record is not None:
             self.record(loop, walking, measurement, command)
         if not self.setup.own_arms:  # the walk leaves their torques and gains at zero
@@ -176,7 +198,7 @@ class Tour:
             self.told = time, walking.fallen.value
 
     def result(self) -> dict[str, Any]:
-        """Return the row of this run: times, s, and errors, m and rad."""
+        """Return the row of this run: times, s, errors, m and rad, and torques that a filter changes, rms, Nm."""
         if self.fell is None:
             self.operator.finish()
         errors = np.array(self.operator.errors).reshape(-1, 2)
@@ -194,6 +216,7 @@ class Tour:
             "steps": self.walking.steps_done,
             "failed_ticks": getattr(self.walking, "control", self.walking).failures,
             "relieved": getattr(self.walking, "relieved", ""),
+            "changed": math.sqrt(self.changed / (max(self.ticks, 1) * len(self.loop.joint_torque))),
             "told": self.told,
             "last_punch": None if last is None else [last.time, last.joint, *last.force.round(1).tolist()],
         }
@@ -341,7 +364,10 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     )
     parser.add_argument("--policy", default="", help="ONNX file of a trained policy that walks in its place")
     parser.add_argument(
-        "--guarded", action="store_true", help="the library takes over where the policy fails"
+        "--control",
+        default="policy",
+        choices=CONTROLS,
+        help="with --policy: guarded by the library's walk, or filtered",
     )
     parser.add_argument("--engine", default="mujoco", choices=tuple(ENGINES), help="physics engine")
     parser.add_argument(
@@ -377,10 +403,12 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
         seconds=options.seconds,
         engine=options.engine,
         policy=options.policy,
-        guarded=options.guarded,
+        control=options.control,
     )
-    if setup.guarded and not setup.policy:
-        parser.error("a guard needs a policy: --policy FILE")
+    if setup.control != "policy" and not setup.policy:
+        parser.error(f"--control {setup.control} needs a policy: --policy FILE")
+    if setup.control == "filtered" and not setup.own_arms:
+        parser.error("a filter is for the arms of the policy: --own-arms")
     try:
         rows = [row for file in files for row in read(file)]
         if options.film is not None:

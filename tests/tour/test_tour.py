@@ -219,10 +219,8 @@ def test_setups_are_rows_of_the_table_and_another_engine_is_its_column() -> None
     assert "no force sensors, 2 runs" in lines[1] and lines[1].endswith("| 50 (dart, 1 run) |")
     assert "realistic noise, hybrid, machine's gains, delays 2 + 2 ms" in lines[2]
     assert "unranked" in tour.Setup(own_arms=True).name
-    names = {
-        tour.Setup(policy=policy, guarded=on).name for policy, on in (("", False), ("w", False), ("w", True))
-    }
-    assert len(names) == 3
+    names = {tour.Setup().name, *(tour.Setup(policy="w", control=control).name for control in tour.CONTROLS)}
+    assert len(names) == 4
 
 
 def test_a_run_is_a_trial_that_a_journal_keeps(tmp_path: Path) -> None:
@@ -237,11 +235,12 @@ def test_a_run_is_a_trial_that_a_journal_keeps(tmp_path: Path) -> None:
     assert tour.read(file) == [{"run": 1}]
 
 
-@pytest.mark.parametrize("guarded", [False, True])
-def test_a_policy_is_sent_through_the_tour_while_somebody_else_moves_its_arms(
-    guarded: bool, tmp_path: Path
-) -> None:
-    """It stands by its servos until a punch; under a guard the library takes over when it asks for all torques."""
+@pytest.mark.parametrize("control", tour.CONTROLS)
+def test_a_policy_is_sent_through_the_tour(control: str, tmp_path: Path) -> None:
+    """It asks for all torques once it is to walk: the library takes over under a guard, a filter saves no legs.
+
+    A filtered policy has the arms, which somebody else moves for the others.
+    """
     pytest.importorskip("onnxruntime")
     description = wbc.RobotDescription.from_mjcf(model.load())
     robot = description.robot()
@@ -257,10 +256,12 @@ def test_a_policy_is_sent_through_the_tour_while_somebody_else_moves_its_arms(
         "observation_names": "velocity_commands",
     }
     file = write_network(tmp_path / "mad.onnx", weights, metadata)
-    setup = tour.Setup(policy=str(file), guarded=guarded, punched=False, seconds=2.0)
+    guarded, filtered = control == "guarded", control == "filtered"
+    setup = tour.Setup(policy=str(file), control=control, own_arms=filtered, punched=False, seconds=2.0)
     row = tour.walk((10_000, setup))
     assert row["survived"] > 1.0 or not guarded
-    assert bool(row["relieved"]) == guarded and (row["told"] is None) == guarded
+    assert bool(row["relieved"]) == guarded and (row["changed"] > 0.0) == filtered
+    assert filtered or (row["told"] is None) == guarded
 
 
 def test_the_machines_gains_are_those_of_its_servos() -> None:
