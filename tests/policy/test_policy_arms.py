@@ -15,7 +15,7 @@ import wbc
 from wbc.base.errors import InputError, WbcError
 from wbc.policy import PolicyControl, PolicyFilter, Term
 from wbc.policy.arms import PolicyArms
-from wbc.policy.filter import AHEAD, REACH
+from wbc.policy.filter import AHEAD, LASTS, REACH
 from wbc.tasks import JointTorqueTask, RelativeFrameTask
 
 
@@ -218,46 +218,57 @@ def test_stops_hold_in_a_filter_whatever_a_policy_asks_for() -> None:
 def test_arms_that_a_policy_throws_push_the_base_no_more_than_it_bears() -> None:
     wish = {f"{side}_shoulder_pitch_joint": -9.0 for side in ("left", "right")}
 
-    def moment(**options: Any) -> float:
-        """Greatest moment about the base that accelerates the arms, Nm."""
-        plant, policy = filtered(wish, **options)
-        filters, robot, most = policy._arms, policy.controller.robot, 0.0
-        solve, columns = filters._solve, filters._columns
-
-        def noted(measurement: wbc.Measurement) -> np.ndarray:
-            nonlocal most
-            made, mass = solve(measurement), robot.mass_matrix
-            accelerations = np.linalg.solve(mass[np.ix_(columns, columns)], made - filters._wish)
-            accelerations += filters._acceleration[columns]
-            most = max(most, float(np.abs(mass[3:6, columns] @ accelerations).max()))
-            return made
-
-        filters._solve = noted  # type: ignore[method-assign]
-        while plant.time < 0.1:
+    def thrown(reaction: float) -> tuple[float, float]:
+        """Greatest angular momentum of the arms about the base, Nms, and its greatest rate within 10 ms, Nm."""
+        plant, policy = filtered(wish, reaction=reaction)
+        robot, momentum = G1.robot(), []
+        while plant.time < 0.15:
             plant.step(policy.command(plant.measure()))
-        return most
+            truth = plant.truth()
+            robot.update(np.array(truth.q), np.array(truth.v))
+            momentum.append(robot.mass_matrix[3:6, 21:] @ robot.v[21:])
+        known = np.array(momentum)
+        return float(np.abs(known).max()), float(np.abs(known[5:] - known[:-5]).max()) / (5 * DT)
 
-    assert moment(reaction=1000.0) > 15.0
-    assert moment(reaction=8.0) < 8.1
+    momentum, rate = thrown(1000.0)
+    assert momentum > 2.0 and rate > 30.0
+    momentum, rate = thrown(20.0)
+    assert momentum < 1.1 * 20.0 * LASTS and rate < 20.0
+
+
+def braked(room: float, speed: float, upper: bool, **options: Any) -> tuple[float, float]:
+    """Let a forearm move towards a stop, rad and rad/s, and return its deceleration, rad/s², and its torque, Nm."""
+    plant, policy = filtered({}, **options)
+    plant.step(policy.command(plant.measure()))
+    robot, filters, sign = policy.controller.robot, policy._arms, 1.0 if upper else -1.0
+    elbow = G1.joint_names.index("left_elbow_joint")
+    stop = (robot.position_upper if upper else robot.position_lower)[elbow]
+    q, v = np.array(robot.q), np.zeros(robot.nv)
+    q[7 + elbow], v[6 + elbow] = stop - sign * room, sign * speed
+    robot.update(q, v)
+    filters._wish = wish = np.zeros(14)
+    for _ in range(2):  # the change of the inertia since the last tick counts
+        made = filters._solve(plant.measure())
+    columns = filters._columns
+    inertia = robot.mass_matrix[columns][:, columns]
+    acceleration = filters._acceleration[columns] + np.linalg.solve(inertia, made - wish)
+    return -sign * float(acceleration[elbow - 15]), -sign * float(made[elbow - 15])
+
+
+@pytest.mark.parametrize("reaction", [None, 1e-3])
+@pytest.mark.parametrize("upper", [False, True])
+def test_an_arm_that_is_too_fast_for_its_usual_braking_stops_before_its_stop(
+    upper: bool, reaction: float | None
+) -> None:
+    """Its base bears the reaction, whatever the bound on it: stops come first."""
+    braking, _ = braked(0.2, 6.0, upper, reaction=reaction)
+    assert 0.2 - 0.02 * 6.0 > 6.0**2 / (2.0 * braking) > 0.06
 
 
 @pytest.mark.parametrize("upper", [False, True])
-def test_an_arm_that_is_too_fast_for_its_usual_braking_stops_before_its_stop(upper: bool) -> None:
-    plant, policy = filtered({})
-    plant.step(policy.command(plant.measure()))
-    robot, filters = policy.controller.robot, policy._arms
-    elbow, speed = G1.joint_names.index("left_elbow_joint"), 6.0 if upper else -6.0
-    stop = (robot.position_upper if upper else robot.position_lower)[elbow]
-    q, v = np.array(robot.q), np.zeros(robot.nv)
-    q[7 + elbow], v[6 + elbow] = stop - np.sign(speed) * 0.2, speed
-    robot.update(q, v)
-    filters._wish = wish = np.zeros(14)
-    made = filters._solve(plant.measure())
-    columns = filters._columns
-    inertia = robot.mass_matrix[np.ix_(columns, columns)]
-    acceleration = filters._acceleration[columns] + np.linalg.solve(inertia, made - wish)
-    braking = -np.sign(speed) * acceleration[elbow - 15]
-    assert 0.2 - 0.02 * 6.0 > speed**2 / (2.0 * braking) > 0.06
+def test_an_arm_that_nothing_stops_in_time_brakes_as_hard_as_it_can(upper: bool) -> None:
+    """It needs 17,000 rad/s²: with them it would be faster in the other direction than it may be, a tick later."""
+    assert braked(0.16, 13.0, upper)[1] == pytest.approx(25.0, abs=0.5)
 
 
 def test_arms_are_of_the_qp_or_filtered() -> None:
