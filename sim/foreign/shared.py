@@ -89,7 +89,7 @@ class SharedPlant:
             robots: Name → description, or the name of one.
             places: Name → x, y (m) and heading (rad) in the world; the origin when not given.
             foot: Foot under all ankles. This argument and the next ones, and their errors, are those of `wbc.Plant`.
-            terrain: The ground; it must be level where the robots start.
+            terrain: The ground, rigid and without areas; it must be level where the robots start.
             scene: Furniture around the robots.
             timestep: Physics step, s.
             control_period: Time between two commands, s.
@@ -111,6 +111,11 @@ class SharedPlant:
         spec = mujoco.MjSpec()
         PhysicsSettings(timestep=timestep).apply(spec)
         ground = terrain_by_name(terrain) if isinstance(terrain, str) else terrain
+        if ground.gives or ground.areas:
+            raise InputError(
+                "a ground of a shared plant must be rigid and without areas, which `wbc.Plant` takes: leave out "
+                "floor_stiffness and areas"
+            )
         things = None if scene is None else furniture(scene)
         models = {f"{name}/": description.robot() for name, description in descriptions.items()}
         every = (1 << len(robots)) - 1

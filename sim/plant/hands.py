@@ -114,19 +114,26 @@ class Grips:
 
 
 def check_clear(model: mujoco.MjModel, data: mujoco.MjData, of_robot: np.ndarray[Any, Any]) -> None:
-    """Raise an `InputError` if a link of the robot is inside a thing or the ground; contacts are up to date."""
+    """Raise an `InputError` if a link of the robot, or a thing that moves, is inside something; contacts are known."""
     deepest, where = DEEPEST, None
     for contact in data.contact:
         first, second = contact.geom.tolist()
-        if -contact.dist > deepest and of_robot[first] != of_robot[second]:
-            deepest, where = -float(contact.dist), (first, second) if of_robot[first] else (second, first)
-    if where is not None:
-        link, thing = (model.body(int(model.geom_bodyid[geom])).name for geom in where)
-        thing = "the ground" if thing == "world" else f"'{thing.removeprefix('scene/')}'"
-        raise InputError(
-            f"the robot must stand clear of its surroundings; '{link}' is {1e3 * deepest:.0f} mm inside {thing}: "
-            "place the scene elsewhere"
-        )
+        if -contact.dist > deepest and not (of_robot[first] and of_robot[second]):
+            deepest, where = -float(contact.dist), (first, second)
+    if where is None:
+        return
+    names = [model.body(int(model.geom_bodyid[geom])).name for geom in where]
+    ground = [name == "world" or name.startswith("terrain_body") for name in names]
+    if of_robot[where[1]] or (ground[0] and not of_robot[where[0]]):
+        names, ground = names[::-1], ground[::-1]
+    inner, outer = (name.removeprefix(SCENE_PREFIX) for name in names)
+    other = "the ground" if ground[1] else f"'{outer}'"
+    rule = (
+        "the robot must stand clear of its surroundings"
+        if of_robot[list(where)].any()
+        else "things must begin apart"
+    )
+    raise InputError(f"{rule}; '{inner}' is {1e3 * deepest:.0f} mm inside {other}: place the scene elsewhere")
 
 
 def _carrier(spec: mujoco.MjSpec, robot: Robot, frame: str) -> tuple[mujoco.MjsBody, pin.SE3]:

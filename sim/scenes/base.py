@@ -47,6 +47,7 @@ GEOMS = {
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+    "ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID,
 }
 """Kinds of solids."""
 
@@ -98,7 +99,7 @@ class Scene(ABC):
 
         Args:
             body: The body.
-            kind: "box", "sphere", "cylinder" or "capsule".
+            kind: "box", "sphere", "cylinder", "capsule" or "ellipsoid".
             size: Half sizes, m, in MuJoCo's order.
             pos: Centre in the frame of the body, m.
             quat: Orientation in the frame of the body, a quaternion w, x, y, z.

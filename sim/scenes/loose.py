@@ -7,7 +7,7 @@ Cameras and range sensors see them.
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import mujoco
 import numpy as np
@@ -26,17 +26,19 @@ DENSITY = 2600.0
 TRIES = 200
 """Draws of a place for each stone, after which there is no room left."""
 
-Number = Annotated[int, Field(ge=1, le=400)]
+Number = Annotated[int, Field(ge=1, le=1000)]
 
 
 @scene_kind("loose_stones")
 class LooseStones(Scene):
-    """Flat stones that lie loose on the floor, tip and slide."""
+    """Stones that lie loose on the floor, tip and slide: flat ones, or pebbles as a layer of gravel has them."""
 
     seen: ClassVar[bool] = True
 
     seed: Seed = param(0, "Fixes sizes and places")
     count: Number = param(30, "Number of stones")
+    shape: Literal["flat", "pebble"] = param("flat", "Boxes, or ellipsoids")
+    size: Annotated[float, Field(ge=0.01, le=0.5), "m"] = param(0.16, "Length of the longest stones")
     height: Annotated[float, Field(ge=0.005, le=0.2), "m"] = param(0.03, "Height of the highest stones")
     length: Annotated[float, Field(ge=0.1, le=20.0), "m"] = param(2.0, "Extent of the stretch forward")
     width: Annotated[float, Field(ge=0.1, le=10.0), "m"] = param(0.8, "Extent of the stretch across")
@@ -44,9 +46,15 @@ class LooseStones(Scene):
 
     def build(self, spec: mujoco.MjSpec) -> None:
         draw, placed = np.random.default_rng(self.seed), list[tuple[float, float, float]]()
+        round_, longest = self.shape == "pebble", 0.5 * self.size
+        kind, share = (
+            ("ellipsoid", math.pi / 6.0) if round_ else ("box", 1.0)
+        )  # of the volume of the box around
+        least, most = (0.375 * longest, 0.2 * self.height), (longest, 0.5 * self.height)
         for number in range(self.count):
-            half = draw.uniform((0.03, 0.03, 0.2 * self.height), (0.08, 0.08, 0.5 * self.height))
-            reach, turn = math.hypot(half[0], half[1]), draw.uniform(0.0, math.pi)
+            half = draw.uniform((least[0], *least), (most[0], *most))
+            reach = max(half[0], half[1]) if round_ else math.hypot(half[0], half[1])
+            turn = draw.uniform(0.0, math.pi)
             for _ in range(TRIES):
                 x = self.distance + draw.uniform(0.0, self.length)
                 y = draw.uniform(-0.5, 0.5) * self.width
@@ -64,7 +72,8 @@ class LooseStones(Scene):
                 quat=[math.cos(0.5 * turn), 0.0, 0.0, math.sin(0.5 * turn)],
             )
             body.add_freejoint()
-            self.solid(body, "box", half.tolist(), mass=DENSITY * 8.0 * float(half.prod()), colour=STONE)
+            mass = DENSITY * share * 8.0 * float(half.prod())
+            self.solid(body, kind, half.tolist(), mass=mass, colour=STONE)
 
 
 @scene_kind("tilting_plates")

@@ -1,4 +1,4 @@
-"""Floors that give or are slippery in places, by the parameters of MuJoCo's own contacts, which are those of the soles.
+"""Floors that give, are slippery or move in places, by the parameters of MuJoCo's own contacts: those of the soles.
 
 On a floor that gives, each point of a sole rests on a spring and a damper of the floor. A contact of a constant
 impedance d whose `solref` is (−s, −b) has the force
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.feet import FootParts
+from wbc.sim.terrain.areas import at_places
 from wbc.sim.terrain.spec import DAMPING_TIME, Terrain
 
 IMPEDANCE = 1e-3
@@ -46,26 +47,30 @@ def surfaces(model: mujoco.MjModel, feet: Sequence[FootParts], ground: Terrain) 
     found: list[Surface] = []
     if ground.gives:
         found.append(GivingFloor(model, feet, ground))
-    if ground.slippery:
-        found.append(SlipperyFloor(model, feet, ground))
+    if any(area.name in {"friction", "speed"} for area in ground.surface_areas):
+        found.append(SlidingFloor(model, feet, ground))
     return found
 
 
-class SlipperyFloor:
-    """Stretches of a ground on which the soles have less friction than elsewhere."""
+class SlidingFloor:
+    """Areas of a ground on which the soles have another friction than elsewhere, or that move: walkways."""
 
     def __init__(self, model: mujoco.MjModel, feet: Iterable[FootParts], ground: Terrain) -> None:
         """Look up the points of the soles, and their friction elsewhere."""
         self._geoms = np.array([model.geom(name).id for foot in feet for name in foot.contact_geoms])
         self._usual = model.geom_friction[self._geoms, 0].copy()
-        self._stretches = np.array(ground.slippery).reshape(-1, 3)
+        self._areas = ground.surface_areas
+        self._moves = any(area.name == "speed" for area in self._areas)
+        model.flg_surfacevel |= self._moves
 
     def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Give each point the least friction of the stretches that it is on."""
-        x, friction = data.geom_xpos[self._geoms, 0], self._usual
-        for start, end, coefficient in self._stretches:
-            friction = np.where((x >= start) & (x < end), np.minimum(friction, coefficient), friction)
-        model.geom_friction[self._geoms, 0] = friction
+        """Give each point the friction and the speed of the areas that it is on."""
+        places = data.geom_xpos[self._geoms]
+        model.geom_friction[self._geoms, 0] = at_places(self._areas, "friction", places, self._usual)
+        if self._moves:  # over a walkway a sole slides as one does whose own surface runs backwards
+            speed = at_places(self._areas, "speed", places, 0.0)
+            forward = data.geom_xmat[self._geoms, :3]  # the world's x in the frames of the points
+            model.geom_surfacevel[self._geoms, :3] = -speed[:, None] * forward
 
 
 class GivingFloor:
@@ -89,11 +94,11 @@ class GivingFloor:
             area[geoms] = point_areas(points[:, :2], foot.fit.sole.length * foot.fit.sole.width)
         self._own = np.flatnonzero(area)
         self._area = area[self._own]
-        self._floor = -np.array([ground.floor_stiffness or 0.0, ground.own_damping])
-        self._stretches = np.array(ground.giving).reshape(-1, 3)
+        self._floor = ground.floor_stiffness or 0.0, ground.own_damping
+        self._areas = ground.surface_areas
         self._rigid = model.geom_solref[self._own].copy(), model.geom_solimp[self._own, :2].copy()
         self._inverse = model.body_invweight0[model.geom_bodyid, 0]
-        stiffness = max([ground.floor_stiffness or 0.0, *self._stretches[:, 2]])
+        stiffness = max([self._floor[0], *(area.value for area in self._areas if area.name == "stiffness")])
         longest = 1.0 / math.sqrt(stiffness * float((area * self._inverse).max()))
         if model.opt.timestep > longest:
             raise InputError(
@@ -101,7 +106,7 @@ class GivingFloor:
                 f"got {model.opt.timestep:g} s: shorten the step, or leave floor_stiffness out for a rigid floor"
             )
         model.opt.impratio = FRICTION_IMPEDANCE
-        self._write(model, data.geom_xpos[self._own, 0])
+        self._write(model, data.geom_xpos[self._own])
 
     def adapt(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Correct the parameters of the points that touch, by the rows of the step that has just been made.
@@ -116,13 +121,14 @@ class GivingFloor:
         self._inverse[geoms] = (
             data.efc_R[rows] * (1.0 + step * (b + step * s) / IMPEDANCE) * (IMPEDANCE / (1.0 - IMPEDANCE))
         )
-        self._write(model, data.geom_xpos[self._own, 0])
+        self._write(model, data.geom_xpos[self._own])
 
-    def _write(self, model: mujoco.MjModel, x: Array) -> None:
-        """Write the parameters of all points, which are at some x, shape (n,), m, into the model."""
-        floor = np.tile(self._floor, (len(x), 1))
-        for start, end, stiffness in self._stretches:
-            floor[(x >= start) & (x < end)] = -stiffness, -DAMPING_TIME * stiffness
+    def _write(self, model: mujoco.MjModel, places: Array) -> None:
+        """Write the parameters of all points, which are at some places, shape (n, 3), m, into the model."""
+        own, damping = self._floor
+        k = at_places(self._areas, "stiffness", places, own)
+        c = at_places(self._areas, "damping", places, np.where(k == own, damping, DAMPING_TIME * k))
+        floor = -np.column_stack([k, c])
         # The integrator, which is implicit, damps a spring by its stiffness times the step.
         floor[:, 1] = np.minimum(floor[:, 1] - model.opt.timestep * floor[:, 0], 0.0)
         springs = (self._area * self._inverse[self._own])[:, None] * floor * (1.0 - IMPEDANCE)

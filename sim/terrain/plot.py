@@ -12,6 +12,7 @@ from wbc.base.drawing import import_matplotlib
 from wbc.base.files import save_figure
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.render import AREA_COLOURS
 from wbc.sim.terrain.spec import Terrain, terrain
 
 if TYPE_CHECKING:
@@ -93,6 +94,13 @@ def _draw_map(ax: Axes, ground: Terrain, box: tuple[float, float, float, float])
     z = 1e3 * ground.height(x[None, :], y[:, None])
     # The colours begin a margin (mm) below the ground, so that the floor is earth and not sea.
     low = z.min() - 0.5 * np.ptp(z) - 1.0
+    for area in ground.surface_areas:
+        x0, x1, y0, y1 = area.within(ground.extent)
+        colour = AREA_COLOURS[area.name]
+        ax.fill([x0, x1, x1, x0], [y0, y0, y1, y1], color=colour, alpha=0.5, zorder=2)
+        ax.text(
+            0.5 * (x0 + x1), 0.5 * (y0 + y1), str(area), ha="center", va="center", fontsize=7, clip_on=True
+        )
     image = ax.imshow(z, extent=box, origin="lower", cmap="gist_earth", vmin=low)
     shades = LightSource().hillshade(z, vert_exag=2.0, dx=1e3 * MAP_STEP, dy=-1e3 * MAP_STEP)
     ax.imshow(shades, extent=box, origin="lower", cmap="gray", alpha=0.4, vmin=0.0, vmax=1.0)

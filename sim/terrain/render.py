@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
+from wbc.sim.terrain.areas import Area
 from wbc.sim.terrain.ground import HeightField
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
 from wbc.sim.terrain.spec import Terrain
@@ -32,9 +33,19 @@ nothing more.
 """
 
 _STRIP_COLOUR = (0.55, 0.60, 0.62, 1.0)
-_SLIPPERY_COLOUR = (0.45, 0.70, 0.90, 0.6)
 _LOW_COLOUR = np.array([0.40, 0.36, 0.33])
 _HIGH_COLOUR = np.array([0.80, 0.75, 0.66])
+
+AREA_COLOURS = {
+    "friction": (0.45, 0.70, 0.90),
+    "stiffness": (0.85, 0.65, 0.35),
+    "damping": (0.70, 0.50, 0.60),
+    "speed": (0.45, 0.75, 0.45),
+}
+"""Colours of areas by their property."""
+
+AREA_SAMPLES = 101
+"""Points along each side of an area among which its highest is sought."""
 
 _T = mujoco.mjtGeom
 
@@ -81,19 +92,8 @@ def add_to_spec(spec: mujoco.MjSpec, terrain: Terrain, *, sole_radius: float | N
         rgba=_STRIP_COLOUR,
         **common,
     )
-    for k, (start, end) in enumerate(zip(terrain.slippery[::3], terrain.slippery[1::3], strict=True)):
-        _, _, right, left = terrain.extent
-        spec.worldbody.add_geom(
-            name=f"terrain_slippery_{k}",
-            type=_T.mjGEOM_BOX,
-            size=[0.5 * (end - start), 0.5 * (left - right), 0.0005],
-            pos=[0.5 * (start + end), 0.5 * (left + right), 0.0],
-            rgba=_SLIPPERY_COLOUR,
-            contype=0,
-            conaffinity=0,
-            density=0.0,
-            group=1,  # not seen by sensors
-        )
+    for k, area in enumerate(terrain.surface_areas):
+        _add_area(spec, f"terrain_area_{k}", area, terrain)
     slabs: dict[int, Any] = {}
     for i, shape in enumerate(ground.solids):
         name = f"terrain_{i}"
@@ -110,6 +110,25 @@ def add_to_spec(spec: mujoco.MjSpec, terrain: Terrain, *, sole_radius: float | N
             name=name, rgba=(*_HIGH_COLOUR, 1.0), **_height_field(spec, name, ground.field), **common
         )
     return terrain
+
+
+def _add_area(spec: mujoco.MjSpec, name: str, area: Area, terrain: Terrain) -> None:
+    """Draw an area as a thin sheet on its highest point, which touches nothing and no sensor sees."""
+    x0, x1, y0, y1 = area.within(terrain.extent)
+    if x0 >= x1 or y0 >= y1:  # beyond the part of an endless ground that is drawn
+        return
+    x, y = np.linspace(x0, x1, AREA_SAMPLES), np.linspace(y0, y1, AREA_SAMPLES)
+    spec.worldbody.add_geom(
+        name=name,
+        type=_T.mjGEOM_BOX,
+        size=[0.5 * (x1 - x0), 0.5 * (y1 - y0), 0.0005],
+        pos=[0.5 * (x0 + x1), 0.5 * (y0 + y1), float(terrain.height(x[None, :], y[:, None]).max())],
+        rgba=(*AREA_COLOURS[area.name], 0.6),
+        contype=0,
+        conaffinity=0,
+        density=0.0,
+        group=1,  # not seen by sensors
+    )
 
 
 def _colour(shape: Shape, floor: float, amplitude: float) -> tuple[float, ...]:

@@ -21,6 +21,7 @@ from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import NonNegative, Number, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.sim.terrain.areas import STRETCHES, Area, read_areas
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family
 from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
@@ -79,10 +80,10 @@ class Terrain:
         sole_radius: Radius of the spheres under the sole, m; a height field must be as fine.
         floor_stiffness: Stiffness of the ground per area, N/m³, the modulus of subgrade reaction; None for a rigid one.
         floor_damping: Damping of the ground per area, Ns/m³; a hundredth of a second times its stiffness when None.
-        slippery: Stretches across the whole ground on which it is slippery: from x (m), to x (m), coefficient of
-            friction of a sole there, one stretch behind the other.
-        giving: Stretches whose stiffness differs from that of the other ground: from x (m), to x (m), N/m³, likewise;
-            their damping is a hundredth of a second times the stiffness.
+        areas: Rectangles whose surface has another property than the rest. Six values describe one, and those of the
+            next follow: from x, to x, from y, to y (m; None for the end of the ground), the name of the property, its
+            value. Names are friction (of a sole, from 0 to 2), stiffness (N/m³; its damping is a hundredth of a second
+            times the stiffness), damping (Ns/m³) and speed (m/s, along x, of a moving walkway).
     """
 
     parameters: Family
@@ -96,8 +97,7 @@ class Terrain:
     sole_radius: Annotated[Positive, "m"] = SOLE_SPHERE_RADIUS
     floor_stiffness: Annotated[Positive, "N/m³"] | None = None
     floor_damping: Annotated[NonNegative, "Ns/m³"] | None = None
-    slippery: tuple[Number, ...] = ()
-    giving: tuple[Number, ...] = ()
+    areas: tuple[Number | str | None, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the amplitude and the track against the family."""
@@ -112,12 +112,11 @@ class Terrain:
             )
         if self.floor_damping is not None and self.floor_stiffness is None:
             raise InputError("floor_damping is that of a floor that gives: it needs floor_stiffness, too")
-        _check_stretches("slippery", self.slippery, "coefficient of friction of 0 or more")
-        _check_stretches("giving", self.giving, "stiffness above 0 (N/m³)", above=True)
         self.parameters.check_track(self.length, self.width)
         if self.ramp > 0.0 and not self.parameters.ramps:
             raise InputError(f"terrain '{self.name}' has no ramp, its heights are exact; got {self.ramp:g} m")
         self._check_size()
+        assert self.surface_areas is not None  # read, and so checked
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields alone: the surface is built again."""
@@ -137,7 +136,15 @@ class Terrain:
     @property
     def gives(self) -> bool:
         """True if the ground gives somewhere."""
-        return self.floor_stiffness is not None or bool(self.giving)
+        return self.floor_stiffness is not None or any(
+            area.name == "stiffness" for area in self.surface_areas
+        )
+
+    @cached_property
+    def surface_areas(self) -> tuple[Area, ...]:
+        """Areas with other properties of the surface; a ground that is level all over has no end for them."""
+        ends = None if self.amplitude == 0.0 else self.extent
+        return read_areas(self.areas, ends, self.floor_stiffness is not None)
 
     @property
     def own_damping(self) -> float:
@@ -357,20 +364,10 @@ class Terrain:
             "cell_m": None if map_ is None else list(map_.step),
             "height_field_bytes": 0 if map_ is None else 4 * map_.z.size,
             "smallest_feature_m": self._feature if math.isfinite(self._feature) else None,
-            "slippery": list(self.slippery),
-            "giving": list(self.giving),
+            "areas": list(self.areas),
             **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
             "fingerprint": self.fingerprint(),
         }
-
-
-def _check_stretches(name: str, parts: tuple[float, ...], third: str, *, above: bool = False) -> None:
-    """Raise an `InputError` for numbers that are no stretches, or whose third number is below 0 (or 0 itself)."""
-    stretches = zip(parts[::3], parts[1::3], parts[2::3], strict=False)
-    if len(parts) % 3 or any(a >= b or value < 0.0 or (above and value == 0.0) for a, b, value in stretches):
-        raise InputError(
-            f"{name} must be stretches of three numbers: from x (m), to a greater x (m), {third}; got {parts}"
-        )
 
 
 def _as_text(value: Any) -> Any:
@@ -387,8 +384,7 @@ TRACK = (
     "sole_radius",
     "floor_stiffness",
     "floor_damping",
-    "slippery",
-    "giving",
+    "areas",
 )
 """Fields of a terrain that have a default, which a family may change."""
 
@@ -404,8 +400,11 @@ def terrain(
         amplitude: Highest minus lowest point of the rough part, m; the default of the family when None.
         seed: Fixes every random draw.
         **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius in m; floor_stiffness in N/m³,
-            floor_damping in Ns/m³; slippery, giving) and parameters of the family; by default those of the family.
+            floor_damping in Ns/m³; areas) and parameters of the family; by default those of the family.
     """
+    for old in STRETCHES:
+        if old in values:
+            raise InputError(f"{old} of a ground is called areas now, of six values each: got {values[old]}")
     given = {field: values.pop(field) for field in TRACK if field in values}
     parameters = make_family(name, values) if isinstance(name, str) else replace(name, **values)
     height = parameters.default_amplitude if amplitude is None else amplitude

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from wbc.core.signals import Measurement
 from wbc.policy.control import PolicyControl
 from wbc.policy.guard import PolicyGuard
 from wbc.sim.simulation.simulation import Simulation
+from wbc.sim.terrain.areas import Area, at_places
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
@@ -109,9 +111,18 @@ class Vibration:
 class WalkMeter(TrialHook):
     """The figures of one walk."""
 
-    def __init__(self, plant: Simulation, walking: WalkingControl | PolicyControl | PolicyGuard) -> None:
-        """Begin without any tick; of a policy, which has no references, torques and work alone are measured."""
+    def __init__(
+        self,
+        plant: Simulation,
+        walking: WalkingControl | PolicyControl | PolicyGuard,
+        areas: Sequence[Area] = (),
+    ) -> None:
+        """Begin without any tick, on a ground with some areas, over whose walkways a sole does not slip.
+
+        Of a policy, which has no references, torques and work alone are measured.
+        """
         self._plant, self._walking = plant, walking
+        self._areas = [area for area in areas if area.name == "speed"]
         self._zmp: list[float] = []
         self._com: list[float] = []
         self._dcm: list[float] = []
@@ -179,6 +190,9 @@ class WalkMeter(TrialHook):
             if last is not None:
                 old, turned, point = last
                 x, y, _ = (centre - old + (rotation - turned) @ point).tolist()
+                if self._areas:
+                    below = (centre + rotation @ point)[None]
+                    x -= float(at_places(self._areas, "speed", below, 0.0)[0]) * self._plant.control_period
                 way = math.hypot(x, y)
                 self._slip += way if way > SLIDES * self._plant.control_period else 0.0
 

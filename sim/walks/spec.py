@@ -22,6 +22,7 @@ from wbc.robots import load
 from wbc.robots.registry import stamped
 from wbc.sim.plant.places import body_frame
 from wbc.sim.scenes.base import Scene, make_scene
+from wbc.sim.terrain.areas import without_stretches
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
@@ -82,7 +83,7 @@ class WalkSpec(TrialSpec):
         terrain: Family of grounds that `wbc terrain` lists.
         amplitude: Highest minus lowest point of the ground, m.
         terrain_params: Parameters of the family of grounds, and of every ground: length, width, start, strip, ramp,
-            floor_stiffness, floor_damping, slippery, giving.
+            floor_stiffness, floor_damping, areas.
         scene: Furniture, or ground that moves: a scene that `wbc terrain` lists.
         scene_params: Parameters of the scene.
         seed: Seed of the ground and of the sensor errors.
@@ -218,6 +219,8 @@ class WalkSpec(TrialSpec):
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the spec that `to_json` wrote; specs of earlier versions are accepted."""
         values = json_object(cls.__name__, data)
+        if isinstance(params := values.get("terrain_params"), Mapping):
+            values["terrain_params"] = without_stretches(params)
         return super().from_json(without_law(values) if "law" in values else values)
 
     def foot_design(self) -> Foot:

@@ -137,7 +137,7 @@ class WalkTrial(Trial):
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self._pushes = PushSchedule(spec.pushes)
         self.scenario += [self._drive, self._pushes]
-        self.meter = WalkMeter(plant, walking)
+        self.meter = WalkMeter(plant, walking, spec.ground().surface_areas)
         self.sole_meter = None
         if planned is not None and planned.stiffness is not None:
             self.sole_meter = StiffnessMeter(cast(Plant, plant), planned)

@@ -1,4 +1,4 @@
-"""Floors that give: depth, stiffness, damping and friction are those of a bed of springs; slippery stretches."""
+"""Floors that give: depth, stiffness, damping and friction are those of a bed of springs; areas; walkways."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.robot import GRAVITY
 from wbc.feet import foot
+from wbc.sim import WalkSpec
 from wbc.sim.rig.rig import GUIDE_STIFFNESS, FootTest, Rig
+from wbc.sim.terrain.areas import at_places
 from wbc.sim.terrain.giving import point_areas
-from wbc.sim.terrain.spec import terrain
+from wbc.sim.terrain.spec import Terrain, terrain
 
 STIFFNESS = 1e7
 """Stiffness of the floor, N/m³: that of loose sand."""
@@ -82,7 +84,7 @@ def test_a_sole_tilts_by_the_second_moment_of_its_area(axis: str, stiff: str) ->
 def test_each_point_of_a_sole_rests_on_the_stretch_that_it_is_on() -> None:
     """The springs on both sides of a border under a sole carry its weight together."""
     middle, soft = 1.8, STIFFNESS
-    ground = terrain("flat", floor_stiffness=2.0 * soft, giving=(0.0, middle, soft))
+    ground = terrain("flat", floor_stiffness=2.0 * soft, areas=(0.0, middle, None, None, "stiffness", soft))
     rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))
     for _ in range(rig.steps(1.5)):
         rig.step()
@@ -96,7 +98,7 @@ def test_each_point_of_a_sole_rests_on_the_stretch_that_it_is_on() -> None:
 
 @pytest.mark.parametrize("place", [-0.5, 0.5])
 def test_a_rigid_floor_gives_on_its_stretches_alone(place: float) -> None:
-    ground = terrain("flat", giving=(1.8, 5.0, STIFFNESS))
+    ground = terrain("flat", areas=(1.8, 5.0, None, None, "stiffness", STIFFNESS))
     rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, x=place))
     for _ in range(rig.steps(1.5)):
         rig.step()
@@ -280,7 +282,8 @@ def test_a_floor_that_is_too_stiff_for_the_step_names_the_step_that_could() -> N
 def test_a_block_slides_on_a_stretch_by_its_friction(stiffness: float | None) -> None:
     """On μ = 0.1 a pushed sole accelerates by (F − μ m g)/m; before the stretch it stands."""
     middle = 1.8  # of the ground, where the rig stands
-    ground = terrain("flat", floor_stiffness=stiffness, slippery=(middle - 0.5, middle + 0.5, 0.1))
+    ice = (middle - 0.5, middle + 0.5, None, None, "friction", 0.1)
+    ground = terrain("flat", floor_stiffness=stiffness, areas=ice)
     for place, moves in ((0.0, True), (1.0, False)):
         rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, x=place))
         joint = rig.model.joint("forward")
@@ -296,39 +299,167 @@ def test_a_block_slides_on_a_stretch_by_its_friction(stiffness: float | None) ->
         assert gained == pytest.approx(0.2 * GRAVITY if moves else 0.0, rel=0.03, abs=0.03)
 
 
-@pytest.mark.parametrize("friction", [0.1, 0.3])
-def test_a_block_on_a_stretch_stops_after_its_energy_over_its_friction(friction: float) -> None:
-    """The way is v²/(2 μ g)."""
-    ground, speed = terrain("flat", slippery=(0.0, 5.0, friction)), 0.6
-    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))
-    joint = rig.model.joint("forward")
-    rig.model.jnt_stiffness[joint.id] = rig.model.dof_damping[joint.dofadr[0]] = 0.0
+def sliding(ground: Terrain, **place: float) -> tuple[Rig, int]:
+    """A foot of 200 N at rest on a ground, that nothing but friction holds along it, and the index of its way ahead."""
+    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0, **place))
+    for name in ("forward", "left"):
+        joint = rig.model.joint(name)
+        rig.model.jnt_stiffness[joint.id] = rig.model.dof_damping[joint.dofadr[0]] = 0.0
     for _ in range(rig.steps(0.5)):
         rig.step()
-    rig.data.qvel[joint.dofadr[0]], start = speed, float(rig.data.qpos[joint.qposadr[0]])
-    for _ in range(rig.steps(1.2 * speed / (friction * GRAVITY))):
+    return rig, int(rig.model.joint("forward").dofadr[0])
+
+
+def way_of(rig: Rig, dof: int, speed: float, seconds: float) -> float:
+    """Way along x, m, of a foot that is given a speed, m/s, until it rests."""
+    rig.data.qvel[dof], start = speed, float(rig.ankle[0])
+    for _ in range(rig.steps(seconds)):
         rig.step()
-    assert abs(rig.data.qvel[joint.dofadr[0]]) < 1e-3
-    way = float(rig.data.qpos[joint.qposadr[0]]) - start
+    assert abs(rig.data.qvel[dof]) < 1e-3
+    return float(rig.ankle[0]) - start
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3])
+def test_a_block_on_an_area_stops_after_its_energy_over_its_friction(friction: float) -> None:
+    """The way is v²/(2 μ g)."""
+    speed = 0.6
+    rig, dof = sliding(terrain("flat", areas=(None, None, None, None, "friction", friction)))
+    way = way_of(rig, dof, speed, 1.2 * speed / (friction * GRAVITY))
     assert way == pytest.approx(speed**2 / (2.0 * friction * GRAVITY), rel=0.03)
 
 
-def test_the_least_friction_of_stretches_counts_and_is_never_more_than_the_sole_has() -> None:
-    ground = terrain("flat", slippery=(0.0, 5.0, 0.3, 1.7, 1.9, 0.2, 1.7, 1.9, 5.0))
-    rig = Rig(FootTest(foot=foot("flat"), ground=ground, load=200.0, drop=0.0))
-    rig.step()
-    x = rig.data.geom_xpos[[rig.model.geom(name).id for name in rig.foot.contact_geoms], 0]
-    friction = rig.model.geom_friction[[rig.model.geom(name).id for name in rig.foot.contact_geoms], 0]
-    np.testing.assert_allclose(friction, np.where((x >= 1.7) & (x < 1.9), 0.2, 0.3))
-    assert set(friction.tolist()) == {0.2, 0.3} or (x >= 1.7).all()
+def test_a_block_that_slides_into_an_area_loses_its_energy_to_both_frictions() -> None:
+    """v²/(2 g) = μ₁ a + μ₂ (way − a), with the way a of the centre of pressure to the border, on sand."""
+    border, speed, before, behind = 2.0, 1.0, 0.1, 0.25
+    wet = (None, border, None, None, "friction", before, border, None, None, None, "friction", behind)
+    rig, dof = sliding(terrain("flat", floor_stiffness=3e6, areas=wet))
+    size, to_border = rig.foot.fit.sole, border - float(rig.contacts().centre_of_pressure[0])
+    assert 0.5 * size.length < to_border, "the whole sole is before the border"
+    way = way_of(rig, dof, speed, 1.0)
+    assert way > to_border + 0.5 * size.length, "and has left it behind"
+    rest = (speed**2 / (2.0 * GRAVITY) - before * to_border) / behind
+    assert way == pytest.approx(to_border + rest, rel=0.03)
+
+
+def test_a_block_half_on_an_area_is_slowed_by_the_frictions_under_its_points() -> None:
+    """The border runs along the way, between the rows of points: each row has its share of the weight."""
+    speed, wet = 0.6, (None, None, 0.02, None, "friction", 0.1, None, None, None, 0.02, "friction", 0.3)
+    rig, dof = sliding(terrain("flat", floor_stiffness=3e6, areas=wet))
+    contacts = rig.contacts()
+    left = contacts.points[:, 1] > 0.02
+    assert 0 < left.sum() < len(left)
+    share = float(contacts.forces[left, 2].sum() / contacts.forces[:, 2].sum())
+    friction = 0.1 * share + 0.3 * (1.0 - share)
+    assert way_of(rig, dof, speed, 0.6) == pytest.approx(speed**2 / (2.0 * friction * GRAVITY), rel=0.03)
+
+
+@pytest.mark.parametrize("stiffness", [None, 1e8])
+def test_a_block_on_a_walkway_slides_until_it_has_its_speed(stiffness: float | None) -> None:
+    """It is as fast after v/(μ g), has slid by v²/(2 μ g) over the walkway, and stays as fast."""
+    friction, speed = 0.2, 0.5
+    areas = ("friction", friction, 1.5, 2.5, -0.3, 0.3, "speed", speed)
+    ground = terrain("flat", floor_stiffness=stiffness, areas=(None, None, None, None, *areas))
+    rig, dof = sliding(ground, x=-1.0)  # before the walkway
+    assert abs(rig.data.qvel[dof]) < 1e-6
+    rig.data.qpos[dof] += 1.0
+    time, start, speeds = speed / (friction * GRAVITY), float(rig.data.qpos[dof]), []
+    for _ in range(rig.steps(2.0 * time)):
+        rig.step()
+        speeds.append(float(rig.data.qvel[dof]))
+    way = float(rig.data.qpos[dof]) - start
+    assert speeds[len(speeds) // 4] == pytest.approx(0.5 * speed, rel=0.05)
+    assert speeds[-1] == pytest.approx(speed, rel=0.001)
+    assert 2.0 * time * speed - way == pytest.approx(speed**2 / (2.0 * friction * GRAVITY), rel=0.03)
+
+
+def test_a_walkway_carries_a_turned_sole_the_same_way_and_ends_at_its_border() -> None:
+    turn, ground = 1.0, terrain("flat", areas=(None, 1.9, None, None, "speed", 0.3))
+    rig, dof = sliding(ground, yaw=turn, x=-0.4)
+    ahead, aside = rig.data.qvel[dof : dof + 2]
+    assert ahead == pytest.approx(0.3 * math.cos(turn), abs=3e-4)
+    assert aside == pytest.approx(-0.3 * math.sin(turn), abs=3e-4)
+    for _ in range(rig.steps(2.0)):
+        rig.step()
+    assert np.abs(rig.data.qvel[dof : dof + 2]).max() < 1e-3 and 1.7 < rig.ankle[0] < 2.1
+
+
+AREA = (1.0, 2.0, -0.2, 0.2)
 
 
 @pytest.mark.parametrize(
-    "stretches", [(0.5,), (0.5, 1.0), (1.0, 0.5, 0.1), (0.5, 1.0, -0.1), (0.5, 1.0, math.nan)]
+    ("areas", "named"),
+    [
+        ((0.5,), "six values"),
+        ((*AREA, "friction"), "friction, stiffness, damping, speed"),
+        ((*AREA, "frition", 0.2), "did you mean 'friction'"),
+        ((2.0, 1.0, -0.2, 0.2, "friction", 0.1), "greater x"),
+        ((1.0, 2.0, 0.2, 0.2, "friction", 0.1), "greater y"),
+        ((*AREA, "friction", -0.1), "from 0 to 2, got -0.1"),
+        ((*AREA, "friction", 2.5), "from 0 to 2, got 2.5"),
+        ((*AREA, "friction", math.nan), "finite"),
+        ((*AREA, "friction", None), "finite numbers"),
+        ((1.0, "wide", -0.2, 0.2, "friction", 0.3), "finite numbers"),
+        ((*AREA, "stiffness", 0.0), "from 1 to 1e\\+12 N/m³, got 0"),
+        ((*AREA, "speed", 9.0), "m/s, got 9"),
+        ((*AREA, "damping", 1e5), "floor_stiffness"),
+        (
+            (*AREA, "friction", 0.2, 1.5, None, 0.0, None, "friction", 0.3),
+            "friction 0.2 and of friction 0.3 overlap",
+        ),
+    ],
 )
-def test_stretches_that_are_none_are_refused(stretches: tuple[float, ...]) -> None:
-    for name in ("slippery", "giving"):
-        with pytest.raises(InputError, match=name):
-            terrain("flat", **{name: stretches})  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="stiffness above 0"):
-        terrain("flat", giving=(0.5, 1.0, 0.0))
+def test_areas_that_are_none_are_refused(areas: tuple[Any, ...], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        terrain("flat", areas=areas)
+
+
+def test_areas_beyond_the_end_of_a_ground_are_refused_and_a_level_floor_has_no_end() -> None:
+    wet = (3.8, 5.0, None, None, "friction", 0.3)
+    with pytest.raises(InputError, match="from x -0.7 to 4.3 m"):
+        terrain("stones", areas=wet)
+    terrain("stones", areas=wet, length=4.0)
+    terrain("stones", areas=(3.8, *wet[2:3], *wet[2:]))
+    terrain("flat", areas=wet)
+    with pytest.raises(InputError, match="areas now, of six values"):
+        terrain("flat", slippery=(0.5, 1.0, 0.2))
+
+
+def test_areas_of_several_properties_and_of_one_value_may_overlap_and_damping_is_theirs() -> None:
+    """The damping of an area is a hundredth of a second times its stiffness, or that of an area of damping."""
+    inner = (1.2, 1.8, -0.1, 0.1)
+    ground = terrain(
+        "flat",
+        areas=(
+            *AREA,
+            "stiffness",
+            1e7,
+            *inner,
+            "damping",
+            3e4,
+            *AREA,
+            "friction",
+            0.4,
+            *inner,
+            "friction",
+            0.4,
+        ),
+    )
+    assert ground.gives and [str(area) for area in ground.surface_areas][1] == "damping 30000 Ns/m³"
+    places = np.array([(1.1, 0.0), (1.5, 0.0), (2.5, 0.0), (1.5, 0.15)])
+    areas = ground.surface_areas
+    np.testing.assert_allclose(at_places(areas, "stiffness", places, 0.0), [1e7, 1e7, 0.0, 1e7])
+    np.testing.assert_allclose(
+        at_places(areas, "damping", places, [1.0, 2.0, 3.0, 4.0]), [1.0, 3e4, 3.0, 4.0]
+    )
+    np.testing.assert_allclose(at_places(areas, "friction", places, 0.8), [0.4, 0.4, 0.8, 0.4])
+
+
+def test_stretches_of_specs_of_earlier_versions_are_areas() -> None:
+    params = {"giving": [0.5, 0.9, 1e7, 0.9, 1.3, 3e6], "slippery": [1.0, 2.0, 0.2]}
+    spec = WalkSpec.from_json({"kind": "walk", "terrain_params": params})
+    assert [str(area) for area in spec.ground().surface_areas] == [
+        "friction 0.2",
+        "stiffness 1e+07 N/m³",
+        "stiffness 3e+06 N/m³",
+    ]
+    assert WalkSpec.from_json(spec.to_json()) == spec

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Any
 
 import mujoco
@@ -12,6 +13,7 @@ import wbc
 from wbc.base.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.sim import make_scene
+from wbc.sim.plant.model import MANY_THINGS
 from wbc.sim.scenes.base import Scene
 from wbc.sim.scenes.loose import DENSITY
 from wbc.sim.terrain.render import TERRAIN_GROUP
@@ -44,6 +46,76 @@ def test_stones_stay_where_they_lie_and_weigh_what_stones_weigh() -> None:
     assert np.abs(data.qpos - start).max() < 1e-4
     volumes = 8.0 * model.geom_size[1:].prod(axis=1)  # the first geom is the floor
     np.testing.assert_allclose(model.body_mass[1:], DENSITY * volumes)
+
+
+PEBBLES: dict[str, Any] = {"shape": "pebble", "size": 0.04, "height": 0.02}
+
+
+def test_pebbles_lie_where_they_begin_beside_each_other_and_weigh_what_ellipsoids_weigh() -> None:
+    scene = stones(seed=3, count=100, length=0.6, width=0.5, **PEBBLES)
+    model, data = alone(scene)
+    mujoco.mj_forward(model, data)
+    assert (data.contact.geom.min(axis=1) == 0).all() and data.contact.dist.min() > -1e-6, (
+        "with the floor alone"
+    )
+    half = model.geom_size[1:]
+    np.testing.assert_allclose(model.body_mass[1:], DENSITY * 4.0 / 3.0 * np.pi * half.prod(axis=1))
+    assert (2.0 * half[:, :2] <= 0.04).all() and (2.0 * half[:, 2] <= 0.02).all()
+    start = data.qpos.copy()
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qpos - start).max() < 1e-4
+
+
+def test_pebbles_that_sleep_are_woken_by_what_touches_them_and_move_as_those_awake() -> None:
+    """They wake a step after the touch, so that their ways differ by that of a step."""
+    scene, ways = stones(seed=3, count=60, length=0.5, width=0.4, **PEBBLES), []
+    for sleeping in (False, True):
+        model, data = alone(scene)
+        if sleeping:
+            model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+            mujoco.mj_resetData(model, data)
+        for _ in range(100):
+            mujoco.mj_step(model, data)
+        rest = data.qpos.copy()
+        asleep = int((data.tree_asleep >= 0).sum())
+        assert asleep == (60 if sleeping else 0)
+        data.xfrc_applied[1, :3] = (0.3, 0.1, 0.0)
+        for _ in range(60):
+            mujoco.mj_step(model, data)
+        moved = np.linalg.norm((data.qpos - rest).reshape(-1, 7)[:, :3], axis=1)
+        assert np.count_nonzero(moved > 1e-3) > 1, "it has pushed another one"
+        ways.append(moved)
+        a_step = np.linalg.norm(data.qvel[:3]) * model.opt.timestep
+    np.testing.assert_allclose(ways[1], ways[0], atol=a_step)
+
+
+@pytest.mark.parametrize("count", [30, 120])
+def test_a_robot_stands_alike_whether_the_stones_around_it_sleep(count: int) -> None:
+    scene = stones(seed=3, count=count, **PEBBLES)
+    plant = wbc.Plant("g1", scene=scene, visuals=False)
+    many = count > MANY_THINGS
+    heights = []
+    for flag in (plant.model.opt.enableflags, 0):
+        plant.model.opt.enableflags = flag
+        plant.reset()
+        for _ in range(20):
+            plant.step(plant.hold())
+        heights.append(plant.com_height)
+        asleep = int((plant.data.tree_asleep >= 0).sum())
+        assert asleep == (count if many and flag else 0)
+    assert heights[0] == pytest.approx(heights[1], abs=1e-9)
+
+
+def test_things_that_begin_inside_something_are_refused() -> None:
+    """Stones on a rough ground, and a box of an own scene in another one."""
+    with pytest.raises(InputError, match=r"'stone \d+' is \d+ mm inside the ground"):
+        wbc.Plant("g1", scene="loose_stones", terrain=wbc.sim.make_terrain("stones", 0.03, 1), visuals=False)
+    box = '<body name="{0}" pos="{1} 0 0.05"><freejoint/><geom type="box" size="0.05 0.05 0.05"/></body>'
+    for place, refused in ((1.05, True), (1.11, False)):
+        scene = f"<mujoco><worldbody>{box.format('a', 1.0)}{box.format('b', place)}</worldbody></mujoco>"
+        with pytest.raises(InputError, match="'a' is 50 mm inside 'b'") if refused else nullcontext():
+            wbc.Plant("g1", scene=scene, visuals=False)
 
 
 def test_a_kicked_stone_slides_by_its_energy_over_its_friction() -> None:

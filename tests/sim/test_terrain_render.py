@@ -256,21 +256,27 @@ def test_pictures_of_grounds_have_their_profiles_extents_and_figures(monkeypatch
         )
 
 
-def test_slippery_stretches_are_drawn_over_the_width_of_the_track_and_touch_nothing() -> None:
-    """A millimetre thick, in their colour; sensors do not see them."""
-    ground = terrain("flat", slippery=(0.5, 1.25, 0.2, 2.0, 2.1, 0.3))
-    spec = mujoco.MjSpec()
-    add_to_spec(spec, ground)
-    model = spec.compile()
-    _, _, right, left = ground.extent
-    assert left - right == pytest.approx(1.0)
-    for k, (start, end) in enumerate(((0.5, 1.25), (2.0, 2.1))):
-        geom = model.geom(f"terrain_slippery_{k}")
-        assert geom.size == pytest.approx([0.5 * (end - start), 0.5 * (left - right), 0.0005])
-        assert geom.pos == pytest.approx([0.5 * (start + end), 0.5 * (left + right), 0.0])
-        assert geom.contype == geom.conaffinity == 0 and geom.group == 1
-        assert TERRAIN_GROUP != 1 and geom.rgba[2] > geom.rgba[0]  # bluish, as ice
-    assert model.body_mass.sum() == 0.0 and model.ngeom == 3
+def test_areas_are_drawn_on_their_highest_point_and_touch_nothing() -> None:
+    """A millimetre thick, in the colour of their property, as wide as the ground where no side is given."""
+    for name, top in (("flat", 0.0), ("stones", 0.03)):
+        areas = (0.5, 1.25, None, None, "friction", 0.2, 2.0, None, -0.2, 0.1, "stiffness", 1e7)
+        ground = terrain(name, areas=areas)
+        spec = mujoco.MjSpec()
+        add_to_spec(spec, ground)
+        model, bare = spec.compile(), mujoco.MjSpec()
+        add_to_spec(bare, terrain(name))
+        x0, x1, right, left = ground.extent
+        assert left - right == pytest.approx(1.0)
+        sides = ((0.5, 1.25, right, left), (2.0, x1, -0.2, 0.1))
+        for k, (a, b, c, d) in enumerate(sides):
+            geom = model.geom(f"terrain_area_{k}")
+            assert geom.size == pytest.approx([0.5 * (b - a), 0.5 * (d - c), 0.0005])
+            assert geom.pos[:2] == pytest.approx([0.5 * (a + b), 0.5 * (c + d)])
+            assert 0.6 * top <= geom.pos[2] <= top
+            assert geom.contype == geom.conaffinity == 0 and geom.group == 1
+        ice, foam = (model.geom(f"terrain_area_{k}").rgba for k in range(2))
+        assert TERRAIN_GROUP != 1 and ice[2] > ice[0] and foam[0] > foam[2]
+        assert model.body_mass.sum() == 0.0 and model.ngeom == bare.compile().ngeom + 2
 
 
 def test_a_field_is_drawn_between_its_lowest_and_highest_height() -> None:

@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wbc.core.robot import GRAVITY
+from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.meter import IMPACT_TIME, MIN_FORCE, NOTICE_TIME, WalkMeter
 from wbc.walking.contact import Event, GaitPhase
 
@@ -243,6 +244,18 @@ def test_slip_is_the_way_of_the_point_of_a_loaded_sole_at_its_centre_of_pressure
         made.rotation, made.slid = turned, point - turned @ point
         made.tick((weight, 0.0), moments=(weight * point[1], -weight * point[0]))
     assert made.figures()["slip"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_sole_that_a_walkway_carries_does_not_slip() -> None:
+    """Only the way over the walkway counts."""
+    areas = terrain("flat", areas=(0.0, 5.0, None, None, "speed", 0.5)).surface_areas
+    for speed, slip in ((0.5, 0.0), (0.7, 0.2)):
+        made = Made()
+        made.meter = WalkMeter(made, made, areas)  # type: ignore[arg-type]
+        for _ in range(11):
+            made.tick((MASS * GRAVITY, 0.0))
+            made.slid = made.slid + [speed * PERIOD, 0.0, 0.0]
+        assert made.figures()["slip"] == pytest.approx(10.0 * slip * PERIOD)
 
 
 def test_the_onset_of_a_fall_is_looked_for_in_its_last_five_seconds() -> None:

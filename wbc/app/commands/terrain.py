@@ -17,7 +17,7 @@ from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, settings, unit_and_choices
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.scenes.base import scene_kinds
-from wbc.sim.terrain.families.base import make_family, terrain_families
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.plot import plot_families, plot_terrain
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as make_terrain
@@ -83,7 +83,7 @@ def describe_terrain(
     name: str, options: TerrainOptions = TerrainOptions(), given: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to."""
-    ground = make_terrain(make_family(name, read_changes(options.param)), **(given or {}))
+    ground = make_terrain(name, **{**read_changes(options.param), **(given or {})})
     target = check_picture(options.plot, options.param)
     facts = ground.describe() | {
         "roughness": _named_roughness(ground),
