@@ -180,6 +180,27 @@ def test_a_foot_bounces_from_the_floor_as_from_a_spring_and_a_damper(ratio: floa
     assert fastest / fall == pytest.approx(speed / fall, abs=0.01)
 
 
+@pytest.mark.parametrize("ratio", [0.05, 0.2])
+def test_the_cycles_of_a_foot_are_as_long_and_lose_as_much_as_those_of_an_oscillator(ratio: float) -> None:
+    """The period is 2 π/(ω √(1 − ζ²)), the logarithm of the ratio of two depths that follow 2 π ζ/√(1 − ζ²)."""
+    rig, _ = bouncing(ratio, drop=0.0)
+    size, step = rig.foot.fit.sole, rig.test.physics.timestep
+    stiffness = SPRUNG * size.length * size.width
+    heights = []
+    for _ in range(rig.steps(0.6)):
+        rig.step()
+        heights.append(float(rig.data.site(rig.foot.wrench_site).xpos[2]) + rig.mass * GRAVITY / stiffness)
+    inner = np.array(heights[1:-1])
+    lowest = np.flatnonzero((inner < heights[:-2]) & (inner <= heights[2:]))[1:4]
+    damped = math.sqrt(1.0 - ratio**2)
+    period = 2.0 * math.pi / damped * math.sqrt(rig.mass / stiffness)
+    assert np.diff(lowest).mean() * step == pytest.approx(period, abs=0.01 * period + 0.5 * step), (
+        "and half a sample"
+    )
+    decrements = np.log(inner[lowest[:-1]] / inner[lowest[1:]])
+    np.testing.assert_allclose(decrements, 2.0 * math.pi * ratio / damped, rtol=0.02)
+
+
 def in_dart(rig: Rig, damping: float, seconds: float) -> tuple[float, float, float]:
     """The same foot in DART, on explicit springs: greatest depth, m, fastest rebound, m/s, and depth at the end, m."""
     dart = pytest.importorskip("dartpy")
