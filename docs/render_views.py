@@ -39,11 +39,11 @@ SPEC = WalkSpec(
 INSTANT, WIDTH = 4.0, 720
 """Time of the walk, s, and width of a picture, pixels."""
 
-SETTLE = {"meshcat": 5.0, "workbench": 20.0, "rerun": 60.0}
+SETTLE = {"meshcat": 5.0, "workbench": 60.0, "rerun": 60.0}
 """Time that a page may take to draw what it was sent, s: pixels are computed without a graphics card."""
 
-DISMISS = "document.querySelectorAll('.mantine-Notification-closeButton').forEach(button => button.click())"
-"""Script that closes the workbench's notice that there is no graphics card."""
+HIDE = "document.querySelectorAll('.mantine-Notifications-root').forEach(e => { e.style.display = 'none' })"
+"""Script that hides the workbench's notice that there is no graphics card."""
 
 
 def save(picture: Image.Image, path: Path) -> None:
@@ -96,7 +96,7 @@ def main() -> None:
                                 tick()
                                 view.update()
                                 time.sleep(1.0)
-                            browser.evaluate(DISMISS)
+                            browser.evaluate(HIDE)
                             time.sleep(SETTLE[name])
                             shot = browser.call("Page.captureScreenshot", format="png")["data"]
                             picture = Image.open(BytesIO(b64decode(shot)))
