@@ -32,24 +32,35 @@ PAPER_FEATURES = ("Sp", "P", "P^2", "Sku^3", "P^3", "Sp^3")
 """Features of the paper, section IV-B."""
 
 
+COMPLIANCE = "compliance"
+"""Feature of the ground that is felt, not seen: depth of a foot over its load in the last steps, m/N."""
+
+
 def feature_values(values: ArrayLike, names: tuple[str, ...]) -> Array:
-    """Return features, shape (…, n), of roughness parameters in the order of `PARAMETERS`, shape (…, 10).
+    """Return features, shape (…, n), of roughness parameters in the order of `PARAMETERS`, shape (…, 10) or (…, 11).
 
     A feature is a parameter ("Sp"), one of its powers ("Sp^3"), its square root ("sqrt(P)") or "lines": 1 / (1 − K),
-    the effective number of lines in the spectrum, 2 for one wave, the number of samples for white noise.
+    the effective number of lines in the spectrum, 2 for one wave, the number of samples for white noise. The feature
+    "compliance" is an eleventh value, m/N, by which a foot sinks over its load; it is 0 where it is left out.
     """
     given = finite_array("roughness parameters", values)
-    if given.ndim < 1 or given.shape[-1] != len(PARAMETERS):
-        raise InputError(f"roughness parameters must have shape (…, {len(PARAMETERS)}), got {given.shape}")
+    if given.ndim < 1 or given.shape[-1] not in (len(PARAMETERS), len(PARAMETERS) + 1):
+        raise InputError(
+            f"roughness parameters must have shape (…, {len(PARAMETERS)}), or one more with the compliance, got "
+            f"{given.shape}"
+        )
     base, power = _parsed(names)
+    seen, felt = np.split(given, [len(PARAMETERS)], axis=-1)
+    if not felt.size:
+        felt = np.zeros_like(seen[..., :1])
     # K of a real profile is below 1 − 1 / samples; the floor is for values of K that no profile has.
-    lines = 1.0 / np.maximum(1.0 - given[..., -1:], 1e-6)
-    return np.asarray(np.concatenate([given, lines], axis=-1)[..., base] ** power)
+    lines = 1.0 / np.maximum(1.0 - seen[..., -1:], 1e-6)
+    return np.asarray(np.concatenate([seen, lines, felt], axis=-1)[..., base] ** power)
 
 
 @cache
 def _parsed(names: tuple[str, ...]) -> tuple[NDArray[np.intp], Array]:
-    """Return the index of each feature's parameter, that of "lines" the last, and its power."""
+    """Return the index of each feature's parameter, those of "lines" and compliance the last, and its power."""
     base, power = [], []
     for name in names:
         found = re.fullmatch(r"sqrt\((?P<root>\w+)\)|(?P<base>\w+)(\^(?P<power>[2-9]))?", name)
@@ -57,7 +68,7 @@ def _parsed(names: tuple[str, ...]) -> tuple[NDArray[np.intp], Array]:
             raise InputError(
                 f"feature '{name}' must be a parameter, a power such as 'Sp^3' or a root such as 'sqrt(P)'"
             )
-        known = (*PARAMETERS, "lines")
+        known = (*PARAMETERS, "lines", COMPLIANCE)
         base.append(known.index(choose("roughness parameter", found["root"] or found["base"], known)))
         power.append(0.5 if found["root"] else float(found["power"] or 1.0))
     return np.array(base, np.intp), np.array(power)
@@ -193,7 +204,8 @@ class StiffnessModel:
         """Return a model fitted to profiles and their best stiffness.
 
         Args:
-            values: Roughness parameters of the profiles, computed by `recipe`, shape (n, 10).
+            values: Roughness parameters of the profiles, computed by `recipe`, shape (n, 10), or with the compliance
+                that the feet have felt there, m/N, shape (n, 11); see `feature_values`.
             stiffness: Best stiffness of each, Nm/rad, shape (n,).
             groups: Ground of each profile, shape (n,); profiles of the same ground are not used to determine `reach`.
             settings: Settings of the model; the paper's when None.
@@ -232,7 +244,7 @@ class StiffnessModel:
         return self.settings.clusters.of(self.stiffness)
 
     def predict(self, values: ArrayLike) -> Prediction:
-        """Return the prediction for one profile of some roughness parameters, shape (10,)."""
+        """Return the prediction for one profile of some roughness parameters, shape (10,) or (11,) with compliance."""
         features = feature_values(values, self.settings.features)
         if features.ndim != 1:
             raise InputError(f"predict is for one profile, got values of shape {np.shape(values)}")

@@ -178,7 +178,8 @@ class ModelPolicy(StiffnessPolicy):
             return None
         recipe = self.model.recipe
         profile = swing.profile if recipe.window is None else swing.profile.last(recipe.window)
-        prediction = self.model.predict(roughness(profile.x, profile.z, recipe.roughness).values)
+        seen = roughness(profile.x, profile.z, recipe.roughness).values
+        prediction = self.model.predict(np.append(seen, swing.compliance))
         return StiffnessDecision(
             stiffness=prediction.stiffness,
             cluster=prediction.cluster,

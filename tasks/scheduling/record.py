@@ -82,6 +82,7 @@ class StepStiffness:
     fallback: str | None = None  # reason for using the fallback; None if the policy decided
     decision: StiffnessDecision | None = None  # answer of the policy; None if it was not asked or gave none
     profile: Profile | None = None  # ground as scanned; None if too little was seen
+    compliance: float = 0.0  # depth of a foot over its load that was felt before the decision, m/N
     decided_before: float = math.nan  # time from the decision to the landing, s; NaN if nothing was decided
     planned_before: float = math.nan  # the same as planned at the decision, s; NaN if nothing was decided
     computing: float = 0.0  # wall time of profile and policy, s
@@ -101,6 +102,7 @@ class StepStiffness:
             "familiar": None if decision is None else decision.familiar,
             "distance": None if decision is None else decision.distance,
             "features": None if decision is None else dict(decision.features),
+            "compliance_m_per_n": self.compliance,
             "profile_m": None if profile is None else profile.length,
             "coverage": None if profile is None else profile.coverage,
             "seconds_before_landing": _finite_or_none(self.decided_before),

@@ -220,6 +220,7 @@ class StiffnessScheduler:
             fallback=problem,
             decision=decision,
             profile=profile,
+            compliance=self._compliance,
             planned_before=time_left,
             computing=time.perf_counter() - started,
         )

@@ -273,7 +273,7 @@ def test_range_noise_dropouts_and_resolution_have_the_asked_size() -> None:
     assert seen.std() == pytest.approx(math.hypot(0.003, 0.004), rel=0.05)
     coarse = RangeSampler(RangeSensor(resolution=0.01))
     assert coarse.sample(0.0, 0.1234) == pytest.approx(0.12)
-    with pytest.raises(InputError, match="integer"):
+    with pytest.raises(InputError, match="seed of RangeSampler"):
         RangeSampler(sensor, seed=-1)
 
 

@@ -17,7 +17,7 @@ from sklearn.preprocessing import StandardScaler
 from wbc.base.errors import InputError
 from wbc.feet import StiffnessModel, roughness
 from wbc.feet.sensing.roughness import PARAMETERS
-from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.feet.sensing.scan import PROFILE_STEP, Profile
 from wbc.feet.stiffness.model import (
     DEFAULT_MODEL,
     PAPER_FEATURES,
@@ -26,6 +26,7 @@ from wbc.feet.stiffness.model import (
     default_model,
     feature_values,
 )
+from wbc.tasks.scheduling.policies import ModelPolicy, SwingScan
 
 LOGARITHMIC = Clusters((0.0, *np.geomspace(1.0, 81.0, 5).tolist()))
 
@@ -68,6 +69,43 @@ def test_features_are_what_their_names_say() -> None:
     np.testing.assert_allclose(f["lines"], 1.0 / (1.0 - p["K"]))
     np.testing.assert_allclose(f["Ssk^3"], p["Ssk"] ** 3)
     np.testing.assert_array_equal(feature_values(VALUES[3], names), feature_values(VALUES, names)[3])
+
+
+def test_a_compliance_that_is_left_out_is_none_and_changes_no_other_feature() -> None:
+    names = ("Sp", "compliance", "compliance^2", "sqrt(compliance)", "lines")
+    felt = 4e-6 * np.arange(len(VALUES))[:, None]
+    with_it = feature_values(np.hstack([VALUES, felt]), names)
+    np.testing.assert_allclose(with_it[:, 1:4], np.hstack([felt, felt**2, np.sqrt(felt)]))
+    without = feature_values(VALUES, names)
+    assert not without[:, 1:4].any()
+    np.testing.assert_array_equal(without[:, [0, 4]], with_it[:, [0, 4]])
+    with pytest.raises(InputError, match="compliance"):
+        feature_values(np.zeros((3, 12)), names)
+
+
+def test_a_model_can_tell_grounds_apart_by_their_compliance_alone(tmp_path: Path) -> None:
+    """Level ground that gives, softer to harder: the sole is stiff where the ground is soft."""
+    felt = np.repeat(np.array([0.0, 1e-5, 3e-5]), 20)
+    values = np.hstack([np.zeros((60, 10)), felt[:, None]])
+    best = np.repeat([5.0, 30.0, 70.0], 20)
+    made = StiffnessModel.fit(values, best, settings=ModelSettings(features=("Sp", "compliance")))
+    made.save(tmp_path / "model.json")
+    policy = ModelPolicy.load(tmp_path / "model.json")
+    x = PROFILE_STEP * np.arange(41)
+    level = Profile(x, 0.0 * x, 0.0 * x, np.full(41, True), np.array([1.0, 0.0]), PROFILE_STEP)
+    found = []
+    for compliance in (0.0, 1.1e-5, 2.9e-5):
+        swing = SwingScan("left", 3, 1.0, 0.3, np.zeros(3), np.zeros(3), 5.0, level, compliance)
+        decision = policy.decide(swing)
+        assert decision is not None and decision.features["compliance"] == compliance
+        found.append(decision.stiffness)
+    assert found == [6.0, 30.0, 70.0]  # the middles of the clusters of 4 Nm/rad
+    default = ModelPolicy(default_model())
+    soft, hard = (
+        default.decide(SwingScan("left", 3, 1.0, 0.3, np.zeros(3), np.zeros(3), 5.0, level, compliance))
+        for compliance in (0.0, 3e-5)
+    )
+    assert soft == hard, "a model without this feature does not mind it"
 
 
 def test_the_papers_clusters() -> None:
