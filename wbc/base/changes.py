@@ -7,12 +7,14 @@ studies without being written down again.
 from __future__ import annotations
 
 import dataclasses
+import operator
 import typing
 from collections.abc import Iterable, Iterator, Mapping
+from functools import reduce
 from typing import Any, TypeVar
 
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.settings import hashable, may_be_none, nested_settings
+from wbc.base.settings import from_json, hashable, may_be_none, nested_settings, to_json
 
 T = TypeVar("T")
 
@@ -112,10 +114,9 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
     """Return settings, a frozen dataclass with nested ones, with some values replaced.
 
     Names are full or as far as they are unique. Settings that can be switched off take None, and True while they are
-    off. Values that change together are checked together, whatever their order.
+    off. Values that change together are checked together, whatever their order; an integer may be 8.0.
     """
-    new: T = _changed(settings, changes)[0]
-    return new
+    return _changed(settings, changes)[0]
 
 
 def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
@@ -125,60 +126,35 @@ def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Chang
     setting that is changed under two names is an `InputError`.
     """
     new, pairs = _changed(settings, changes)
-    values = ((path, _value(new, path), given) for path, given in pairs)
+    values = (
+        (path, reduce(lambda part, name: getattr(part, name, None), path.split("."), new), given)
+        for path, given in pairs
+    )
     return as_changes(
-        (path, value if isinstance(value, tuple) or _is_scalar(value) else given)
-        for path, value, given in values
+        (path, given if dataclasses.is_dataclass(value) else value) for path, value, given in values
     )
 
 
-def _changed(settings: Any, changes: Mapping[str, Any] | Changes) -> tuple[Any, list[tuple[str, Any]]]:
+def _changed(settings: T, changes: Mapping[str, Any] | Changes) -> tuple[T, list[tuple[str, Any]]]:
     """Settings with changes, and full names and values: what is switched on first, what is switched off last."""
     pairs = list(changes.items() if isinstance(changes, Mapping) else changes)
     pairs.sort(key=lambda pair: (pair[1] is None) - (pair[1] is True))
     named: list[tuple[str, Any]] = []
-    tree: dict[str, Any] = {}
+    data = to_json(settings)
     for name, value in pairs:
         path = full_name(setting_names(settings), name)
-        named.append((path, value))
         *parents, last = path.split(".")
-        if value is True and not isinstance(_value(settings, path), bool):
-            settings = _switched_on(settings, [*parents, last])  # its own settings can be changed now
-            continue
-        branch = tree
-        for parent in parents:
-            branch = branch.setdefault(parent, {})
-        branch[last] = value
-    return (_rebuilt(settings, tree) if named else settings), named
-
-
-def _value(settings: Any, path: str) -> Any:
-    for name in path.split("."):
-        settings = getattr(settings, name, None)
-    return settings
-
-
-def _switched_on(settings: Any, path: list[str]) -> Any:
-    """Settings with the nested settings at a path switched on, if they are off."""
-    name, *rest = path
-    old, nested = getattr(settings, name), nested_settings(type(settings), name)
-    if rest:
-        return dataclasses.replace(settings, **{name: _switched_on(old, rest)})
-    if nested is None:  # a value that cannot be true
-        return dataclasses.replace(settings, **{name: True})
-    return settings if old is not None else dataclasses.replace(settings, **{name: nested()})
-
-
-def _rebuilt(settings: Any, tree: Mapping[str, Any], prefix: str = "") -> Any:
-    """Settings with all values of a tree replaced at once; the settings check them. Integers may be 8.0."""
-    values = {}
-    for name, given in tree.items():
-        old, whole, value = getattr(settings, name), prefix + name, given
-        if isinstance(given, dict):
-            value = _rebuilt(old, given, f"{whole}.")
-        elif given is not None and nested_settings(type(settings), name) is not None:
-            raise InputError(f"setting '{whole}' has settings of its own; change those, or give true or none")
-        elif isinstance(given, float) and given.is_integer() and type(old) is int:
-            value = int(given)
-        values[name] = value
-    return dataclasses.replace(settings, **values)
+        named.append((path, value))
+        nested = nested_settings(type(reduce(getattr, parents, settings)), last)
+        branch = reduce(operator.getitem, parents, data)
+        old = branch[last]
+        if nested is not None and value is True:
+            branch[last] = {} if old is None else old
+            settings = from_json(type(settings), data)  # its own settings can be changed now
+            data = to_json(settings)
+        elif nested is not None and value is not None:
+            raise InputError(f"setting '{path}' has settings of its own; change those, or give true or none")
+        else:
+            whole = type(old) is int and isinstance(value, float) and value.is_integer()
+            branch[last] = int(value) if whole else value
+    return (from_json(type(settings), data) if named else settings), named
