@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
+from itertools import repeat
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, Unpack
@@ -13,7 +14,7 @@ from typing import Annotated, Any, Literal, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.html import html_table
 from wbc.base.numbers import Array
@@ -27,7 +28,7 @@ from wbc.robots import frames, moving, urdf
 from wbc.robots.derivation import posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
-from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, read_gains
+from wbc.robots.derivation.servo import ServoRule, effective_inertia, read_gains
 from wbc.robots.derivation.soles import mesh_folders
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.report import doubts, facts, report
@@ -265,7 +266,6 @@ class RobotDescription:
         )
 
     @checked
-    @checked
     def with_servos(self, gains: Sequence[str]) -> RobotDescription:
         """Return the same robot with other servo gains.
 
@@ -294,6 +294,8 @@ class RobotDescription:
         A robot without feet has its base at the origin.
         """
         model = self.pinocchio_model()
+        most = -model.upperEffortLimit[-len(self.joint_names) :]
+        springs = self._by_joint(self.springs, repeat((0.0, 0.0))).T.copy() if self.springs else None
         return Robot(
             model,
             self.soles,
@@ -302,9 +304,9 @@ class RobotDescription:
             imu_frame=self.imu.frame,
             frames=self.hands,
             servos=self.servos,
-            springs=self._springs,
-            damping=self._damping,
-            torque_lower=self._torque_lower,
+            springs=None if springs is None else (springs[0], springs[1]),
+            damping=self._by_joint(self.damping) if self.damping else None,
+            torque_lower=self._by_joint({name: low for name, (low, _) in self.torque_ranges.items()}, most),
             passive=self.passive,
             closures=self.closures,
         )
@@ -391,47 +393,37 @@ class RobotDescription:
     @cached_property
     def armature_array(self) -> Array:
         """Rotor inertia of each joint, shape (na,), kg m²."""
-        return _frozen([self.armature[name] for name in self.joint_names])
+        return _frozen(self._by_joint(self.armature))
 
     @cached_property
     def effective_inertia(self) -> Array:
         """Inertia that each servo accelerates in half-sitting, shape (na,), kg m²."""
-        q = self._half_sitting_configuration()
-        return _frozen(
-            effective_inertia(self._model, q, self._sole_frames, self.armature_array, self.servo.stance_share)
-        )
+        q, share = self._half_sitting_configuration(), self.servo.stance_share
+        return _frozen(effective_inertia(self._model, q, self._sole_frames, self.armature_array, share))
 
     @cached_property
     def kp(self) -> Array:
         """Servo stiffness of each joint, shape (na,), Nm/rad."""
-        return self._gain(0)
+        return self.servos.kp
 
     @cached_property
     def kd(self) -> Array:
         """Servo damping of each joint, shape (na,), Nms/rad."""
-        return self._gain(1)
+        return self.servos.kd
 
-    @cached_property
-    def servo_gains(self) -> Mapping[str, ServoGains]:
-        """Servo gains of each joint and their source: "given" by the description, or "derived" by the servo rule."""
-        return MappingProxyType(
-            {
-                name: ServoGains(
-                    float(self.kp[i]), float(self.kd[i]), "given" if name in self.gains else "derived"
-                )
-                for i, name in enumerate(self.joint_names)
-            }
-        )
+    servo_gains = renamed("servo_gains", "servos")
 
     @cached_property
     def servos(self) -> Servos:
-        """Servo gains of the controls."""
+        """Servo gains of the controls, by the servo rule where the description gives none."""
         bound = self.servo.bound(self._model, self._half_sitting_configuration(), self._sole_frames)
         ankles = tuple(joint for leg in self.legs for joint in leg[-2:])
         tipping = (
             float(bound[self.joint_names.index(ankles[-1])]) / self.servo.ankle_stiffness if ankles else 0.0
         )
-        return Servos(self.kp, self.kd, frozenset(self.gains), self.joint_names, ankles, tipping)
+        derived = np.transpose(self.servo.gains(self.effective_inertia, bound))
+        kp, kd = map(_frozen, self._by_joint(self.gains, derived).T)
+        return Servos(kp, kd, frozenset(self.gains), self.joint_names, ankles, tipping)
 
     @cached_property
     def torque_limit(self) -> Array:
@@ -493,7 +485,7 @@ class RobotDescription:
     @cached_property
     def _model(self) -> pin.Model:
         fixed = self.base == "fixed"
-        source = source_of(self.xml)
+        source = source_of(self.xml)  # which tidying changes
         changes = source.tidy(fixed, {}, repair=False)[1]
         model = source.model(self.name, fixed)
         if changes or unlimited(model):
@@ -514,37 +506,15 @@ class RobotDescription:
         model.armature[-len(names) :] = [self.armature.get(name, 0.0) for name in names]
         return model
 
-    @property
-    def _torque_lower(self) -> Array:
-        limit = -np.array(self._model.upperEffortLimit[-len(self.joint_names) :])
-        for name, (least, _) in self.torque_ranges.items():
-            limit[self.joint_names.index(name)] = least
-        return limit
-
-    @property
-    def _springs(self) -> tuple[Array, Array] | None:
-        if not self.springs:
-            return None
-        stiffness, rest = np.transpose([self.springs.get(name, (0.0, 0.0)) for name in self.joint_names])
-        return stiffness.copy(), rest.copy()
-
-    @property
-    def _damping(self) -> Array | None:
-        if not self.damping:
-            return None
-        return np.array([self.damping.get(name, 0.0) for name in self.joint_names])
+    def _by_joint(self, given: Mapping[str, Any], usual: Iterable[Any] = repeat(0.0)) -> Array:
+        """Return the values of all joints, the usual one where none is given, shape (na,) or (na, k)."""
+        return np.array(
+            [given.get(name, value) for name, value in zip(self.joint_names, usual, strict=False)]
+        )
 
     @property
     def _sole_frames(self) -> tuple[str, ...]:
         return tuple(sole.frame for sole in self.soles)
-
-    def _gain(self, which: int) -> Array:
-        q = self._half_sitting_configuration()
-        bound = self.servo.bound(self._model, q, self._sole_frames)
-        gain = np.array(self.servo.gains(self.effective_inertia, bound)[which])
-        for name, given in self.gains.items():
-            gain[self.joint_names.index(name)] = given[which]
-        return _frozen(gain)
 
     def _half_sitting_configuration(self) -> Array:
         return posture.standing_configuration(self._model, self._sole_frames, self.half_sitting)

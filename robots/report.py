@@ -72,7 +72,7 @@ def facts(robot: Any) -> dict[str, Any]:
             **{key: float(values[i]) for key, values in zip(HEADINGS, columns, strict=True)},
             "damping": float(robot.damping.get(name, 0.0)),
             "frictionloss": float(robot.frictionloss.get(name, 0.0)),
-            "gains": robot.servo_gains[name].source,
+            "gains": "given" if name in robot.gains else "derived",
         }
     return {
         "name": robot.name,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import fnmatch
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
@@ -26,18 +26,6 @@ ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
 Talos declares 0.1 kg m² for every joint (rotor 1e-5 kg m², reduction 100, in its SRDF) at 90.27 kg and 0.877 m.
 Inertias of similar robots scale with m h²: 0.036 kg m² for a robot of 39 kg and 0.80 m.
 """
-
-
-class ServoGains(NamedTuple):
-    """Gains of the servo of one joint.
-
-    Attributes:
-        source: "given" with the robot or by the user, or "derived" by the servo rule.
-    """
-
-    kp: float  # stiffness, Nm/rad
-    kd: float  # damping, Nms/rad
-    source: Literal["given", "derived"]
 
 
 @settings

@@ -110,8 +110,11 @@ def test_servos_know_what_it_takes_to_stand_and_which_gains_are_the_users() -> N
     assert set(servos.ankles) == {f"{s}_{joint}" for s in "lr" for joint in ("ankle_pitch", "ankle_roll")}
     i = robot.joint_index("l_knee")
     assert (servos.kp[i], servos.kd[i]) == (100.0, 2.0) and servos.given == {"l_knee"}
-    sources = {name: gains.source for name, gains in description.servo_gains.items()}
-    assert {name for name, source in sources.items() if source == "given"} == {"l_knee"}
+    assert {name for name, joint in description.summary()["joints"].items() if joint["gains"] == "given"} == {
+        "l_knee"
+    }
+    with pytest.raises(AttributeError, match="called 'servos' now"):
+        _ = description.servo_gains
     arm = RobotDescription.from_urdf(biped())
     assert arm.servos.tipping == 0.0 and arm.servos.ankles == ()
     np.testing.assert_allclose(arm.kp, (2.0 * np.pi * 8.0) ** 2 * arm.effective_inertia)

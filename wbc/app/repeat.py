@@ -83,16 +83,12 @@ def _located(plain: dict[str, Any], log: Log) -> dict[str, Any]:
         values = plain.get(part)
         if isinstance(values, dict) and key in values:
             located[part] = {**values, key: found(values[key], values.get(CONTENT), check_hash)}
-    trained = plain.get("trained")
-    if isinstance(trained, str) and "#" in trained:
-        name, _, content = trained.rpartition("#")
-        located["trained"] = (
-            f"{found(name, content, lambda file, stamp: stamped(f'{file}#{stamp}'))}#{content}"
-        )
-    robot = plain.get("robot")
-    if isinstance(robot, str) and "#" in robot:
-        name, _, content = robot.rpartition("#")
-        located["robot"] = f"{found(name, content, lambda file, stamp: load(f'{file}#{stamp}'))}#{content}"
+    for part, read in (("trained", stamped), ("robot", load)):
+        value = plain.get(part)
+        if isinstance(value, str) and "#" in value:
+            name, _, content = value.rpartition("#")
+            place = found(name, content, lambda file, stamp: read(f"{file}#{stamp}"))  # noqa: B023 (called at once)
+            located[part] = f"{place}#{content}"
     return located
 
 

@@ -65,7 +65,7 @@ Count = Annotated[int, Field(ge=1, le=MOST)]
 Seed = Annotated[int, Field(ge=0)]
 """Seed of a random generator: an integer, zero or above."""
 
-Index = Annotated[int, Field(ge=0)]
+Ordinal = Annotated[int, Field(ge=0)]
 """An integer, zero or above: a place in an order, such as a tick of a log or a level of priority."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]

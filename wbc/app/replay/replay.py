@@ -32,7 +32,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import decoding
 from wbc.base.numbers import Array, finite_scalar
-from wbc.base.settings import Index
+from wbc.base.settings import Ordinal
 from wbc.core.robot import SIDES
 from wbc.sim.plant.plant import Plant
 
@@ -120,7 +120,7 @@ class Replay:
         return [int(i) for i in np.unique(nearest)]
 
     @checked
-    def picture(self, tick: Index) -> Picture:
+    def picture(self, tick: Ordinal) -> Picture:
         """Move all bodies to their positions at a tick, and return the marks and the text of this tick.
 
         Furniture of a log that was recorded before its places were stays where it was at the start. Forces are those of

@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, NoSolutionError
 from wbc.base.numbers import Array, finite_array
-from wbc.base.settings import Count, Index, NonNegative, Period, Positive, Seed
+from wbc.base.settings import Count, NonNegative, Ordinal, Period, Positive, Seed
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.levels import solve_levels
 from wbc.core.kinematics.reach import Search
@@ -88,7 +88,7 @@ class InverseKinematics(Items):
     @overload
     def add(self, item: Item, /, *items: Item, level: int = 0) -> tuple[Item, ...]: ...
     @checked
-    def add(self, item: Item, /, *items: Item, level: Index = 0) -> Any:
+    def add(self, item: Item, /, *items: Item, level: Ordinal = 0) -> Any:
         """Add tasks, contacts and limits, and return the item, or all of several as a tuple.
 
         Args:
