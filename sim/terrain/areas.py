@@ -25,10 +25,6 @@ PROPERTIES = {
 Sides = tuple[float, float, float, float]
 """Least and largest x, least and largest y, m."""
 
-NUMBERS = 6
-"""Values that describe an area."""
-
-
 STRETCHES = {"slippery": "friction", "giving": "stiffness"}
 """Parameters of grounds of earlier versions, of three numbers each (from x, to x, value), and their properties."""
 
@@ -69,14 +65,16 @@ def read_areas(values: Sequence[float | str | None], ends: Sides | None, gives: 
         ends: Least and largest x, least and largest y of the ground, m; None for one without an end.
         gives: True if the ground gives outside of the areas, too.
     """
-    if len(values) % NUMBERS:
+    if len(values) % 6:
         raise InputError(
             "areas must have six values each: from x, to x, from y, to y (m; none for the end of the ground), a "
             f"property ({', '.join(PROPERTIES)}) and its value; got {len(values)} values"
         )
-    areas = tuple(_area(values[i : i + NUMBERS], ends) for i in range(0, len(values), NUMBERS))
+    areas = tuple(_area(values[i : i + 6], ends) for i in range(0, len(values), 6))
     for one, other in itertools.combinations(areas, 2):
-        if one.name == other.name and one.value != other.value and _meet(one, other):
+        (a0, a1, b0, b1), (c0, c1, d0, d1) = one.sides, other.sides
+        apart = a1 <= c0 or c1 <= a0 or b1 <= d0 or d1 <= b0
+        if one.name == other.name and one.value != other.value and not apart:
             raise InputError(
                 f"areas of {one} and of {other} overlap at {_place(one.sides)}: cut one of them off"
             )
@@ -101,14 +99,7 @@ def without_stretches(parameters: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def at_places(areas: Sequence[Area], name: str, places: Array, elsewhere: ArrayLike) -> Array:
-    """Return a property of the ground at places, shape (n,), with its value outside of the areas.
-
-    Args:
-        areas: The areas.
-        name: The property.
-        places: Shape (n, 2 or 3), m.
-        elsewhere: Value outside, a number or shape (n,).
-    """
+    """Return a property of the ground at places, shape (n, 2 or 3), m, which has a value elsewhere, as shape (n,)."""
     found = np.array(np.broadcast_to(elsewhere, len(places)), dtype=np.float64)
     for area in areas:
         if area.name == name:
@@ -140,12 +131,6 @@ def _area(values: Sequence[float | str | None], ends: Sides | None) -> Area:
             "give none for the end of the ground, or another length, width or strip"
         )
     return area
-
-
-def _meet(one: Area, other: Area) -> bool:
-    """Return True if two areas overlap."""
-    (a0, a1, b0, b1), (c0, c1, d0, d1) = one.sides, other.sides
-    return a0 < c1 and c0 < a1 and b0 < d1 and d0 < b1
 
 
 def _inside(inner: Sides, outer: Sides) -> bool:

@@ -49,7 +49,7 @@ from wbc.sim.studies import (
     study_table,
 )
 from wbc.sim.studies.outcomes import trial_from_json
-from wbc.sim.terrain.spec import terrain
+from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.sim.trial.loops import trial_loop
 from wbc.sim.trial.trial import Trial
 from wbc.tasks import Behaviour, PostureTask, Program, StateMachine, reached
@@ -62,7 +62,13 @@ soft = partial(WalkSpec, foot="soft")
 model = partial(WalkSpec, foot="variable", policy="model")
 fixed = partial(WalkSpec, foot="variable", policy="fixed")
 study = partial(Study, name="s", cells=(Cell("a", {}),), arms={"flat": {"foot": "flat"}}, seeds=(100, 101))
+BOX = (1.0, 2.0, -0.2, 0.2)
+"""Sides of an area, m."""
 image = partial(terrain, "image", 0.03, metres_per_pixel=0.01)
+
+
+def areas(*values: float | str | None) -> Terrain:
+    return terrain("flat", areas=values)
 
 
 @cache
@@ -123,6 +129,32 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: dome(0.0, 0.0, 1e300, 0.1), r"radius of dome \(m\)"),
         (lambda: dome(0.0, 0.0, 0.1, 1e4), r"top of dome \(m\)"),
         (lambda: terrain("flat").default_ramp(3), "parameters of Terrain.default_ramp"),  # type: ignore[arg-type]
+    ],
+    "a floor that gives, an area": [
+        (lambda: terrain("flat", floor_stiffness=0.0), "floor_stiffness"),
+        (lambda: terrain("flat", floor_stiffness=np.nan), "floor_stiffness"),
+        (lambda: terrain("flat", floor_stiffness=1e7, floor_damping=-1.0), "floor_damping"),
+        (lambda: terrain("flat", floor_damping=1e5), "floor_stiffness"),
+        (lambda: terrain("flat", slippery=(0.5, 1.0, 0.2)), "areas now, of six values"),
+        (lambda: areas(0.5), "six values"),
+        (lambda: areas(*BOX, "friction"), "friction, stiffness, damping, speed"),
+        (lambda: areas(*BOX, "frition", 0.2), "did you mean 'friction'"),
+        (lambda: areas(2.0, 1.0, -0.2, 0.2, "friction", 0.1), "greater x"),
+        (lambda: areas(1.0, 2.0, 0.2, 0.2, "friction", 0.1), "greater y"),
+        (lambda: areas(*BOX, "friction", -0.1), "from 0 to 2, got -0.1"),
+        (lambda: areas(*BOX, "friction", 2.5), "from 0 to 2, got 2.5"),
+        (lambda: areas(*BOX, "friction", np.nan), "finite"),
+        (lambda: areas(*BOX, "friction", None), "finite numbers"),
+        (lambda: areas(1.0, "wide", -0.2, 0.2, "friction", 0.3), "finite numbers"),
+        (lambda: areas(*BOX, "stiffness", 0.0), r"from 1 to 1e\+12 N/m³, got 0"),
+        (lambda: areas(*BOX, "speed", 9.0), "m/s, got 9"),
+        (lambda: areas(*BOX, "damping", 1e5), "floor_stiffness"),
+        (
+            lambda: areas(*BOX, "friction", 0.2, 1.5, None, 0.0, None, "friction", 0.3),
+            "friction 0.2 and of friction 0.3 overlap",
+        ),
+        (lambda: SharedPlant({"a": "g1"}, terrain=terrain("flat", floor_stiffness=1e7)), "floor_stiffness"),
+        (lambda: WalkSpec(terrain_params={"areas": (*BOX, "friction", 3.0)}), "from 0 to 2, got 3"),
     ],
     "rig": [
         (lambda: FootTest(physics=PhysicsSettings(gravity=0.0)), "gravity"),

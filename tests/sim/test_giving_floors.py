@@ -275,20 +275,6 @@ def test_areas_of_points_are_those_of_rules_of_integration() -> None:
     np.testing.assert_allclose(point_areas(odd, 0.3), 0.1)
 
 
-@pytest.mark.parametrize(
-    ("values", "named"),
-    [
-        ({"floor_stiffness": 0.0}, "floor_stiffness"),
-        ({"floor_stiffness": math.nan}, "floor_stiffness"),
-        ({"floor_stiffness": 1e7, "floor_damping": -1.0}, "floor_damping"),
-        ({"floor_damping": 1e5}, "floor_stiffness"),
-    ],
-)
-def test_floors_that_are_none_are_refused(values: dict[str, float], named: str) -> None:
-    with pytest.raises(InputError, match=named):
-        terrain("flat", **values)  # type: ignore[arg-type]
-
-
 def test_a_floor_that_is_too_stiff_for_the_step_names_the_step_that_could() -> None:
     with pytest.raises(InputError, match="s at most") as refused:
         Rig(FootTest(foot=foot("flat"), ground=terrain("flat", floor_stiffness=1e13)))
@@ -407,33 +393,6 @@ def test_a_walkway_carries_a_turned_sole_the_same_way_and_ends_at_its_border() -
 AREA = (1.0, 2.0, -0.2, 0.2)
 
 
-@pytest.mark.parametrize(
-    ("areas", "named"),
-    [
-        ((0.5,), "six values"),
-        ((*AREA, "friction"), "friction, stiffness, damping, speed"),
-        ((*AREA, "frition", 0.2), "did you mean 'friction'"),
-        ((2.0, 1.0, -0.2, 0.2, "friction", 0.1), "greater x"),
-        ((1.0, 2.0, 0.2, 0.2, "friction", 0.1), "greater y"),
-        ((*AREA, "friction", -0.1), "from 0 to 2, got -0.1"),
-        ((*AREA, "friction", 2.5), "from 0 to 2, got 2.5"),
-        ((*AREA, "friction", math.nan), "finite"),
-        ((*AREA, "friction", None), "finite numbers"),
-        ((1.0, "wide", -0.2, 0.2, "friction", 0.3), "finite numbers"),
-        ((*AREA, "stiffness", 0.0), "from 1 to 1e\\+12 N/m³, got 0"),
-        ((*AREA, "speed", 9.0), "m/s, got 9"),
-        ((*AREA, "damping", 1e5), "floor_stiffness"),
-        (
-            (*AREA, "friction", 0.2, 1.5, None, 0.0, None, "friction", 0.3),
-            "friction 0.2 and of friction 0.3 overlap",
-        ),
-    ],
-)
-def test_areas_that_are_none_are_refused(areas: tuple[Any, ...], named: str) -> None:
-    with pytest.raises(InputError, match=named):
-        terrain("flat", areas=areas)
-
-
 def test_areas_beyond_the_end_of_a_ground_are_refused_and_a_level_floor_has_no_end() -> None:
     wet = (3.8, 5.0, None, None, "friction", 0.3)
     with pytest.raises(InputError, match="from x -0.7 to 4.3 m"):
@@ -441,8 +400,6 @@ def test_areas_beyond_the_end_of_a_ground_are_refused_and_a_level_floor_has_no_e
     terrain("stones", areas=wet, length=4.0)
     terrain("stones", areas=(3.8, *wet[2:3], *wet[2:]))
     terrain("flat", areas=wet)
-    with pytest.raises(InputError, match="areas now, of six values"):
-        terrain("flat", slippery=(0.5, 1.0, 0.2))
 
 
 def test_areas_of_several_properties_and_of_one_value_may_overlap_and_damping_is_theirs() -> None:

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from pydantic import Field
 
 from wbc.app.arguments import Fields, attribute_docs
+from wbc.app.commands.terrain import ground_of
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.base.changes import changed, read_changes, setting_names
 from wbc.base.errors import InputError
@@ -24,9 +25,7 @@ from wbc.sim.plant.fitting import ankle_soles
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
-from wbc.sim.terrain.families.base import make_family
 from wbc.sim.terrain.spec import Terrain
-from wbc.sim.terrain.spec import terrain as make_terrain
 
 Test = Literal["press"]
 
@@ -68,10 +67,9 @@ class FootOptions:
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground, with further fields of both."""
         design = self._foot()
-        family = make_family(self.terrain, read_changes(self.param))
         return FootTest(
             foot=design,
-            ground=make_terrain(family, sole_radius=design.contact.radius, **ground),
+            ground=ground_of(self.terrain, self.param, {"sole_radius": design.contact.radius, **ground}),
             robot_sole=HRP4C_SOLE if self.robot is None else _sole(self.robot),
             yaw=math.radians(self.yaw),
             physics=PhysicsSettings(timestep=self.timestep),

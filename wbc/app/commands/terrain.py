@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,8 +17,9 @@ from wbc.base.errors import InputError
 from wbc.base.settings import NonNegative, settings, unit_and_choices
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.scenes.base import scene_kinds
-from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.families.base import Family, make_family, terrain_families
 from wbc.sim.terrain.plot import plot_families, plot_terrain
+from wbc.sim.terrain.spec import TRACK as TRACK_FIELDS
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.walking.plans.gait import StepGait
@@ -83,7 +84,7 @@ def describe_terrain(
     name: str, options: TerrainOptions = TerrainOptions(), given: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to."""
-    ground = make_terrain(name, **{**read_changes(options.param), **(given or {})})
+    ground = ground_of(name, options.param, given or {})
     target = check_picture(options.plot, options.param)
     facts = ground.describe() | {
         "roughness": _named_roughness(ground),
@@ -93,6 +94,14 @@ def describe_terrain(
         plot_terrain(ground, target)
         facts["plot"] = str(target)
     return facts
+
+
+def ground_of(name: str, param: Iterable[str], given: Mapping[str, Any]) -> Terrain:
+    """Return a ground of a family, with parameters as name=value: the family's own, else those of every ground."""
+    values = read_changes(param)
+    own = {each.name for each in fields(terrain_families().get(name, Family))}
+    every = {each: values.pop(each) for each in (*values,) if each in TRACK_FIELDS and each not in own}
+    return make_terrain(make_family(name, values), **{**every, **given})
 
 
 def list_terrains() -> dict[str, Any]:
