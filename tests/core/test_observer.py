@@ -488,6 +488,31 @@ def test_a_velocity_that_an_impact_has_taken_is_that_of_the_feet_at_once(lost: f
     assert off[after] < 0.1 * lost and abs(observer.robot.q[2] - height) < 0.1 * lost
 
 
+def test_the_velocity_of_a_robot_that_bounces_on_springs_is_exact_once_their_compliance_is_known() -> None:
+    """Feet on springs sink at up to 0.6 m/s: one that knows their compliance does not take them for fixed."""
+    robot, dt, depth = biped(), 0.002, 0.04  # m, at rest
+    rate, mass = float(np.sqrt(GRAVITY / depth)), robot.mass
+    times = dt * np.arange(602)
+    sunk = depth * (1.0 - np.cos(rate * times))  # let go from where the springs bear nothing
+    qs = np.tile(robot.half_sitting, (len(times), 1))
+    qs[:, 2] -= sunk
+    zero = np.zeros((len(times), 2))
+    sensors, vs = measurements(robot, qs, dt, {"left": zero, "right": zero}, np.full(len(times), 0.5))
+    loads = 0.5 * mass * GRAVITY * sunk / depth
+    for k, sensor in enumerate(sensors):
+        sensor.wrenches[:, 2] = loads[k + 1]
+    worst = []
+    for compliance in (0.0, depth / (0.5 * mass * GRAVITY)):
+        observer = Observer(robot, ObserverSettings(load_time_constant=0.0))
+        observer.sinking.compliance = compliance
+        off = errors(observer, sensors, qs[1:-1], vs)
+        worst.append(off.max(axis=0))
+    assert np.abs(vs[:, 2]).max() > 0.6, "m/s"
+    assert worst[0][2] > 0.3, "feet that are taken for fixed"
+    late = 1.5 * GRAVITY * dt  # m/s: the rate of a load is that of the middle of the last period
+    assert worst[1][0] < 2e-3 and worst[1][2] < late
+
+
 def undisturbed(sensors: list[Measurement]) -> list[np.ndarray]:
     """Velocity of the inertial filter after each measurement."""
     observer, found = Observer(biped()), []

@@ -77,7 +77,8 @@ class ObserverSettings:
             the yaw until it rests again, rad/s. Five times the noise of a foot at rest: the encoder of a hip yaw joint
             has 0.0125 rad/s, the gyroscope 0.002 rad/s.
         slip: Speed of a loaded foot by gyroscope and accelerometer from which it is no reference, m/s: what loads it is
-            not the ground, as of a leg that is hit, or it slips. A foot that stands has some 0.05 m/s there.
+            not the ground, as of a leg that is hit, or it slips. A foot that stands has some 0.05 m/s there. On ground
+            that gives, `Sinking.speed` is added.
         reference_time_constant: Time constant with which anchors follow the sole placements given to `update`, s.
         measurement_delay: Age of a measurement when it arrives, s. The estimate is carried ahead over this and the next
             delay, to when a command will take effect.
@@ -118,7 +119,7 @@ class Observer:
             A load on such a leg does not come from the ground.
         slides: True for each foot that carries and slips along the ground, by gyroscope and accelerometer. It is no
             reference.
-        sinking: Compliance of ground and soles; a foot that takes over load sinks by it.
+        sinking: Compliance of ground and soles; a foot that takes over load sinks by it, at the rate of its load.
         outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
     """
 
@@ -244,6 +245,7 @@ class Observer:
         self._carried = [0.0] * n  # time for which each foot has carried, s
         self._unaided = 0.0  # time since a foot gave a reference, s
         self._loads, self._shares = [0.0] * n, [0.0] * n
+        self._sinks = [0.0] * n  # velocity at which each foot sinks by its load, m/s
         self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
         for i, sole in enumerate(self._soles):
@@ -394,6 +396,7 @@ class Observer:
             step_x, step_y, step_z = turned(base, (a * dx + b * dy, c * dx + d * dy, e * dx + f * dy))
             at_x, at_y, at_z = self._anchors[i]
             sunk = self.sinking.compliance * (self._loads[i] - before[i])
+            self._sinks[i] = sunk / dt if dt > 0.0 else 0.0
             self._anchors[i] = (at_x + step_x, at_y + step_y, at_z + step_z - sunk)
         return arms
 
@@ -418,7 +421,7 @@ class Observer:
         """
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
         yaw_error = 0.0
-        slip, unaided = self.settings.slip, self._unaided + dt
+        slip, unaided = self.settings.slip + self.sinking.speed, self._unaided + dt
         fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
         steady = self.inertial.steady - complex(*self._imu_motion[:2])
         motions: list[tuple[Vector, Vector, Vector]] = []
@@ -428,7 +431,8 @@ class Observer:
             rotating = rate.angular.tolist()
             at_cop = add_cross(rate.linear.tolist(), rotating, arms[i])
             sliding, turn, point, forward = turned_all(base, (at_cop, rotating, points[i], ahead[i]))
-            speed = add_cross(sliding, spin, point)
+            x, y, z = add_cross(sliding, spin, point)
+            speed = x, y, z + self._sinks[i]
             motions.append((speed, turn, forward))
             if expected is not None:
                 (x, y, z), (u, v, w) = speed, expected
@@ -487,7 +491,9 @@ class Observer:
         reach = turned_all(base, points)
         yaws = [_yaw(axis) for axis in turned_all(base, ahead)]
         if len(shares) == 2:
-            self.sinking.update(self._loads, [height for _, _, height in reach], carry=all(shares))
+            self.sinking.update(
+                self._loads, [height for _, _, height in reach], dt, carry=all(self.load_shares)
+            )
         if soles is not None:
             if len(soles) != len(shares):
                 raise InputError(f"one sole placement for each of {len(shares)} soles, got {len(soles)}")

@@ -3,7 +3,8 @@
 While two feet carry, the legs tell the height of one over the other. A foot that takes over load sinks into ground that
 gives, and a soft sole is pressed flat: the difference of the heights changes by −c times the difference of the loads.
 The compliance c is the slope of the one over the other, by least squares over one change of the load. The mean over the
-last changes counts where it is greater than their scatter: on stones a foot that takes over tips up or down.
+last changes counts where it is greater than their scatter: on stones a foot that takes over tips up or down. A weight
+that shifts slowly before the first step tells as much as some landings.
 """
 
 from __future__ import annotations
@@ -11,11 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from wbc.core.robot import GRAVITY
+
 SHIFT = 0.3
 """Least change of the difference of the loads that tells a compliance, over the weight."""
 
-CLEAR, SURE = 2.0, 3
-"""Least mean over the scatter, and number of changes of the load from which on it counts."""
+CLEAR, SURE = 2.0, 0.4
+"""Least mean over the scatter, and time that the changes of the load have taken from which on it counts, s."""
 
 NEW = 0.2
 """Least weight of the last change of the load in the mean, and in that of the squares."""
@@ -40,17 +43,24 @@ class Sinking:
         """Forget the ground."""
         self.compliance = 0.0
         self._start: tuple[float, float] | None = None
-        self._count, self._mean, self._square = 0, 0.0, 0.0
+        self._count, self._time, self._mean, self._square = 0, 0.0, 0.0, 0.0
 
-    def update(self, loads: Sequence[float], heights: Sequence[float], *, carry: bool) -> None:
-        """Take in a tick: normal forces, N, and heights, m, of the two feet, and True while both of them carry."""
+    @property
+    def speed(self) -> float:
+        """Greatest speed, m/s, of a foot that takes the whole weight at once: √(g d), where it sinks by d at rest."""
+        return math.sqrt(GRAVITY * self.compliance * self._weight)
+
+    def update(self, loads: Sequence[float], heights: Sequence[float], dt: float, *, carry: bool) -> None:
+        """Take in a tick of dt, s: forces, N, and heights, m, of the two feet, and True while both of them carry."""
         if not carry:
             self._finish()
             return
         force, height = loads[0] - loads[1], heights[0] - heights[1]
         if self._start is None:
-            self._start, self._products, self._squares, self._far = (force, height), 0.0, 0.0, 0.0
+            self._start, self._lasted = (force, height), 0.0
+            self._products = self._squares = self._far = 0.0
         force, height = force - self._start[0], height - self._start[1]
+        self._lasted += dt
         self._products -= force * height
         self._squares += force * force
         self._far = max(self._far, abs(force))
@@ -63,10 +73,10 @@ class Sinking:
         if self._far < SHIFT * self._weight:
             return
         found = min(max(self._products / self._squares, -self._most), self._most)
-        self._count += 1
+        self._count, self._time = self._count + 1, self._time + self._lasted
         share = max(1.0 / self._count, NEW)
         self._mean += share * (found - self._mean)
         self._square += share * (found * found - self._square)
         scatter = math.sqrt(max(self._square - self._mean**2, 0.0))
-        sure = self._count >= SURE and self._mean > CLEAR * scatter
+        sure = self._time >= SURE and self._mean > CLEAR * scatter
         self.compliance = self._mean if sure else 0.0
