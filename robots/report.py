@@ -13,6 +13,7 @@ from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.robots.derivation.defaults import feet_hint
+from wbc.robots.derivation.posture import FULL_LEG
 from wbc.robots.tidying import TAKEN_RANGE
 
 NEAR_LIMIT = 0.6
@@ -40,9 +41,6 @@ FASTEST, SLOW, BRAKED = 100.0, 1.0, 6.0
 """Doubtful speeds, rad/s: limits above the first (drives of humanoids reach 40), of legs that step below the second
 (published ones are 2 to 30), and speeds of a leg joint at which damping takes all torque below the third (swings reach
 3 to 8)."""
-
-FULL_LEG = 6
-"""Joints of a leg that can put its sole anywhere."""
 
 HEADINGS = {
     "velocity": "rad/s",

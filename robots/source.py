@@ -29,6 +29,10 @@ NARROWER = 1e-6
 """Difference from which on a range is narrower than another, rad or m: above rounding."""
 
 
+Colour = tuple[float, float, float, float]
+"""Red, green, blue, opacity, each from 0 to 1."""
+
+
 class Geometry(NamedTuple):
     """A shape of a link."""
 
@@ -38,9 +42,7 @@ class Geometry(NamedTuple):
     size: Array  # half sizes of a box; radius; radius and half length, m; scale of a mesh
     place: pin.SE3  # place in the link
     file: str = ""  # name of the file of a mesh
-    colour: tuple[float, float, float, float] | None = (
-        None  # red, green, blue, opacity; None where the file has none
-    )
+    colour: Colour | None = None  # None where the file has none
 
 
 class Source(ABC):

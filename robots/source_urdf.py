@@ -15,10 +15,8 @@ from wbc.base.numbers import Array
 from wbc.core.model import Coupling
 from wbc.robots import tidying, urdf
 from wbc.robots.derivation import inertia
-from wbc.robots.source import Element, Geometry, Source
+from wbc.robots.source import Colour, Element, Geometry, Source
 from wbc.robots.urdf import ENDLESS, MOVING, triple
-
-Colour = tuple[float, float, float, float]
 
 
 class Urdf(Source):

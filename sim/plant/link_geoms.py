@@ -20,15 +20,12 @@ from wbc.robots.derivation.shapes import LinkShape, link_shapes
 from wbc.robots.derivation.soles import resolve
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import carrier_link
-from wbc.robots.source import Geometry
+from wbc.robots.source import Colour, Geometry
 from wbc.robots.source_of import source_of
 from wbc.sim.scenes.base import GEOMS
 from wbc.sim.terrain.render import FLOOR
 
 _log = logging.getLogger(__name__)
-
-Colour = tuple[float, float, float, float]
-"""Red, green, blue, opacity, each from 0 to 1."""
 
 PLAIN: Colour = (0.78, 0.80, 0.83, 1.0)
 """Colour of links without one."""

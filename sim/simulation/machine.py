@@ -10,10 +10,7 @@ from pydantic import Field
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import LONGEST_PERIOD, SHORTEST_PERIOD, NonNegative, settings
-
-LONGEST_DELAY = 0.1
-"""Longest delay of measurements and commands, s."""
-
+from wbc.core.estimation.observer import LONGEST_DELAY
 
 SoleIndex = Annotated[int, Field(ge=0, le=1)]
 """A sole: 0 left, 1 right."""

@@ -17,8 +17,9 @@ from pydantic import Field
 from wbc.base.numbers import Array, scalar
 from wbc.base.registry import Registry
 from wbc.base.settings import NonNegative, settings
+from wbc.core.estimation.observer import LONGEST_DELAY
 from wbc.core.signals import Measurement
-from wbc.sim.simulation.machine import LONGEST_DELAY, Machine, whole_steps
+from wbc.sim.simulation.machine import Machine, whole_steps
 
 
 @settings

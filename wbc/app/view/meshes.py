@@ -11,9 +11,7 @@ import mujoco
 import numpy as np
 
 from wbc.base.numbers import Array
-
-Colour = tuple[float, float, float, float]
-"""Red, green, blue, opacity, each from 0 to 1."""
+from wbc.robots.source import Colour
 
 Faces = np.ndarray[tuple[int, int], np.dtype[np.uint32]]
 """Triangles: indices of their vertices, shape (m, 3)."""

@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from wbc.app.view.marks import Mark, mark_mesh
-from wbc.app.view.meshes import Colour
 from wbc.base.numbers import Array
+from wbc.robots.source import Colour
 
 MOST_MARKS = 10_000
 """Geoms of marks in a picture."""

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 
 from wbc.app.view.marks import Force, Instant, Picture, Scale, draw, sole_force
 from wbc.app.view.walk_marks import WalkMarks
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array
+from wbc.core.frames import net_wrench
 from wbc.core.robot import GRAVITY, Robot
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.mujoco_robot import MujocoRobot
@@ -122,8 +122,8 @@ class DescribedStage:
         total, level, forces = np.zeros(6), self.floor, []
         if read is not None and read.sole_wrench is not None:
             places = [robot.placement(sole.frame) for sole in robot.soles]
+            total = net_wrench(read.sole_wrench.tolist(), places)
             for place, wrench in zip(places, read.sole_wrench, strict=True):
-                total += place.act(pin.Force(wrench)).vector
                 forces += sole_force(place.translation, place.rotation, wrench)
             level = min(float(place.translation[2]) for place in places)
         time = 0.0 if read is None else read.time

@@ -15,10 +15,11 @@ import numpy as np
 
 from wbc.app.view.base import LOCAL, TEXT_PERIOD, ViewError
 from wbc.app.view.marks import DCM_COLOUR, ZMP_COLOUR, Mark, Picture, changes, css, legend, mark_mesh
-from wbc.app.view.meshes import Colour, body_meshes
+from wbc.app.view.meshes import body_meshes
 from wbc.app.view.page_guard import PageGuard
 from wbc.app.view.stage import Stage
 from wbc.base.numbers import Array
+from wbc.robots.source import Colour
 
 ROOT = "/wbc"
 """Root of all nodes."""

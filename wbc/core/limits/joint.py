@@ -16,7 +16,7 @@ from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array, scalar
 from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
-from wbc.core.limits.base import ATTAINABLE, OPTIONS, Barrier, for_joints
+from wbc.core.limits.base import _ZERO, ATTAINABLE, OPTIONS, Barrier, for_joints
 from wbc.core.robot import Robot
 
 BRAKING_SHARE = 0.3
@@ -27,8 +27,6 @@ RECOVERY_TIME = 0.1
 
 LONGEST_STEP = 0.5
 """Greatest step of a joint in a search of inverse kinematics, rad or m: its rows are of the first order."""
-
-_ZERO = scalar(0.0)
 
 
 class BrakingLaw:
