@@ -284,11 +284,6 @@ def _hints(kind: type) -> dict[str, Any]:
     return typing.get_type_hints(kind, include_extras=True)
 
 
-def _class_of(hint: Any) -> Any:
-    """The settings class of an annotation; None if it has none."""
-    return next((h for h in _alternatives(hint) if isinstance(h, type) and dataclasses.is_dataclass(h)), None)
-
-
 def _classes_in(hint: Any) -> Iterator[type]:
     """Yield the settings classes of an annotation, also those inside tuples and mappings."""
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
@@ -335,7 +330,8 @@ def units(kind: type, unit: str = "", prefix: str = "") -> dict[str, str]:
 
 def nested_settings(kind: type, name: str) -> Any:
     """Return the settings class of a field; None if it has none."""
-    return _class_of(_hints(kind)[name])
+    members = _alternatives(_hints(kind)[name])
+    return next((each for each in members if isinstance(each, type) and dataclasses.is_dataclass(each)), None)
 
 
 def may_be_none(kind: type, name: str) -> bool:
