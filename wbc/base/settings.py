@@ -30,7 +30,7 @@ from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationE
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.numbers import Array, finite_array, plain
+from wbc.base.numbers import Array, finite_array, in_range, plain
 
 T = TypeVar("T")
 
@@ -100,7 +100,7 @@ class Numbers:
     def checked(self, value: Any) -> Array:
         """Return a copy as a float64 array; what is outside is a `ValueError` that says the rule."""
         try:
-            return finite_array("", value, self.shape, low=self.low, above=self.above, high=self.high)
+            return in_range("", finite_array("", value, self.shape), self.low, self.above, self.high)
         except InputError as error:
             raise ValueError(str(error).strip()) from None
 
