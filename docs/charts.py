@@ -130,6 +130,24 @@ def draw_floors(path: Path) -> None:
     save(figure, path)
 
 
+def draw_soles(path: Path) -> None:
+    """Share of walks that arrive on the softest floor of the study, by sole, all robots together."""
+    rows = table("measured_walks.md", "Completed of 8:")
+    row = next(row for row in rows if row[0] == "1e6 N/m³")
+    figure, axis = plt.subplots(figsize=(8.4, 2.0), layout="constrained")
+    for i, cell in enumerate(row[1:]):
+        found = numbers(cell)
+        done, count = int(sum(found)), 8 * len(found)
+        low, high = share_interval(done, count)
+        axis.plot([100.0 * low, 100.0 * high], [i, i], color=BLUE, lw=1.8)
+        axis.plot(100.0 * done / count, i, "o", color=BLUE)
+    axis.set_yticks(range(len(row) - 1), ["flat (own size)", "rigid", "soft", "variable"], fontsize=9)
+    axis.set_ylim(len(row) - 1.5, -0.5)
+    axis.set_xlim(-2.0, 102.0)
+    axis.set_xlabel("completed (%)")
+    save(figure, path)
+
+
 def draw_pairs(path: Path, corner: str, label: str) -> None:
     """Two values of a row, without and with a rule, joined by a line."""
     rows = table("measured_walks.md", corner)
@@ -218,6 +236,7 @@ def main() -> None:
         ("measured_seeing.svg", draw_seeing),
         ("measured_sinking.svg", draw_sinking),
         ("measured_slip.svg", draw_slip),
+        ("measured_soles.svg", draw_soles),
         ("measured_standing.svg", draw_standing),
         ("measured_tour.svg", draw_tour),
     ):
