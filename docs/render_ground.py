@@ -16,14 +16,19 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
+import wbc
 from wbc.base.numbers import Array
 from wbc.feet import foot
 from wbc.sim.rig.rig import FootTest, Rig
+from wbc.sim.scenes.base import make_scene
 from wbc.sim.terrain.plot import plot_families
 from wbc.sim.terrain.spec import terrain
 
 PANEL = (560, 300)
 """Width and height of a view of a foot, pixels."""
+
+AREAS = (900, 480)
+"""The same of the view of areas."""
 
 LOAD = 390.0
 """Load of one foot under a robot of 39.8 kg, N."""
@@ -95,6 +100,24 @@ def draw_feet(path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
+def draw_areas(path: Path) -> None:
+    """A robot before a wet patch, foam, a walkway and a layer of gravel."""
+    wet, foam = (0.4, 1.0, -0.4, 0.1, "friction", 0.1), (0.4, 1.0, 0.15, 0.5, "stiffness", 3e6)
+    walkway = (1.1, 1.8, -0.5, 0.5, "speed", 0.5)
+    pebbles = {"shape": "pebble", "size": 0.04, "height": 0.02, "count": 200}
+    gravel = make_scene("loose_stones", **pebbles, distance=1.9, length=0.8)
+    plant = wbc.Plant("g1", terrain=terrain("flat", areas=(*wet, *foam, *walkway)), scene=gravel)
+    plant.model.vis.global_.offwidth, plant.model.vis.global_.offheight = AREAS
+    camera = mujoco.MjvCamera()
+    camera.lookat, camera.distance, camera.azimuth, camera.elevation = [1.15, 0.0, 0.25], 3.1, 130.0, -28.0
+    renderer = mujoco.Renderer(plant.model, AREAS[1], AREAS[0])
+    try:
+        renderer.update_scene(plant.data, camera)
+        Image.fromarray(renderer.render()).save(path)
+    finally:
+        renderer.close()
+
+
 def small(path: Path) -> None:
     """Write a picture again with 256 colours: a third of the size, and nobody sees it."""
     with Image.open(path) as picture:
@@ -104,6 +127,7 @@ def small(path: Path) -> None:
 PICTURES: dict[str, Callable[[Path], object]] = {
     "terrains.png": plot_families,
     "foot_soft.png": draw_feet,
+    "areas.png": draw_areas,
 }
 """Name of each picture and who draws it."""
 

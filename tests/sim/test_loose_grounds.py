@@ -224,12 +224,20 @@ def test_sensors_see_what_the_robot_walks_on_and_no_furniture() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["loose_stones", "tilting_plates"])
-def test_a_robot_walks_over_what_moves(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("loose_stones", {}),
+        ("loose_stones", {**PEBBLES, "count": 400, "length": 1.6}),
+        ("tilting_plates", {}),
+    ],
+)
+def test_a_robot_walks_over_what_moves(name: str, values: dict[str, Any]) -> None:
     spec = wbc.sim.WalkSpec(
         robot="g1",
         foot="flat",
         scene=name,
+        scene_params=values,
         mode="torque",
         seed=4,
         noise="realistic",
