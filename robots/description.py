@@ -21,11 +21,11 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
-from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
+from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere, Shape
 from wbc.core.model import Closure, Coupling, driven_names, joints_to
 from wbc.core.robot import Robot
 from wbc.robots import frames, moving, urdf
-from wbc.robots.derivation import posture, shapes
+from wbc.robots.derivation import link_shapes, posture
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoRule, effective_inertia, read_gains
@@ -349,11 +349,11 @@ class RobotDescription:
         A box becomes a capsule along its longest side whose diameter is the second longest side. A mesh counts as its
         bounding box.
         """
-        return shapes.capsules(self.xml, self.package_dirs)
+        return link_shapes.capsules(self.xml, self.package_dirs)
 
     def collision_hulls(self) -> dict[str, list[Shape]]:
         """Return link → shapes for `CollisionLimit`, from collision or else visual geometry, with meshes as hulls."""
-        return shapes.hulls(self.xml, self.package_dirs)
+        return link_shapes.hulls(self.xml, self.package_dirs)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
         """Return the moving link that carries a frame, and the placement of the frame in it.

@@ -14,7 +14,7 @@ import pytest
 
 import wbc
 from wbc.base.errors import InputError, ModelError, UnknownNameError
-from wbc.core.limits.shapes import CollisionSphere, Obstacle
+from wbc.core.limits.obstacles import CollisionSphere, Obstacle
 from wbc.core.qp.contact import FIRMEST
 from wbc.core.robot import Robot
 from wbc.robots import load

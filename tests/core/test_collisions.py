@@ -16,7 +16,7 @@ from properties import examples
 import wbc
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.core.limits.shapes import geometry_of
+from wbc.core.limits.obstacles import geometry_of
 from wbc.core.robot import Robot
 from wbc.ground import HeightMap
 from wbc.ground.height_map import HeightMapSettings

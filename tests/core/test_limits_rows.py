@@ -24,7 +24,7 @@ from wbc.core.limits.base import Limit
 from wbc.core.limits.collision import CollisionLimit, srdf_pairs
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere
+from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot

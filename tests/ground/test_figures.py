@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere
+from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere
 from wbc.ground import HeightMap, KnownGround, PointCloud
 from wbc.ground.body import ANKLE, OwnBody
 from wbc.ground.cloud import ElevationMap, spread

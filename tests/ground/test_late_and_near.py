@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import wbc.ground
-from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere
+from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere
 from wbc.ground import HeightMap, KnownGround, PointCloud
 from wbc.ground.body import OwnBody
 from wbc.ground.cloud import ElevationMap

@@ -14,7 +14,7 @@ from urdf_biped import FEET, biped
 from wbc.base.errors import ModelError
 from wbc.robots import RobotDescription
 from wbc.robots.derivation.inertia import HEAVIEST, second_moments
-from wbc.robots.derivation.shapes import CORNERS, _directions, link_shapes
+from wbc.robots.derivation.link_shapes import CORNERS, _directions, link_shapes
 
 SMALL = '<mass value="0.5"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>'
 

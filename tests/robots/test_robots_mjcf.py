@@ -15,7 +15,7 @@ from mujoco_dynamics import assert_same_dynamics
 
 from wbc.base.errors import ModelError, UnknownNameError
 from wbc.robots import RobotDescription
-from wbc.robots.derivation.shapes import link_shapes
+from wbc.robots.derivation.link_shapes import link_shapes
 from wbc.robots.readers.source_mjcf import placement_of
 from wbc.sim import Plant
 

@@ -21,7 +21,7 @@ from wbc.feet.soles.common_mjcf import VISUAL_GROUP
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
-from wbc.robots.derivation.shapes import link_shapes
+from wbc.robots.derivation.link_shapes import link_shapes
 from wbc.sim import Machine, PhysicsSettings, Plant
 from wbc.sim.plant.link_geoms import SHAPE_GROUP
 from wbc.sim.plant.model import _max_pairs, drawing_model

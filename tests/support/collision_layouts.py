@@ -20,7 +20,7 @@ import pinocchio as pin
 
 import wbc
 from wbc.base.numbers import Array
-from wbc.core.limits.shapes import Shape, geometry_of
+from wbc.core.limits.obstacles import Shape, geometry_of
 
 HAND, MARGIN, PERIOD, SECONDS, MOVING = "panda_hand", 0.02, 0.005, 1.5, 0.6
 KINDS = ("box", "box", "cylinder", "capsule", "sphere", "hull")

@@ -15,7 +15,7 @@ from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.collision import CollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.shapes import CollisionSphere
+from wbc.core.limits.obstacles import CollisionSphere
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import PointContact, SoleContact
 from wbc.core.qp.controller import Controller

@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.base.numbers import ROUNDING, Array
-from wbc.core.limits.shapes import CollisionSphere, RoundShape
+from wbc.core.limits.obstacles import CollisionSphere, RoundShape
 from wbc.core.robot import Robot
 
 ANKLE = 0.12

@@ -25,7 +25,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.frames import heading
-from wbc.core.limits.shapes import RoundShape
+from wbc.core.limits.obstacles import RoundShape
 from wbc.core.robot import Robot
 from wbc.ground.body import OwnBody
 from wbc.ground.cloud import SEEN, WORLD, ElevationMap, PointCloud, spread

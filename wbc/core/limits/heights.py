@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.base.numbers import Array
-from wbc.core.limits.shapes import DEPTH, CollisionHeights
+from wbc.core.limits.obstacles import DEPTH, CollisionHeights
 
 WIDE = 1.0
 """Half of the side of a column in which a shape has sunk, m: it leaves the ground upward, not through the next cell."""

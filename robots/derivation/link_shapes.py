@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
-from wbc.core.limits.shapes import (
+from wbc.core.limits.obstacles import (
     CollisionBox,
     CollisionCapsule,
     CollisionCylinder,
