@@ -7,14 +7,13 @@ studies without being written down again.
 from __future__ import annotations
 
 import dataclasses
-import operator
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
 from typing import Any, TypeVar
 
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.settings import from_json, hashable, may_be_none, nested_settings, to_json
+from wbc.base.settings import hashable, may_be_none, nested_settings
 
 T = TypeVar("T")
 
@@ -140,21 +139,30 @@ def _changed(settings: T, changes: Mapping[str, Any] | Changes) -> tuple[T, list
     pairs = list(changes.items() if isinstance(changes, Mapping) else changes)
     pairs.sort(key=lambda pair: (pair[1] is None) - (pair[1] is True))
     named: list[tuple[str, Any]] = []
-    data = to_json(settings)
+    new: dict[str, Any] = {}
     for name, value in pairs:
         path = full_name(setting_names(settings), name)
-        *parents, last = path.split(".")
         named.append((path, value))
-        nested = nested_settings(type(reduce(getattr, parents, settings)), last)
-        branch = reduce(operator.getitem, parents, data)
-        old = branch[last]
+        *parents, last = path.split(".")
+        owner = reduce(getattr, parents, settings)
+        nested, old = nested_settings(type(owner), last), getattr(owner, last)
         if nested is not None and value is True:
-            branch[last] = {} if old is None else old
-            settings = from_json(type(settings), data)  # its own settings can be changed now
-            data = to_json(settings)
+            if old is None:
+                settings = _replaced(settings, {path: nested()})  # its own settings can be changed now
         elif nested is not None and value is not None:
             raise InputError(f"setting '{path}' has settings of its own; change those, or give true or none")
         else:
             whole = type(old) is int and isinstance(value, float) and value.is_integer()
-            branch[last] = int(value) if whole else value
-    return (from_json(type(settings), data) if named else settings), named
+            new[path] = int(value) if whole else value
+    return _replaced(settings, new), named
+
+
+def _replaced(settings: Any, values: Mapping[str, Any]) -> Any:
+    """Settings with all values, by their full names, replaced at once; the settings check them."""
+    own = {name: value for name, value in values.items() if "." not in name}
+    for name in {path.partition(".")[0] for path in values} - {*own}:
+        inside = {
+            path.partition(".")[2]: value for path, value in values.items() if path.startswith(f"{name}.")
+        }
+        own[name] = _replaced(getattr(settings, name), inside)
+    return dataclasses.replace(settings, **own) if own else settings
