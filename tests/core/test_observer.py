@@ -2,64 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from measured_biped import UP, biped, errors, measurements, noisy
 
-from wbc.core.estimation.consistency import ConsistencyMonitor
 from wbc.core.estimation.inertial import InertialFilter
 from wbc.core.estimation.observer import Observer, ObserverSettings
-from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.estimation.wrenches import WrenchEstimator
-from wbc.core.frames import Sole
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
-
-UP = np.array([0.0, 0.0, 1.0])
-
-
-@cache
-def biped() -> Robot:
-    """Two legs of six joints and a chest that carries the IMU off its axis."""
-    model = pin.Model()
-    model.name = "biped"
-    root = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
-    model.addFrame(pin.Frame("base", root, 0, pin.SE3.Identity(), pin.FrameType.BODY))
-    model.appendBodyToJoint(root, pin.Inertia.FromBox(10.0, 0.2, 0.2, 0.2), pin.SE3.Identity())
-
-    def add(parent: int, joint: object, offset: tuple[float, float, float], name: str, mass: float) -> int:
-        i = model.addJoint(parent, joint, pin.SE3(np.eye(3), np.array(offset)), name)
-        model.appendBodyToJoint(i, pin.Inertia.FromSphere(mass, 0.05), pin.SE3.Identity())
-        return int(i)
-
-    chest = add(root, pin.JointModelRY(), (0.0, 0.0, 0.2), "chest", 12.0)
-    imu = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([0.03, -0.02, 0.15]))
-    model.addFrame(pin.Frame("imu", chest, 0, imu, pin.FrameType.OP_FRAME))
-    for side, y in (("left", 0.09), ("right", -0.09)):
-        i = add(root, pin.JointModelRZ(), (0.0, y, -0.1), f"{side}_hip_yaw", 0.5)
-        i = add(i, pin.JointModelRX(), (0.0, 0.0, 0.0), f"{side}_hip_roll", 0.5)
-        i = add(i, pin.JointModelRY(), (0.0, 0.0, 0.0), f"{side}_hip_pitch", 3.0)
-        i = add(i, pin.JointModelRY(), (0.0, 0.0, -0.35), f"{side}_knee", 2.0)
-        i = add(i, pin.JointModelRY(), (0.0, 0.0, -0.35), f"{side}_ankle_pitch", 0.5)
-        i = add(i, pin.JointModelRX(), (0.0, 0.0, 0.0), f"{side}_ankle_roll", 1.0)
-        sole = pin.SE3(np.eye(3), np.array([0.02, 0.0, -0.09]))
-        model.addFrame(pin.Frame(f"{side}_sole", i, 0, sole, pin.FrameType.OP_FRAME))
-    q = pin.neutral(model)
-    for side in ("left", "right"):
-        for joint, angle in (("hip_pitch", -0.4), ("knee", 0.8), ("ankle_pitch", -0.4)):
-            q[model.joints[model.getJointId(f"{side}_{joint}")].idx_q] = angle
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    q[2] -= data.oMf[model.getFrameId("left_sole")].translation[2]
-    soles = [
-        Sole(f"{s}_sole", f"{s}_sole", name=f"{s}_foot", length=0.2, width=0.1) for s in ("left", "right")
-    ]
-    return Robot(model, soles, q, torso_frame="imu", imu_frame="imu")
 
 
 def close_legs(robot: Robot, q: np.ndarray, feet: dict[str, pin.SE3]) -> np.ndarray:
@@ -79,49 +35,6 @@ def close_legs(robot: Robot, q: np.ndarray, feet: dict[str, pin.SE3]) -> np.ndar
         if worst < 1e-12:
             return q
     raise AssertionError("leg kinematics did not converge")
-
-
-def measurements(
-    robot: Robot, qs: np.ndarray, dt: float, cops: dict[str, np.ndarray], left: np.ndarray
-) -> tuple[list[Measurement], np.ndarray]:
-    """Exact sensors along a motion, and its velocities, both at the inner samples.
-
-    Args:
-        robot: Model.
-        qs: Configurations, shape (n, nq).
-        dt: Time between them, s.
-        cops: Centre of pressure of each sole, shape (n, 2), m.
-        left: Share of the weight on the left foot, shape (n,).
-    """
-    n = len(qs)
-    model, data = robot.model, robot.model.createData()
-    imu = robot.frame_id("imu")
-    points, rotations = np.zeros((n, 3)), []
-    for k in range(n):
-        pin.framesForwardKinematics(model, data, qs[k])
-        points[k] = data.oMf[imu].translation
-        rotations.append(np.array(data.oMf[imu].rotation))
-    result, velocities = [], []
-    for k in range(1, n - 1):
-        v = pin.difference(model, qs[k - 1], qs[k + 1]) / (2 * dt)
-        acceleration = (points[k + 1] - 2 * points[k] + points[k - 1]) / dt**2
-        weight = robot.mass * GRAVITY
-        wrench = np.zeros((2, 6))
-        for i, (side, share) in enumerate((("left", left[k]), ("right", 1.0 - left[k]))):
-            c, f = cops[side][k], share * weight
-            wrench[i] = (0.0, 0.0, f, c[1] * f, -c[0] * f, 0.0)
-        result.append(
-            Measurement(
-                time=k * dt,
-                joint_position=qs[k, 7:].copy(),
-                joint_velocity=v[6:],
-                angular_velocity=pin.log3(rotations[k - 1].T @ rotations[k + 1]) / (2 * dt),
-                specific_force=rotations[k].T @ (acceleration + GRAVITY * UP),
-                sole_wrench=wrench,
-            )
-        )
-        velocities.append(v)
-    return result, np.array(velocities)
 
 
 @cache
@@ -146,38 +59,6 @@ def sway(dt: float = 0.005, seconds: float = 3.0) -> tuple[list[Measurement], np
     left = 0.5 + 0.4 * np.sin(2.9 * times)
     sensors, vs = measurements(robot, qs, dt, {"left": zero, "right": zero}, left)
     return sensors, qs[1:-1], vs
-
-
-def errors(observer: Observer, sensors: list[Measurement], qs: np.ndarray, vs: np.ndarray) -> np.ndarray:
-    """Base position (m), attitude (rad), base velocity (m/s) and CoM velocity (m/s) errors, shape (n, 4)."""
-    truth = biped().clone()
-    out = np.zeros((len(sensors), 4))
-    for k, sensor in enumerate(sensors):
-        estimate = observer.update(sensor)
-        truth.update(qs[k], vs[k])
-        out[k, 0] = np.linalg.norm(estimate.q[:3] - qs[k, :3])
-        turn = pin.Quaternion(*estimate.q[[6, 3, 4, 5]]).angularDistance(pin.Quaternion(*qs[k, [6, 3, 4, 5]]))
-        out[k, 1] = turn
-        out[k, 2] = np.linalg.norm(estimate.v[:3] - vs[k, :3])
-        out[k, 3] = np.linalg.norm(estimate.com_velocity - truth.com_velocity)
-    return out
-
-
-def noisy(sensors: list[Measurement], seed: int) -> list[Measurement]:
-    """Encoders 0.1 mrad, joint speeds 5 mrad/s, gyro 3 mrad/s, accelerometer 0.05 m/s², 1 N, 0.05 Nm."""
-    rng = np.random.default_rng(seed)
-    scale = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
-    return [
-        replace(
-            s,
-            joint_position=s.joint_position + 1e-4 * rng.standard_normal(s.joint_position.shape),
-            joint_velocity=s.joint_velocity + 5e-3 * rng.standard_normal(s.joint_velocity.shape),
-            angular_velocity=s.angular_velocity + 3e-3 * rng.standard_normal(3),
-            specific_force=s.specific_force + 0.05 * rng.standard_normal(3),
-            sole_wrench=s.sole_wrench + scale * rng.standard_normal((2, 6)),
-        )
-        for s in sensors
-    ]
 
 
 def test_exact_sensors_give_the_exact_state() -> None:
@@ -242,162 +123,6 @@ def test_moving_the_world_moves_the_estimate_along() -> None:
     observer.reset(start)
     there = errors(observer, noisy(sensors, 7), np.array(far), vs)
     np.testing.assert_allclose(here, there, atol=1e-6)
-
-
-@cache
-def rolling(radius: float, axis: int = 0) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
-    """On one foot rolling: a cylinder (radius, m) or, for 0, a flat sole on its edge 50 mm out.
-
-    Sideways, outwards, about the x axis of the sole (axis 0); or forwards, over the toes, about its y axis (axis 1).
-    """
-    turn = np.array([[-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])[axis]
-    side = np.cross(turn, UP)  # where it rolls to
-    robot = biped()
-    dt, times = 0.005, 0.005 * np.arange(402)
-    qs, cop = np.zeros((len(times), robot.nq)), np.zeros((len(times), 2))
-    for k, t in enumerate(times):
-        angle = 0.06 * (1 - np.cos(np.pi * t))
-        sole = pin.SE3(pin.exp3(angle * turn), np.zeros(3))
-        if radius > 0.0:  # contact under the axis of the cylinder, which travels radius · angle
-            sole.translation = radius * (angle * side + UP - sole.rotation @ UP)
-            cop[k] = radius * np.sin(angle) * side[:2]
-        else:
-            edge = 0.05 * side
-            sole.translation = edge - sole.rotation @ edge
-            cop[k] = edge[:2]
-        q = np.array(robot.half_sitting)
-        q[7 + robot.joint_index("left_ankle_roll")] = 0.05 * np.sin(2 * t)
-        q[7 + robot.joint_index("left_knee")] += 0.05 * np.sin(3 * t)
-        robot.update(q, np.zeros(robot.nv))
-        base = sole * robot.placement("left_sole").inverse() * pin.XYZQUATToSE3(q[:7])
-        q[:7] = pin.SE3ToXYZQUAT(base)
-        qs[k] = q
-    sensors, vs = measurements(robot, qs, dt, {"left": cop, "right": 0 * cop}, np.ones(len(times)))
-    return sensors, qs[1:-1], vs
-
-
-@pytest.mark.parametrize(("radius", "axis"), [(0.0, 1), (0.3, 0)], ids=["forwards", "sideways"])
-def test_a_rolling_foot_is_followed_when_anchored_at_its_centre_of_pressure(radius: float, axis: int) -> None:
-    sensors, qs, vs = rolling(radius, axis)
-    observer = Observer(biped(), ObserverSettings(cop_time_constant=0.0))
-    observer.reset(qs[0])
-    place, speed = errors(observer, sensors, qs, vs)[:, [0, 2]].max(axis=0)
-    assert place < 2e-4 and speed < 5e-4  # 2 mm and 4 mm/s and more for a sole taken for flat
-
-
-def spinning(seconds: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]:
-    """On one foot that spins by 0.4 rad within a second under a body that keeps its heading, and rests then."""
-    robot = biped()
-    dt, times = 0.005, 0.005 * np.arange(round(seconds / 0.005) + 2)
-    qs = np.zeros((len(times), robot.nq))
-    for k, t in enumerate(times):
-        q = np.array(robot.half_sitting)
-        q[7 + robot.joint_index("left_hip_yaw")] = 0.2 * (1 - np.cos(np.pi * min(t, 1.0)))
-        robot.update(q, np.zeros(robot.nv))
-        q[:3] -= robot.placement("left_sole").translation
-        qs[k] = q
-    rest = np.zeros((len(times), 2))
-    sensors, vs = measurements(robot, qs, dt, {"left": rest, "right": rest}, np.ones(len(times)))
-    return sensors, qs[1:-1], vs
-
-
-@pytest.mark.slow
-def test_a_foot_that_spins_does_not_turn_the_estimate_and_holds_it_when_it_rests() -> None:
-    sensors, qs, _ = spinning(11.0)
-    bias = np.array([0.0, 0.0, 0.004])  # rad/s, 0.04 rad over the whole time
-    sensors = [replace(s, angular_velocity=s.angular_velocity + bias) for s in noisy(sensors, 1)]
-    yaws = {}
-    for spin in (ObserverSettings().spin, 100.0):
-        observer = Observer(biped(), ObserverSettings(spin=spin))
-        observer.reset(qs[0])
-        yaws[spin] = [pin.rpy.matrixToRpy(observer.update(s).placement("base").rotation)[2] for s in sensors]
-    robust, trusting = yaws.values()
-    assert np.abs(robust).max() < 0.01, "the foot has turned by 0.4 rad, the body has not"
-    assert abs(robust[-1] - robust[len(robust) // 2]) < 2e-3, "a foot at rest holds the yaw against the bias"
-    assert abs(trusting[-1]) > 0.2, "without the rule the turn of the foot is taken for one of the body"
-
-
-def turn_on_a_plate(observer: Observer, rates: Sequence[float], dt: float, bias: float) -> Iterator[float]:
-    """Turn robot and feet as one, as on a plate, rad/s, under a gyroscope with a bias; yield the turn that it tells."""
-    robot = observer.robot
-    wrench, joints = np.zeros((2, 6)), np.array(robot.half_sitting[7:])
-    wrench[:, 2] = 0.5 * robot.mass * GRAVITY
-    up = np.array(biped().placement("imu").rotation[2])
-    for k, rate in enumerate(rates):
-        measurement = Measurement(
-            k * dt, joints, np.zeros(robot.na), (rate + bias) * up, GRAVITY * up, wrench
-        )
-        observer.update(measurement, plausible=True)
-        yield observer.inertial.turned
-
-
-def test_feet_that_turn_slowly_turn_the_world_and_the_gyroscope_tells_by_how_much() -> None:
-    """They turn at a third of the speed of a spin."""
-    observer, dt, rate, total = Observer(biped()), 0.005, 0.03, 0.0
-    rates = [rate if 3500 <= k < 4500 else 0.0 for k in range(5000)]
-    for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, 0.004)):
-        if k < 3500:
-            observer.inertial.rest()
-        else:
-            total += turned
-    assert observer.robot.placement("base").rotation[1, 0] == pytest.approx(0.0, abs=0.02)  # with its feet
-    assert total == pytest.approx(rate * 1000 * dt, rel=0.05)
-
-
-def test_feet_that_turn_for_a_moment_in_a_stand_hardly_move_the_bias() -> None:
-    """They turn by 0.08 rad in 1 s, as a sole that settles on a stone, and count a fifth of a mean at most."""
-    observer, dt, total = Observer(biped()), 0.005, 0.0
-    rates = [0.08 if 1600 <= k < 1800 else 0.0 for k in range(3800)]
-    for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, 0.0)):
-        if k < 1800:
-            observer.inertial.rest()
-        else:
-            total += turned
-    assert total == pytest.approx(0.0, abs=0.2 * 0.08 * 2000 * dt / 8.0)
-
-
-@pytest.mark.parametrize("bias", [0.0, 0.004])
-def test_a_stand_after_feet_have_turned_leaves_the_bias_of_the_gyroscope(bias: float) -> None:
-    """In a stand of 1 s the bias of the filter is still wrong by more than 0.01 rad/s."""
-    observer, dt, total = Observer(biped()), 0.005, 0.0
-    rates = [0.05 if 1600 <= k < 2400 else 0.0 for k in range(4600)]
-    for k, turned in enumerate(turn_on_a_plate(observer, rates, dt, bias)):
-        if k < 1600 or 2400 <= k < 2600:
-            observer.inertial.rest()
-        elif k >= 2600:
-            total += turned
-        if k == 2599:
-            assert abs(observer.inertial.gyro_bias[2] - bias) > 0.01
-    assert total == pytest.approx(0.0, abs=0.1 * 0.05 * 800 * dt)
-
-
-@pytest.mark.parametrize(("radius", "axis"), [(0.0, 1), (0.3, 0)], ids=["forwards", "sideways"])
-def test_a_gyroscope_that_is_wrong_is_told_from_a_foot_that_turns(radius: float, axis: int) -> None:
-    """Both turn the foot, by encoders and gyroscope; but only the foot moves the accelerometer."""
-    sensors, qs, _ = rolling(radius, axis)
-    sensors = noisy(sensors, 0)
-    dt, start = 0.005, 1.4
-    off = 0.1 * np.eye(3)[axis]
-
-    def doubts(wrong: Callable[[np.ndarray], np.ndarray]) -> list[tuple[float, str]]:
-        robot = biped().clone()
-        observer = Observer(robot, ObserverSettings(cop_time_constant=0.0))
-        observer.reset(qs[0])
-        plausibility = Plausibility(robot, dt)
-        monitor = ConsistencyMonitor(robot, dt, plausibility.names)
-        found = []
-        for true in sensors:
-            rate = true.angular_velocity
-            sensor = replace(true, angular_velocity=wrong(rate) if true.time > start else rate)
-            observer.update(plausibility.check(sensor)[0])
-            monitor.update(plausibility.values, sensor, observer)
-            found += [(sensor.time - start, doubt) for doubt in monitor.doubts]
-        return found
-
-    assert not doubts(lambda rate: rate)
-    for wrong in (lambda rate: rate + off, lambda rate: rate - off):
-        found = doubts(wrong)
-        assert found and 0.0 < found[0][0] < 0.2 and "gyroscope" in found[0][1]
 
 
 def test_a_foot_that_steps_ahead_carries_from_where_it_lands() -> None:

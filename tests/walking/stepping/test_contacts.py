@@ -1,0 +1,331 @@
+"""Contacts of free steps: feet that land early, lose the ground or are kicked away, and where the weight goes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from point_mass import SCALE, PointMass, Tick
+
+from wbc.core.robot import SIDES
+from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.planners import walk_distance
+from wbc.walking.plans.sources import PlanSource
+from wbc.walking.stepping.gait import SteppingWalk
+from wbc.walking.stepping.settings import SteppingConstants, in_si
+
+DT = 0.004
+
+
+@pytest.mark.parametrize(
+    ("load", "cop", "expected"),
+    [
+        (1.0, (0.05, 0.01), (0.05, 0.01)),
+        (1.0, (0.2, -0.1), (SCALE.sole[0], -SCALE.sole[1])),
+        (0.02, (0.05, 0.01), (in_si(SteppingConstants(), SCALE).carrying, 0.0)),
+    ],
+    ids=["within the sole", "beyond its edges", "hardly any force"],
+)
+def test_a_step_is_about_the_centre_of_pressure_of_its_stance_foot(
+    load: float, cop: tuple[float, float], expected: tuple[float, float]
+) -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    while body.ticks[-1].reference.swing is None:
+        body.run(DT)
+    tick, force = body.ticks[-1], load * SCALE.weight
+    stance, wrenches = tick.reference.stance, [[0.0] * 6, [0.0] * 6]
+    wrenches[stance] = [0.0, 0.0, force, cop[1] * force, -cop[0] * force, 0.0]
+    for _ in range(25):  # five times the lag of the measured pressure
+        reference = body.gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
+    assert reference.stance == stance
+    place = tick.frames[stance].actInv(np.array(body.gait.contact))
+    assert tuple(place[:2]) == pytest.approx(expected, abs=2e-3)
+
+
+def test_the_pendulum_is_as_planned_and_a_push_moves_it_at_the_next_decision_alone() -> None:
+    """c̈ = ω² (c − z) in every phase; on both feet over the soles, in a step about the commanded CoP."""
+    body, phases = PointMass(), set()
+    body.run(0.6)
+    body.speed += (0.05, 0.02)
+    still = body.run(0.2)
+    feet = 0.5 * (still[-1].frames[0].translation + still[-1].frames[1].translation)
+    assert np.linalg.norm(np.array(still[-1].state.com)[:2] - feet[:2]) > 2e-3
+    body.gait.steering.command((0.2, 0.05, 0.0))
+    body.run(2.5)
+    for before, tick in itertools.pairwise(body.ticks):
+        now, past, last = tick.reference, tick.reference.pendulum, before.reference
+        phases.add(now.phase)
+        np.testing.assert_allclose(
+            past.com_acceleration[:2], SCALE.omega**2 * (past.com - past.zmp)[:2], atol=1e-9
+        )
+        if now.phase is GaitPhase.STANDING:
+            np.testing.assert_allclose(past.com[:2], feet[:2], atol=1e-9)
+        if now.phase is GaitPhase.SINGLE:
+            place = tick.frames[now.stance].actInv(np.array(past.zmp))
+            carrying = body.gait.constants.carrying
+            assert tuple(place[:2]) == pytest.approx((carrying + now.cop[0], now.cop[1]), abs=1e-9)
+        if now.phase is last.phase and now.stance == last.stance:
+            goes_on = last.pendulum.com + DT * last.pendulum.com_velocity
+            np.testing.assert_allclose(past.com[:2], goes_on[:2], atol=1e-3)
+    assert phases == set(GaitPhase)
+
+
+def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    waits = [
+        tick.reference
+        for tick in body.run(4.0)
+        if tick.reference.phase is GaitPhase.SINGLE and tick.reference.swing is None
+    ]
+    assert waits, "feet come before the end of a step"
+    settings = body.gait.constants
+    for reference in waits:
+        assert reference.contact == (True, True)
+        assert reference.most_force[1 - reference.stance] == pytest.approx(settings.share)
+        assert reference.most_force[reference.stance] == settings.most_force
+
+
+def first_wait() -> tuple[Tick, SteppingWalk]:
+    """Return the first tick in which a foot has landed and waits for the end of its step, and the gait."""
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    while not any(waits := [waiting([tick]) for tick in body.run(DT)]):
+        pass
+    assert waits
+    return body.ticks[-1], body.gait
+
+
+def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> None:
+    tick, gait = first_wait()
+    s, stance = gait.constants, tick.reference.stance
+
+    def swings(load: float, held: float, seconds: float) -> bool:
+        wrenches = [[0.0] * 6, [0.0] * 6]
+        wrenches[stance][2], wrenches[1 - stance][2] = held, load
+        for _ in range(round(seconds / DT)):
+            reference = gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
+        return bool(reference.swing == 1 - stance)
+
+    assert not swings(1.1 * s.lost, 2.0 * s.held, s.lost_time + 4 * DT), "it carries a little"
+    assert not swings(0.9 * s.lost, 0.9 * s.held, 2 * DT), "nothing holds the robot"
+    assert swings(0.9 * s.lost, 1.1 * s.held, 2 * DT)
+
+
+def test_a_foot_in_contact_carries_at_once_where_the_one_that_stood_no_longer_does() -> None:
+    """It has rolled over an edge, or was kicked away."""
+    tick, gait = first_wait()
+    s, stance = gait.constants, tick.reference.stance
+    wrenches = [[0.0] * 6, [0.0] * 6]
+    wrenches[stance][2], wrenches[1 - stance][2] = 1.1 * s.held, 1.1 * s.held
+    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).stance == stance
+    wrenches[stance][2] = 0.9 * s.held
+    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).stance == 1 - stance
+
+
+class EdgeFirst(PointMass):
+    """Feet that meet the ground with their inner edge, and lie on it 2 ms later."""
+
+    since = 0
+
+    def pressure(self, side: int) -> tuple[float, float]:
+        """See `PointMass.pressure`."""
+        x, y = super().pressure(side)
+        waits = bool(self.ticks) and self.ticks[-1].reference.stance != side and self._load[side] > 0.0
+        self.since = self.since + 1 if waits else self.since * (self._load[side] == 1.0)
+        inner = SCALE.sole[1] * (-1.0 if side == 0 else 1.0)
+        return (x, inner) if waits and self.since <= 1 else (x, y)
+
+
+def waiting(ticks: list[Tick]) -> int:
+    """Return the number of ticks in which a foot in contact waits."""
+    return sum(tick.reference.phase is GaitPhase.SINGLE and tick.reference.swing is None for tick in ticks)
+
+
+def test_a_foot_takes_over_by_where_it_will_carry_not_by_the_edge_with_which_it_meets_the_ground() -> None:
+    waits = []
+    for body in (PointMass(dt=0.002), EdgeFirst(dt=0.002)):
+        body.run(0.6)
+        body.gait.steering.command((0.2, 0.0, 0.0))
+        waits.append(waiting(body.run(3.0)))
+    assert waits[1] > 0.2 * waits[0] > 0, "no step waits that begins at the edge"
+
+
+def test_a_foot_that_has_been_kicked_away_is_not_stepped_onto() -> None:
+    for sign, kicked in ((1.0, 0), (-1.0, 1)):
+        body = PointMass()
+        body.run(0.7)
+        tick, gait = body.ticks[-1], body.gait
+        wrenches = [[0.0] * 6, [0.0] * 6]
+        wrenches[1 - kicked][2] = SCALE.weight
+        fast = tick.state._replace(velocity=(0.0, sign * 0.9, 0.0), wrenches=wrenches)
+        reference = gait.advance(fast, tick.frames)
+        assert Event.LIFT_OFF in reference.events and reference.swing == kicked
+
+
+@pytest.mark.parametrize("shifts", [False, True], ids=["in a stand", "while the weight shifts"])
+@pytest.mark.parametrize(
+    ("speed", "force", "steps"), [(1.0, 0.0, True), (0.1, 0.0, False), (1.0, 0.3, False)]
+)
+def test_a_foot_that_is_kicked_away_in_a_stand_swings_at_once(
+    shifts: bool, speed: float, force: float, steps: bool
+) -> None:
+    """It moves and carries nothing while the other one holds; a foot that is unloaded, or slides, does not.
+
+    Its place jumps by 10 mm in one tick in all cases, as noise does it in an estimate that bridges delays.
+    """
+    for kicked in (0, 1):
+        body = PointMass()
+        body.run(0.7)
+        if shifts:
+            body.gait.steering.command((0.2, 0.0, 0.0))
+            body.run(0.2)
+        tick, gait = body.ticks[-1], body.gait
+        assert gait.phase is (GaitPhase.DOUBLE if shifts else GaitPhase.STANDING)
+        places, wrenches = list(tick.state.places), [[0.0] * 6, [0.0] * 6]
+        x, y, z = places[kicked]
+        places[kicked], speeds = (x - 0.01, y, z + 0.01), [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+        speeds[kicked] = (0.0, 0.6 * speed, 0.8 * speed)
+        wrenches[kicked][2], wrenches[1 - kicked][2] = force * SCALE.weight, (1.0 - force) * SCALE.weight
+        state = tick.state._replace(
+            places=(places[0], places[1]), wrenches=wrenches, speeds=(speeds[0], speeds[1])
+        )
+        reference = gait.advance(state, tick.frames)
+        assert (gait.phase is GaitPhase.SINGLE) == steps
+        assert not steps or (Event.LIFT_OFF in reference.events and reference.swing == kicked)
+
+
+def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_and_the_place_does_not() -> (
+    None
+):
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    while body.ticks[-1].reference.swing is None or body.ticks[-1].reference.elapsed < 0.15:
+        body.run(DT)
+    tick, gait = body.ticks[-1], body.gait
+    steps, landing = gait._steer(), tick.reference.landing
+    assert landing is not None
+    side = 1.0 if tick.reference.swing == 0 else -1.0
+    stance, dcm = tick.frames[tick.reference.stance].translation, gait.dcm
+    behind = list(tick.state.places)
+    behind[1 - tick.reference.stance] = (stance[0], stance[1] + side * 0.6, 0.0)  # where it has stood wide
+    beyond = dcm._replace(x=float(stance[0]), y=float(stance[1]) - side * 0.1)
+    wide = tick.state._replace(places=(behind[0], behind[1]))
+    near = Footstep(SIDES[1 - tick.reference.stance], stance[0], stance[1] + side * 0.15)
+    assert not gait.touch.rubs(gait._now(steps), landing), "an early foot on its own orbit has landed"
+    gait.felt.state, gait.felt.dcm = wide, beyond
+    assert gait.touch.rubs(gait._now(steps), near)
+
+
+@pytest.mark.parametrize(
+    ("speed", "height", "meets"),
+    [(0.0, 0.01, True), (6.0, 0.01, False), (0.0, 0.4, False)],
+    ids=["on the ground", "hurled", "high up"],
+)
+def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
+    speed: float, height: float, *, meets: bool
+) -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    gait = body.gait
+    while gait.swing is None or gait.elapsed < 0.7 * gait.duration or not gait._since_stand:
+        body.run(DT)
+    tick, swing = body.ticks[-1], 1 - gait.stance
+    wrenches = [[0.0, 0.0, force, 0.0, 0.0, 0.0] for force in (SCALE.weight, SCALE.weight)]
+    wrenches[swing][2] = 2.0 * gait.constants.met
+    places, (x, y, _) = list(tick.state.places), tick.state.places[swing]
+    places[swing] = x, y, height
+    speeds = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    speeds[swing] = (0.0, speed, 0.0)
+    for k in range(3):
+        state = tick.state._replace(
+            places=(places[0], places[1]),
+            speeds=(speeds[0], speeds[1]),
+            wrenches=wrenches if k == 2 else tick.state.wrenches,
+        )
+        reference = gait.advance(state, tick.frames)
+    assert (gait.met is not None) == meets
+    assert (reference.urgency < 0.0) == (speed > 0.0)
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_whether_a_foot_is_hurled_depends_on_its_speed(share: float) -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    gait = body.gait
+    while gait.swing is None or gait.elapsed < 0.5 * gait.duration or not gait._since_stand:
+        body.run(DT)
+    tick, swing = body.ticks[-1], 1 - gait.stance
+    speed = share * (gait.constants.hurled + 2.0 * math.hypot(*gait.steering.velocity))
+    speeds = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    speeds[swing] = (0.0, 0.0, speed)
+    state = tick.state._replace(speeds=(speeds[0], speeds[1]))
+    assert (gait.advance(state, tick.frames).urgency < 0.0) is (share > 1.0)
+
+
+@pytest.mark.parametrize(("moved", "follows"), [(-0.08, True), (0.08, True), (-0.005, False)])
+def test_the_expected_ground_goes_with_the_foot_that_stands(moved: float, *, follows: bool) -> None:
+    """After an impact the estimate moves by some centimetres, and the foot does not; a sole that yields moves less."""
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    gait = body.gait
+    while gait.swing is None or gait.elapsed < 0.4 * gait.duration:
+        body.run(DT)
+    tick, (x, y, z) = body.ticks[-1], body.ticks[-1].state.com
+    before = gait.swing.landing.z
+    places = [(p, q, r + moved) for p, q, r in tick.state.places]
+    state = tick.state._replace(com=(x, y, z + moved), places=(places[0], places[1]))
+    for _ in range(gait._period):
+        gait.advance(state, tick.frames)
+    assert gait.swing.landing.z == pytest.approx(before + (moved if follows else 0.0), abs=1e-12)
+
+
+def test_the_commanded_centre_of_pressure_is_compared_with_the_measured_one_behind_the_same_low_pass() -> (
+    None
+):
+    """A sole that presses where it is told shows no error, however quickly that moves: it would be taken to last."""
+    body, off, moved = PointMass(), [], []
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.05, 0.0))
+
+    def compare(tick: Tick) -> None:
+        gait = body.gait
+        if tick.reference.swing is None or tick.reference.elapsed < 0.05:
+            return
+        told = gait._step_state(gait._steer()).cop_command
+        off.append(math.dist(told[:2], gait.contact[:2]))
+        moved.append(math.dist(gait.decision.cop, gait.decision.lagged))
+
+    body.run(2.5, compare)
+    assert max(moved) > 5e-3 and max(off) < 1.5e-3
+
+
+@pytest.mark.parametrize("first", ["left", "right"])
+def test_the_weight_shifts_to_where_the_first_footstep_begins(first: str) -> None:
+    """ξ rests at (s + b) / E from the foot that will stand: the first step takes the time of the others."""
+    body = PointMass()
+    body.run(0.6)
+    left, right = (
+        Footstep(side, *frame.translation[:2].tolist())
+        for side, frame in zip(SIDES, body.ticks[-1].frames, strict=True)
+    )
+    plan = walk_distance(FootstepPlan(left, right, (), Gait(step_length=0.12)), 0.6, first=first)
+    body.gait.take(PlanSource(plan))
+    lift = next(tick for tick in body.run(2.0) if Event.LIFT_OFF in tick.reference.events)
+    body.run(1.0)
+    step = next(
+        tick for tick in body.ticks if tick.time > lift.time and Event.LIFT_OFF in tick.reference.events
+    )
+    assert step.time - lift.time == pytest.approx(body.gait.steering.step_time, rel=0.06)
