@@ -116,7 +116,7 @@ class Terrain:
         if self.ramp > 0.0 and not self.parameters.ramps:
             raise InputError(f"terrain '{self.name}' has no ramp, its heights are exact; got {self.ramp:g} m")
         self._check_size()
-        assert self.surface_areas is not None  # read, and so checked
+        len(self.surface_areas)  # they are read, and so checked
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields alone: the surface is built again."""
