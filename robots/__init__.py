@@ -39,7 +39,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = missing_from(
-        __name__,
-        elsewhere={name: (f"RobotDescription.{name}",) for name in ("from_mjcf", "from_urdf")},
-    )
+    __getattr__ = missing_from(__name__)

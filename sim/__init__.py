@@ -91,4 +91,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = missing_from(__name__, elsewhere={"TrialLoop": ["Simulation"]})
+    __getattr__ = missing_from(__name__)

@@ -71,6 +71,4 @@ __all__ = [
 ]
 
 if not TYPE_CHECKING:
-    __getattr__ = missing_from(
-        __name__, elsewhere={"FrameTask": ("PoseTask", "PositionTask", "OrientationTask")}
-    )
+    __getattr__ = missing_from(__name__)

@@ -20,16 +20,6 @@ _load, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 _ROOMS = ("tasks", "walking", "motion", "policy", "robots", "feet", "ground", "machine", "sim", "app")
 
-_ELSEWHERE = {
-    "FrameTask": ("PoseTask", "PositionTask", "OrientationTask"),
-    "Configuration": ("Robot",),
-    "ConfigurationLimit": ("JointLimits",),
-    "VelocityLimit": ("JointLimits",),
-    "RobotWrapper": ("Robot", "load_robot"),
-    "solve_ik": ("InverseKinematics",),
-}
-"""Names of first programs in Pink, mink and PlaCo → names here."""
-
 
 def __getattr__(name: str) -> object:
     """Load a public name; another one is an error that names what is meant, in any room."""
@@ -40,4 +30,4 @@ def __getattr__(name: str) -> object:
             raise
         from wbc.base.errors import missing_from  # noqa: PLC0415 - for the error alone
 
-        missing_from(__name__, [f"{__name__}.{room}" for room in _ROOMS], _ELSEWHERE)(name)
+        missing_from(__name__, [f"{__name__}.{room}" for room in _ROOMS])(name)

@@ -1,6 +1,7 @@
 """Names that are loaded when they are used are listed for completion."""
 
 import importlib
+import re
 from pathlib import Path
 from types import ModuleType
 
@@ -10,6 +11,7 @@ from recorded import recorded_stand
 import wbc
 from wbc import app
 from wbc.app.cli import main
+from wbc.base.errors import IN_PLACE_OF
 
 
 @pytest.mark.parametrize("package", [wbc, app])
@@ -23,13 +25,15 @@ def test_all_listed_names_are_there(package: ModuleType) -> None:
     ("module", "name", "said"),
     [
         ("wbc", "ComTask", "did you mean 'CoMTask'?"),
-        ("wbc", "FrameTask", "did you mean 'PoseTask' or 'PositionTask' or 'OrientationTask'?"),
-        ("wbc", "solve_ik", "did you mean 'InverseKinematics'?"),
+        ("wbc", "FrameTask", "in its place: PoseTask, PositionTask or OrientationTask"),
+        ("wbc", "solve_ik", "in its place: InverseKinematics"),
         ("wbc", "retarget", "did you mean 'wbc.motion.retarget'?"),
         ("wbc", "walk_distanc", "did you mean 'walk_distance'"),
         ("wbc.tasks", "ComTask", "did you mean 'CoMTask'?"),
-        ("wbc.tasks", "FrameTask", "did you mean 'PoseTask' or 'PositionTask' or 'OrientationTask'?"),
-        ("wbc.robots", "from_urdf", "did you mean 'RobotDescription.from_urdf'?"),
+        ("wbc.tasks", "FrameTask", "in its place: PoseTask, PositionTask or OrientationTask"),
+        ("wbc.robots", "from_urdf", "in its place: RobotDescription.from_urdf"),
+        ("wbc.walking", "AutoControl", "in its place: WalkingControl"),
+        ("wbc.sim", "TrialLoop", "in its place: Simulation"),
         ("wbc.walking", "Walk", "did you mean 'WalkingControl'"),
         ("wbc.walking", "WalkingContrl", "did you mean 'WalkingControl'"),
         ("wbc.app", "draww", "did you mean 'draw'?"),
@@ -44,9 +48,33 @@ def test_a_name_that_is_near_is_suggested(module: str, name: str, said: str) -> 
     assert missing.value.name == name
 
 
-def test_names_of_other_libraries_lead_to_names_that_exist() -> None:
-    for names in wbc._ELSEWHERE.values():
-        assert all(hasattr(wbc, name) for name in names)
+def test_names_of_other_libraries_and_earlier_versions_lead_to_names_that_exist() -> None:
+    rooms = [
+        wbc,
+        *(
+            importlib.import_module(f"wbc.{room}")
+            for room in (*wbc._ROOMS, "sim.balance.standing", "sim.balance.push_recovery")
+        ),
+    ]
+    for old, new in IN_PLACE_OF.items():
+        assert not any(old in dir(room) for room in rooms)
+        for name in re.findall(r"\b[A-Z]\w*[a-z]\w*", new):
+            assert name == "Python" or any(name in dir(room) for room in rooms), name
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["push"], "In place of wbc push: wbc study run examples/studies/push_standing.json"),
+        (["walk", "--host", "all"], "In place of --host: a tunnel, ssh -L"),
+        (["walk", "--set", "stepping.stride=1"], "in its place: stepping.effort"),
+    ],
+)
+def test_a_word_that_is_gone_is_told_what_takes_its_place(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
 
 
 def test_a_figure_that_is_near_is_suggested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,13 +18,10 @@ from cyclopts import App, ArgumentCollection, CycloptsError, MissingArgumentErro
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 from wbc._version import __version__
 from wbc.app.commands import COMMANDS, GROUPS, summary
-from wbc.base.errors import InputError, WbcError, one_line
+from wbc.base.errors import IN_PLACE_OF, InputError, WbcError, one_line
 
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: ran (whatever the result), failed, input that cannot be used, stopped by Ctrl-C."""
-
-RENAMED = {"--workbench": "--view workbench"}
-"""Options by their old names, with the new ones."""
 
 LONGEST_LINE = 1000
 """Longest line that says why a command line is refused, characters."""
@@ -137,8 +134,13 @@ def _end(number: int, frame: object) -> None:
 
 
 def _hint(error: BaseException, words: Sequence[str]) -> str:
-    """Return the new name of an option, or the choices of one that has no value; empty for other errors."""
-    renamed = [f" {old} is called {new} now." for old, new in RENAMED.items() if old in words]
+    """Return what takes the place of words that are gone, or the choices of an option without a value, or nothing."""
+    said = " ".join(("wbc", *words, ""))
+    renamed = [
+        f" In place of {old}: {new}."
+        for old, new in IN_PLACE_OF.items()
+        if old.startswith(("wbc ", "--")) and f"{old} " in said
+    ]
     if renamed or not isinstance(error, MissingArgumentError) or error.argument is None:
         return "".join(renamed)
     hints = (error.argument.hint, *typing.get_args(error.argument.hint))

@@ -10,7 +10,7 @@ import difflib
 import importlib
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -89,8 +89,57 @@ def shown_path(path: str | Path) -> str:
     return whole if str(path).isprintable() else f"{whole} ({BACKSLASH})"
 
 
-GONE = {"step_kind": "mode='position' takes planned steps, torque and hybrid control take free ones"}
-"""Names of earlier versions, and what takes their place."""
+IN_PLACE_OF = {
+    # Names of other libraries
+    "FrameTask": "PoseTask, PositionTask or OrientationTask",
+    "Configuration": "Robot",
+    "ConfigurationLimit": "JointLimits",
+    "VelocityLimit": "JointLimits",
+    "RobotWrapper": "Robot or load_robot",
+    "solve_ik": "InverseKinematics",
+    # Names of earlier versions: tasks and control
+    "MotionTask": "Task",
+    "RowLimit": "Limit",
+    "GazeTask": "LookAtTask",
+    "DirectionTask": "VectorOrientationTask",
+    "Foothold": "SoleContact(torsion=..., motion_weight=...)",
+    "set_rectangle": "set_box",
+    "check_task": "check_rows",
+    "check_contact": "check_rows",
+    "check_limit": "check_rows",
+    "read_state_machine": "behaviours in Python",
+    "from_pinocchio": "RobotDescription.from_urdf or RobotDescription.from_mjcf",
+    "from_urdf": "RobotDescription.from_urdf",
+    "from_mjcf": "RobotDescription.from_mjcf",
+    # walking and simulation
+    "AutoControl": "WalkingControl",
+    "SteppingControl": "WalkingControl",
+    "VelocitySource": "WalkingControl, whose velocity is assigned",
+    "GoalSource": "WalkingControl.go_to",
+    "Stand": "StandSource",
+    "TrialLoop": "Simulation",
+    "StandPushSpec": "StandSpec and recovers in wbc.sim.balance",
+    "push_standing": "StandSpec and recovers in wbc.sim.balance",
+    "PushTableSpec": "a study with trials stand_push_limit",
+    "push_table": "a study with trials stand_push_limit",
+    # settings
+    "step_kind": "mode: position control takes planned steps, torque and hybrid control take free ones",
+    "law": "mode: position control takes planned steps, torque and hybrid control take free ones",
+    "stepping.stride": "stepping.effort",
+    "stepping.fastest": "stepping.effort",
+    "hands.reach": "hands.reach_time",
+    "load.reach": "load.offset",
+    # command line
+    "--workbench": "--view workbench",
+    "--host": "a tunnel, ssh -L",
+    "--gait": "--mode",
+    "wbc push": "wbc study run examples/studies/push_standing.json --journal J",
+    "wbc stiffness": "programs in examples/paper",
+    "wbc study optimize": "examples/paper/optimize.py",
+    "wbc check-plant": "wbc.conformance(loop)",
+    "wbc log convert": "wbc view LOG -o run.rrd",
+}
+"""Names of other libraries and of earlier versions, with what takes their place here."""
 
 
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
@@ -98,8 +147,8 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     names = sorted({*choices})
     given = shown(name).strip("'") if isinstance(name, str) else shown(name)
     near = difflib.get_close_matches(given, names, n=3, cutoff=0.5)
-    if given in GONE:
-        hint = GONE[given]
+    if given in IN_PLACE_OF:
+        hint = f"in its place: {IN_PLACE_OF[given]}"
     elif near:
         hint = "did you mean " + " or ".join(f"'{n}'" for n in near) + "?"
     elif len(names) <= 20:
@@ -109,9 +158,7 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     raise UnknownNameError(f"no {kind} '{given}'; {hint}")
 
 
-def missing_from(
-    module: str, rooms: Sequence[str] = (), elsewhere: Mapping[str, Sequence[str]] | None = None
-) -> Callable[[str], NoReturn]:
+def missing_from(module: str, rooms: Sequence[str] = ()) -> Callable[[str], NoReturn]:
     """Return the `__getattr__` of a module: an `AttributeError` that names what is meant.
 
         if not TYPE_CHECKING:
@@ -120,13 +167,14 @@ def missing_from(
     Args:
         module: Name of the module; its public names are those of `__all__`.
         rooms: Other modules whose public names are looked through, too; they are imported for it.
-        elsewhere: Name in another library → names here.
     """
 
     def missing(name: str) -> NoReturn:
         said = f"module '{module}' has no attribute '{name}'"
         if name.startswith("_"):
             raise AttributeError(said, name=name)
+        if name in IN_PLACE_OF:
+            raise AttributeError(f"{said}; in its place: {IN_PLACE_OF[name]}", name=name)
         own = [str(each) for each in sys.modules[module].__all__]
         others = {
             str(each): room
@@ -136,7 +184,7 @@ def missing_from(
         }
         folded = {each.casefold(): each for each in (*others, *own)}
         same = folded.get(name.casefold())
-        found = list((elsewhere or {}).get(name, [same] if same else []))
+        found = [same] if same else []
         found = found or difflib.get_close_matches(name, [*own, *others], n=3, cutoff=0.6)
         found = found or [each for each in (*own, *others) if each.casefold().startswith(name.casefold())][:3]
         near = [f"'{others[each]}.{each}'" if each in others else f"'{each}'" for each in found]
