@@ -38,7 +38,7 @@ from wbc.walking.hands.arm import LEAD
 from wbc.walking.hands.frames import FEET, FOLLOW, Frames, carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
-from wbc.walking.hands.turn import GyroTurn
+from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.source import Reference
 from wbc.walking.swing import FootMotion
 
@@ -334,7 +334,8 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
     frames, step = Frames(walking.controller), np.array((0.4, 0.2, 0.1))
     start, _, _ = frames.now(FEET)
     soles = [walking.controller.robot.placement(sole.frame) for sole in walking.controller.robot.soles]
-    np.testing.assert_allclose(start.translation, 0.5 * (soles[0].translation + soles[1].translation))
+    middle = 0.5 * (soles[0].translation + soles[1].translation)
+    np.testing.assert_allclose(start.translation, middle, atol=1e-12)
     frames.follow(False, (), 3.0, dt)
     walking.controller.robot.update(turned(walking, 3.0), np.zeros(walking.controller.robot.nv))
     start, feet = frames.now(FEET)[0], feet_at(walking, step)
@@ -352,18 +353,30 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
     assert turn == pytest.approx(part * (2.0 * np.pi - 6.0), abs=1e-3), "the short way round"
 
 
-def test_a_turn_is_integrated_without_the_bias_that_was_averaged_at_rest() -> None:
-    turn, vertical = GyroTurn(), np.array([0.0, np.sin(0.1), np.cos(0.1)])  # an IMU that is tilted
-    bias = 0.01
-    for _ in range(200):
-        turn.update(bias * vertical, vertical, True, 0.005)
-    assert turn.bias == pytest.approx(bias, abs=1e-12) and turn.angle == 0.0
+def test_a_foot_that_swings_does_not_raise_the_frame_of_the_feet() -> None:
+    walking, _ = standing()
+    frames = Frames(walking.controller)
+    start = frames.now(FEET)[0].translation.copy()
+    left, right = (motion.placement.copy() for motion in feet_at(walking, np.zeros(3)))
+    left.translation += (0.2, 0.0, 0.15)
+    for _ in range(1000):
+        frames.follow(True, (FootMotion.at_rest(left), FootMotion.at_rest(right)), 0.0, 0.01)
+    np.testing.assert_allclose(frames.now(FEET)[0].translation, start + (0.1, 0.0, 0.0), atol=1e-6)
+
+
+def test_a_slip_is_integrated_without_the_bias_that_was_averaged_at_rest() -> None:
+    """Of a link whose turn the estimate has, the rest remains: the bias at rest, the slip of the feet on the way."""
+    slip, vertical = GyroSlip(), np.array([0.0, np.sin(0.1), np.cos(0.1)])  # an IMU that is tilted
+    bias, dt = 0.01, 0.005
+    for turning in np.linspace(0.2, -0.1, 200):  # a trunk that twists over feet at rest
+        slip.update((turning + bias) * vertical, vertical, turning * dt, True, dt)
+    assert slip.bias == pytest.approx(bias, abs=1e-12) and slip.angle == 0.0
     for _ in range(400):
-        turn.update((0.3 + bias) * vertical, vertical, False, 0.005)
-    assert turn.angle == pytest.approx(0.6, abs=1e-9)
+        slip.update((0.3 + bias) * vertical, vertical, 0.2 * dt, False, dt)
+    assert slip.angle == pytest.approx(0.2, abs=1e-9)
     for _ in range(20):  # a short rest: too short for a new bias
-        turn.update(0.05 * vertical, vertical, True, 0.005)
-    assert turn.bias == pytest.approx(bias, abs=1e-12) and turn.angle == pytest.approx(0.6, abs=1e-9)
+        slip.update(0.05 * vertical, vertical, 0.0, True, dt)
+    assert slip.bias == pytest.approx(bias, abs=1e-12) and slip.angle == pytest.approx(0.2, abs=1e-9)
 
 
 def test_feet_that_slip_are_noticed_while_a_hand_is_used() -> None:

@@ -68,6 +68,14 @@ def test_a_foot_rises_onto_a_stair_heel_first_without_digging_its_toes_in(yaw: f
         assert min(place.act(np.array([0.1, 0.0, 0.0]))[2] for place in places) > min(rise, 0.0) - 2e-3
 
 
+@pytest.mark.parametrize(("rise", "share"), [(-0.1, 0.0), (0.1, 0.25), (0.15, 0.75), (0.2, 1.0), (0.5, 1.0)])
+def test_heels_go_first_from_the_height_of_a_stair_on_that_a_shape_names(rise: float, share: float) -> None:
+    shape = GAIT.swing._replace(swing_height=0.2, heel=0.4, stair=0.375)
+    foot = SwingFoot(HERE.placement, replace(HERE, x=0.25, z=rise), 0.8, shape)
+    pitches = [np.arcsin(-foot.at(t).placement.rotation[2, 0]) for t in np.linspace(0.0, 0.8, 161)]
+    assert max(pitches) == pytest.approx(0.4 * share, abs=1e-3)
+
+
 tilts = st.floats(-0.3, 0.3)
 
 

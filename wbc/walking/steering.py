@@ -212,9 +212,10 @@ class PathSteering(Steering):
         """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
         s = self._s
         if self.follows:
-            if self.climbs:
-                return s.step_time if self.climbs > 0.0 else s.slow_time
-            return s.step_time + self.held * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
+            if self.climbs < 0.0:
+                return s.slow_time
+            held = 1.0 if self.climbs else self.held
+            return s.step_time + held * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
         brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
         slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.goes else 0.0
         return s.step_time + slow * (s.slow_time - s.step_time)

@@ -198,7 +198,7 @@ class SwingFoot:
         level = arrive if shape.level == 1.0 else min(arrive, max(shape.level * end, start + shape.piece))
         self._c["roll"].follow(start, (level, (landing.roll, 0.0, 0.0)))
         down, heel = (level, (landing.pitch, 0.0, 0.0)), HEEL_TIME * end
-        up = shape.heel * min(2.0 * step / shape.swing_height - 2.0, 1.0)
+        up = shape.heel * min(2.0 * (step / shape.swing_height - shape.stair), 1.0)
         if up > 0.0 and now < heel - shape.piece:
             self._c["pitch"].follow(now, (heel, (up, 0.0, 0.0)), down)
         else:

@@ -18,7 +18,9 @@ from task_factory import make_robot
 
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.walking.contact import Event, GaitPhase
-from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.sources import PlanSource
 from wbc.walking.steering import StepVelocity
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.course import Course
@@ -510,16 +512,15 @@ def test_the_com_goes_half_of_the_way_up_or_down_a_stair_before_the_foot_lands(r
     assert gait._support() == pytest.approx(0.5 * rise)
 
 
-def test_steps_of_a_plan_take_a_time_of_their_own_the_quick_one_upstairs_and_the_slow_one_downstairs() -> (
-    None
-):
+def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_downstairs() -> None:
     gait = gait_on(LEVEL)
     steering = gait.steering
     gait.footsteps = Footstep("left", 0.1, 0.11), Footstep("right", 0.2, -0.11)
     for held, climbs, time in (
         (0.0, 0.0, SETTINGS.step_time),
         (1.0, 0.0, CONSTANTS.plan_time),
-        (1.0, 0.1, SETTINGS.step_time),
+        (0.0, 0.1, CONSTANTS.plan_time),
+        (1.0, 0.1, CONSTANTS.plan_time),
         (0.0, -0.1, SETTINGS.slow_time),
     ):
         steering.held, steering.climbs = held, climbs
@@ -528,6 +529,21 @@ def test_steps_of_a_plan_take_a_time_of_their_own_the_quick_one_upstairs_and_the
     gait.footsteps = ()
     gait._steer()
     assert not steering.follows
+
+
+@pytest.mark.parametrize("rise", [-0.1, 0.1])
+def test_stairs_end_with_the_step_that_brings_both_feet_to_one_height(rise: float) -> None:
+    """A foot that closes up lands beside the other one, and rises or sinks by the stair that it has been left on."""
+    left, right = Footstep("left", 0.0, 0.11), Footstep("right", 0.0, -0.11)
+    onto, beside = Footstep("left", 0.25, 0.11, rise), Footstep("right", 0.25, -0.11, rise)
+    gait = gait_on(LEVEL)
+    gait.take(PlanSource(FootstepPlan(left, right, (onto, beside), Gait())))
+    climbs = []
+    for begun, feet in enumerate(((left, right), (onto, right), (onto, beside))):
+        gait.steps_done, gait._frames = begun, tuple(foot.placement for foot in feet)
+        gait._plan_steps(beside.side if begun == 1 else onto.side)
+        climbs.append(gait.steering.climbs)
+    assert climbs == pytest.approx([rise, rise, 0.0])
 
 
 # ---- law and area ---------------------------------------------------------------------------------------------------

@@ -255,8 +255,8 @@ class Arm:
 
         Args:
             target: Point, shape (3,), m, or pose of the hand.
-            frame: "world", "pelvis", "feet" (the middle of both planned feet, on the ground, smoothed), or the name of
-                an object that `Arms.place` knows.
+            frame: "world", "pelvis", "feet" (the middle of both planned feet, at the lower one, smoothed), or the name
+                of an object that `Arms.place` knows.
             duration: Time to the target, s.
             speed: Greatest speed, m/s, or a pair (linear, angular), m/s and rad/s.
             acceleration: Greatest acceleration, as `speed`; reaches that speed in 0.2 s when None and no duration is

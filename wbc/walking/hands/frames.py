@@ -17,8 +17,8 @@ from wbc.core.trajectories import Follower
 from wbc.walking.swing import REST, FootMotion
 
 WORLD, PELVIS, FEET = "world", "pelvis", "feet"
-"""Frames that are always there. That of the feet is in the middle of both planned feet, on the ground, smoothed: it
-does not sway as the pelvis does."""
+"""Frames that are always there. That of the feet is in the middle of both planned feet, as high as the lower one,
+smoothed: it does not sway as the pelvis does, nor rise with a foot that swings."""
 
 FOLLOW = 0.25
 """Time constant of each of two low-passes with which the frame of the feet follows them, s."""
@@ -58,8 +58,7 @@ class Frames:
             self._feet = None
         elif self._feet is not None:
             point, turn = self._feet
-            left, right = (motion.placement.translation for motion in feet)
-            point.follow(0.5 * (left + right) - point.value, dt)
+            point.follow(_between(*(motion.placement.translation for motion in feet)) - point.value, dt)
             turn.follow(math.remainder(yaw - turn.value, math.tau), dt)
 
     def now(self, name: str) -> Motion:
@@ -79,17 +78,21 @@ class Frames:
         if name != FEET:
             return self._objects[name]
         if self._feet is None:
-            left, right = (robot.placement(sole.frame).translation for sole in robot.soles)
-            self._feet = (
-                Follower(FOLLOW, 0.5 * (left + right)),
-                Follower(FOLLOW, heading(self._pelvis.rotation)),
-            )
+            middle = _between(*(robot.placement(sole.frame).translation for sole in robot.soles))
+            self._feet = Follower(FOLLOW, middle), Follower(FOLLOW, heading(self._pelvis.rotation))
         point, turn = self._feet
         return (
             pose_of(pin.rpy.rpyToMatrix(0.0, 0.0, turn.value), point.value),
             np.array((*point.velocity, 0.0, 0.0, turn.velocity)),
             np.array((*point.acceleration, 0.0, 0.0, turn.acceleration)),
         )
+
+
+def _between(left: Array, right: Array) -> Array:
+    """Return the middle between two feet, as high as the lower one, shape (3,), m."""
+    middle: Array = 0.5 * (left + right)
+    middle[2] = min(left[2], right[2])
+    return middle
 
 
 def carried(frame: Motion, place: pin.SE3, velocity: Array, acceleration: Array) -> Motion:

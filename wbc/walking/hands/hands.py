@@ -37,7 +37,7 @@ from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, Hand, HandSettings, HandState
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.hands.turn import GyroTurn
+from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.source import Reference
 
 SHIFT_TIME = 0.15
@@ -67,8 +67,8 @@ class Hands:
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
         measurement: Last measurement, by which orders of hands without sensors are refused; None before the first tick.
-        slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: turn by the
-            gyroscope less that of the estimate, which holds on to the feet.
+        slip: Angle by which the feet have slipped while hands pressed or gripped and the robot walked, rad: turn of its
+            link by the gyroscope less that by the estimate, which holds on to the feet.
     """
 
     def __init__(
@@ -100,14 +100,9 @@ class Hands:
         # Views, which move on with the estimate.
         self._places = {arm.name: estimate.placement(arm.frame) for arm in arms.hands}
         self._pelvis = estimate.placement(estimate.base_frame).rotation
-        self._vertical = estimate.placement(estimate.imu_frame).rotation[2]
-        self._turn, self._start_yaw, self.slip = GyroTurn(), 0.0, 0.0
+        self._imu = estimate.placement(estimate.imu_frame).rotation
+        self._slip, self.slip, self._before = GyroSlip(), 0.0, self._imu.T.copy()
         self._shift = Follower(SHIFT_TIME, np.zeros(2))
-
-    @property
-    def _yaw(self) -> float:
-        """Heading of the pelvis as estimated, rad."""
-        return heading(self._pelvis)
 
     @property
     def _weight(self) -> float:
@@ -283,7 +278,8 @@ class Hands:
                 own = offset
             else:
                 held += offset
-        c, s = math.cos(self._yaw), math.sin(self._yaw)
+        yaw = heading(self._pelvis)
+        c, s = math.cos(yaw), math.sin(yaw)
         ahead = np.array(((c, s), (-s, c)))
         held, own = ahead @ held, ahead @ own
         room = np.subtract(self._edges, self.settings.margin)  # to toes and side
@@ -304,8 +300,6 @@ class Hands:
         if not (self.wanted or self.active):
             return None
         rests = reference.phase is GaitPhase.STANDING
-        if not self.active:
-            self._start_yaw = self._yaw + self.slip - self._turn.angle
         self._watch_slip(measurement, rests, dt)
         felt, pulled, planned = self._advance(measurement.hand_wrenches, dt)
         self._yield(rests)
@@ -321,10 +315,11 @@ class Hands:
         return self.outside
 
     def _watch_slip(self, measurement: Measurement, rests: bool, dt: float) -> None:
-        """Compare the turn by the gyroscope with that of the estimate."""
-        self._turn.update(measurement.angular_velocity, self._vertical, rests, dt)
-        if not rests:
-            self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
+        """Compare the turn by the gyroscope with that of its link in the estimate."""
+        before, self._before = self._before, self._imu.T.copy()
+        turned = heading(self._imu @ before) if self.active else 0.0
+        self._slip.update(measurement.angular_velocity, self._imu[2], turned, rests, dt)
+        self.slip = self._slip.angle
 
     def _advance(self, readings: Array | None, dt: float) -> tuple[Array, Array, Array]:
         """Advance each hand; return the wrench on hands that press, that on hands that grip, and the planned one.

@@ -40,8 +40,9 @@ HALF = 0.5
 """Part of the way up or down a stair by which the CoM rises or sinks before the foot lands: a leg reaches no deeper,
 and a knee that is bent further has no torque to spare."""
 
-STAIR = {"edge": 0.25, "apex": 0.5}
-"""Shape of the swing on stairs: a sole as long as the tread travels later up and earlier down, above the edge."""
+STAIR = {"edge": 0.25, "apex": 0.5, "heel": 0.5, "stair": 0.0, "level": 1.0}
+"""Shape of the swing on stairs: a sole as long as the tread travels later up and earlier down, above the edge, and up
+with its heel first: level behind the body it would meet the end of the ankle's range, and turn the pelvis."""
 
 
 class SteppingWalk(StandingWalk):

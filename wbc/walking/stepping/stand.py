@@ -14,7 +14,7 @@ from wbc.core.robot import SIDES
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.gait import REPLAN, GaitMachine
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Extent, Reach, over
 from wbc.walking.plans.sources import FootstepSource, PlanSource, Velocity
@@ -158,7 +158,7 @@ class StandingWalk(GaitMachine):
 
         A plan that is walked, and a planner that fails, are left. A planner that asks for a stand is asked again.
         """
-        self.footsteps, self.steering.climbs = (), 0.0
+        climbed, self.footsteps, self.steering.climbs = self.steering.climbs, (), 0.0
         if self.planner is None:
             return
         feet = [Footstep.of(*foot) for foot in zip(SIDES, self._frames, strict=True)]
@@ -168,7 +168,9 @@ class StandingWalk(GaitMachine):
             self.take(None)
             self.reason = reason
         else:
-            self.footsteps, self._idle, self.steering.climbs = plan.steps, not plan.steps, plan.rise
+            self.footsteps, self._idle = plan.steps, not plan.steps
+            level = abs(feet[0].z - feet[1].z) < LEAST_STAIR  # else the last stair is still ahead of one foot
+            self.steering.climbs = plan.rise or (0.0 if level else climbed)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
