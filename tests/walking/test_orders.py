@@ -282,29 +282,32 @@ def test_footsteps_are_met_while_nothing_pushes(robot: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("robot", "direction"), [("hrp4_class", "down"), ("g1", "up")])
-def test_soles_land_on_the_treads_of_stairs_that_are_told(robot: str, direction: str) -> None:
+@pytest.mark.parametrize(
+    ("robot", "direction", "way"),
+    [("hrp4_class", "down", "together"), ("g1", "up", "together"), ("hrp4_class", "up", "alternate")],
+)
+def test_soles_land_on_the_treads_of_stairs_that_are_told(robot: str, direction: str, way: Any) -> None:
     """Blind, along the stairs within 10 mm of the middle of each tread, which has 15 to 25 mm left about a sole."""
     stairs = {"riser": 0.1, "tread": 0.25, "direction": direction}
-    plan = WalkPlan(stairs="together")
+    plan = WalkPlan(stairs=way)
     spec = WalkSpec(
         robot=robot, foot="flat", mode="torque", seed=30000, terrain="steps", amplitude=0.2,
         terrain_params=stairs, plan=plan, noise="realistic",
     )  # fmt: skip
     trial = WalkTrial(spec)
-    way, off = spec.prepare().way.steps, list[float]()
+    steps, off = spec.prepare().way.steps, list[float]()
 
     class Landings(TrialHook):
         def after(self, trial: Any) -> None:
             done = len(off)
-            if done < min(trial.control.steps_done, len(way)):
-                side = ("left", "right").index(way[done].side)
+            if done < min(trial.control.steps_done, len(steps)):
+                side = ("left", "right").index(steps[done].side)
                 estimate = trial.control.control.observer.robot
                 place = estimate.placement(estimate.soles[side].frame).translation
-                off.append(abs(place[0] - way[done].x))
+                off.append(abs(place[0] - steps[done].x))
 
     result = trial.run([Landings()])
-    assert result.outcome == "completed" and len(off) == len(way) and max(off) < 0.01
+    assert result.outcome == "completed" and len(off) == len(steps) and max(off) < 0.01
 
 
 @pytest.mark.parametrize("load", [None, LoadSettings()])

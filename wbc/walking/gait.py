@@ -160,12 +160,5 @@ class GaitMachine(ReferenceSource):
         """Return phase and steps now, with the landings to come and the time of a step, s."""
         swing = 1 - self.stance if self.phase is GaitPhase.SINGLE else None
         return Progress(
-            self.phase,
-            swing,
-            self.stance,
-            self.steps_done,
-            self.elapsed,
-            self.duration,
-            upcoming,
-            cycle,
+            self.phase, swing, self.stance, self.steps_done, self.elapsed, self.duration, upcoming, cycle
         )

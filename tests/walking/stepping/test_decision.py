@@ -15,7 +15,13 @@ from properties import examples
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
+from wbc.walking.stepping.decision import (
+    STAIR_TIME,
+    StepDecision,
+    StepState,
+    steps_of_plan,
+    steps_of_velocity,
+)
 from wbc.walking.stepping.law import Divergent, Orbit
 from wbc.walking.stepping.program import Bounds, Step
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
@@ -376,6 +382,7 @@ def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: t
     made.decide(stance, wish, 1.2 * time, None, held=True, climbs=True)
     ahead, _ = stance.offset(*made.place)
     assert ahead + CONSTANTS.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
+    assert made.end >= STAIR_TIME * time - 1e-9, "legs lift a foot no sooner"
 
 
 def _stance(made: StepDecision, dcm: tuple[float, float], elapsed: float) -> StepState:

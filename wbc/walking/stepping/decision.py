@@ -33,6 +33,9 @@ KEPT = 0.05
 TOLERANCE = 0.003
 """Distance by which a landing that is held may move, m."""
 
+STAIR_TIME = 0.85
+"""Shortest time of a step on stairs, over T: legs lift a foot over two stairs no sooner."""
+
 HORIZON = 6
 """Number of footsteps that count: E to that power is beyond any error."""
 
@@ -219,7 +222,7 @@ class StepDecision:
         s, c, area, elapsed = self._s, self._c, self.area, stance.elapsed
         low, high = area.aside if stance.side > 0.0 else (-area.aside[1], -area.aside[0])
         # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
-        shortest = max(s.shortest - elapsed, 0.0)
+        shortest = max(max(s.shortest, STAIR_TIME * stance.nominal * self._climbs) - elapsed, 0.0)
         most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(ahead), LEAST_OFFSET)
         stretched = max(math.log(most), 0.0) / stance.dcm.omega
         greatest = max(min(max(longest - elapsed, 0.0), stretched), shortest)

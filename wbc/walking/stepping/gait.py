@@ -78,7 +78,8 @@ class SteppingWalk(StandingWalk):
         steps = self._steer()
         self._decide(steps)
         events = (*events, *self._meet(steps))
-        touch.carry(swing, met=self.met is not None)
+        # Footsteps are planned from where feet are to carry, and those meet the ground at an inner edge.
+        touch.carry(swing, met=self.met is not None and not self.footsteps)
         if self.met is not None and touch.is_to_carry(self._now(steps)):
             events = (*events, *self._change_feet(steps.go))
             self.felt.follow()

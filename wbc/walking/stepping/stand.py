@@ -198,15 +198,11 @@ class StandingWalk(GaitMachine):
         return self.felt.dcm
 
     def advance(self, state: BodyState, frames: Frames) -> Reference:
-        """Compute one tick; feet that stand keep the placements of left and right sole."""
+        """Stand, shift the weight or step for a tick; feet that stand keep the placements of left and right sole."""
         self._frames = frames
         self.elapsed += self.dt
         self.time += self.dt
         self.felt.take(state)
-        return self._go_on()
-
-    def _go_on(self) -> Reference:
-        """Stand, shift the weight or step, and return the references of the tick."""
         events: tuple[Event, ...] = ()
         if self.phase is GaitPhase.STANDING:
             events = self._stand()
