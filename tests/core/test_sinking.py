@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wbc.core.estimation.sinking import DEEPEST, SURE, Sinking
+from wbc.core.estimation.sinking import DEEPEST, LEAST, SURE, Sinking
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import TrialHook, WalkPlan, WalkSpec, walk
@@ -29,7 +29,7 @@ def shift(
     sinking.update((WEIGHT, 0.0), (0.0, 0.3), DT, carry=False)
 
 
-@pytest.mark.parametrize("compliance", [0.0, 5e-6, 4e-5])
+@pytest.mark.parametrize("compliance", [0.0, 8e-6, 4e-5])
 def test_the_slope_of_depths_over_loads_is_the_compliance(compliance: float) -> None:
     sinking, rng = Sinking(WEIGHT), np.random.default_rng(2)
     for _ in range(6):
@@ -66,6 +66,13 @@ def test_a_weight_that_shifts_slowly_tells_the_compliance_before_the_first_step(
     sinking, rng = Sinking(WEIGHT), np.random.default_rng(2)
     shift(sinking, 4e-5, rng, time=0.8)
     assert sinking.compliance == pytest.approx(4e-5, rel=0.05)
+
+
+def test_a_depth_that_errors_of_sensors_explain_is_no_compliance() -> None:
+    sinking, rng = Sinking(WEIGHT), np.random.default_rng(2)
+    for _ in range(6):
+        shift(sinking, 0.7 * LEAST / WEIGHT, rng, time=0.8)
+    assert sinking.compliance == 0.0
 
 
 def test_the_greatest_speed_is_that_of_a_weight_that_is_put_on_a_spring_at_once() -> None:

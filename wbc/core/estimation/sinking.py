@@ -23,8 +23,9 @@ CLEAR, SURE = 2.0, 0.4
 NEW = 0.2
 """Least weight of the last change of the load in the mean, and in that of the squares."""
 
-DEEPEST = 0.05
-"""Greatest depth under the whole weight that counts, m: a foot that steps off an edge is lower, too."""
+LEAST, DEEPEST = 0.002, 0.05
+"""Least depth under the whole weight that counts, m: errors of encoders and tilt look the same; and the greatest one: a
+foot that steps off an edge is lower, too."""
 
 
 class Sinking:
@@ -78,5 +79,5 @@ class Sinking:
         self._mean += share * (found - self._mean)
         self._square += share * (found * found - self._square)
         scatter = math.sqrt(max(self._square - self._mean**2, 0.0))
-        sure = self._time >= SURE and self._mean > CLEAR * scatter
+        sure = self._time >= SURE and self._mean > max(CLEAR * scatter, LEAST / self._weight)
         self.compliance = self._mean if sure else 0.0
