@@ -55,7 +55,7 @@ class WalkPlan:
     """Plan of a walk: one of distance, velocity, turn, stairs, footsteps and drive; 3 m straight on by default.
 
     Attributes:
-        distance: Distance straight on, m; negative for backwards.
+        distance: Distance straight on, m; negative for backwards; 3 m where no plan is given.
         velocity: Velocity forward (m/s), to the left (m/s) and turn (rad/s); steps take less time at a higher velocity.
         steps: Number of steps of a walk with a velocity. Free steps walk for as long as so many slow steps take, and
             take as many as they need.

@@ -125,7 +125,7 @@ class Stairs(_Climb):
 
 @family("slope")
 class Slope(_Climb):
-    """A ramp; the amplitude is its rise, the track's length its run."""
+    """A ramp up, or one up and one down with a level part between; the amplitude is its rise."""
 
     landing: Annotated[Positive, "m"] = param(0.6, "Length of the top between climb and descent")
     direction: Direction = param("up_down", "Where the ramp leads")
