@@ -14,7 +14,6 @@ import gymnasium
 import numpy as np
 from _common import parse, report
 from gymnasium.wrappers import TransformAction, TransformObservation
-from stable_baselines3 import PPO
 
 VELOCITY, REACH = np.array([0.2, 0.0, 0.0]), np.array([0.1, 0.03, 0.05])
 """Velocity of the plain walk, and what a residual of one adds to it: ahead, m/s, to the left, m/s, and turn, rad/s."""
@@ -59,6 +58,8 @@ def rewards(env: gymnasium.Env[Any, Any], policy: Callable[[Any], Any], hooks: S
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
     options = parse(__doc__, arguments, seconds=6.0, steps=4800)
+    from stable_baselines3 import PPO  # noqa: PLC0415 - help needs none
+
     env = walk(options.seconds)
     linear: dict[str, Any] = {"net_arch": [], "log_std_init": -0.7}
     ppo: dict[str, Any] = {"n_steps": 48, "batch_size": 48, "learning_rate": 1e-2, "gamma": 0.5}
