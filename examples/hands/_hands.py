@@ -11,13 +11,16 @@ import numpy as np
 
 import wbc
 from wbc.sim import Scene, Trial
-from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
+from wbc.walking import FootstepPlan, HandSettings, SteppingSettings, WalkingControl, WalkingControlSettings
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import _common  # noqa: E402
 
 LENGTH = {"talos": 0.19}
 """From the frame of a hand to its tip where it is not that of `HandSettings`, m."""
+
+LOW = SteppingSettings(swing_height=0.09)
+"""Free steps on a level floor: feet swing low, so that knees do not meet what the hands work on."""
 
 ARMS = {
     "hrp4_class": ((-0.782, 0.132, -0.014, -0.83), (1, -1, -1, 1)),
@@ -47,7 +50,7 @@ def stand(options: _common.Options, plan: FootstepPlan | None = None, **settings
     """Return the controller of a robot that stands, or follows a plan, with settings of its hands."""
     robot = wbc.load_robot(options.robot).robot()
     length = {"length": LENGTH[options.robot]} if options.robot in LENGTH else {}
-    chosen = WalkingControlSettings(mode=options.mode, hands=HandSettings(**length, **settings))
+    chosen = WalkingControlSettings(mode=options.mode, stepping=LOW, hands=HandSettings(**length, **settings))
     return WalkingControl(robot, plan or FootstepPlan.standing(robot), period(options), chosen)
 
 
