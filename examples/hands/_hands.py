@@ -46,11 +46,18 @@ def hand_options(doc: str | None, arguments: Sequence[str] | None, **options: An
     return _common.parse(doc, arguments, **(common | options))
 
 
-def stand(options: _common.Options, plan: FootstepPlan | None = None, **settings: Any) -> WalkingControl:
+def stand(
+    options: _common.Options,
+    plan: FootstepPlan | None = None,
+    stepping: SteppingSettings | None = None,
+    **settings: Any,
+) -> WalkingControl:
     """Return the controller of a robot that stands, or follows a plan, with settings of its hands."""
     robot = wbc.load_robot(options.robot).robot()
     length = {"length": LENGTH[options.robot]} if options.robot in LENGTH else {}
-    chosen = WalkingControlSettings(mode=options.mode, stepping=LOW, hands=HandSettings(**length, **settings))
+    chosen = WalkingControlSettings(
+        mode=options.mode, stepping=stepping or SteppingSettings(), hands=HandSettings(**length, **settings)
+    )
     return WalkingControl(robot, plan or FootstepPlan.standing(robot), period(options), chosen)
 
 

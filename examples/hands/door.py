@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from _hands import connect, grip, hand_options, report, stand
+from _hands import LOW, connect, grip, hand_options, report, stand
 
 from wbc.sim import make_scene
 from wbc.walking import FootstepPlan, turn_in_place, walk_distance
@@ -21,7 +21,7 @@ WAY = ((-0.25, 0.6, 0.1), (0.45, 0.4, -0.1), (0.65, 0.35, 0.0), (0.65, 0.35, 0.4
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
     options = hand_options(__doc__, arguments, push=0.25, through=1.5, limit=10.0)
-    walking = stand(options)
+    walking = stand(options, stepping=LOW)
     hands, arms, robot = walking.hands, walking.arms, walking.controller.robot
     pelvis, (x, _, z) = robot.placement(robot.base_frame), hands.point("left_hand", 0.62, 0.42)
     way = [pelvis.actInv(hands.point("left_hand", *place)) for place in WAY]
