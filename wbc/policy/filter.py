@@ -132,6 +132,7 @@ class FilteredArms(PolicyArms):
         together = bool((np.diff(columns) == 1).all())  # a slice takes NumPy a third of the time
         self._columns = slice(columns[0], columns[-1] + 1) if together else columns
         self._per_share = robot.torque_limit[self.index]
+        self._stops = robot.position_lower[self.index], robot.position_upper[self.index]
         self._acceleration = np.zeros(robot.nv)
         self._carried_rows = np.zeros((6, robot.nv)), np.zeros(6), np.zeros(6)
         self._least, self._most, self._made = np.zeros((3, robot.na))  # torques, Nm
@@ -180,10 +181,10 @@ class FilteredArms(PolicyArms):
 
     def _stop(self, limits: JointLimits, lower: Array, upper: Array) -> None:
         """Let arms that have become too fast for the braking of their limits brake as hard as it takes."""
-        robot, arms = self.controller.robot, self.index
+        robot, arms, (low, high) = self.controller.robot, self.index, self._stops
         q, v = robot.q[robot.base_nq :][arms], robot.v[self._columns]
-        room = np.where(v > 0.0, robot.position_upper[arms] - q, q - robot.position_lower[arms])
-        needed = 0.5 * v * v / np.maximum(room - SPARED - LATE * np.abs(v), SPARED)
+        room = np.where(v > 0.0, high - q, q - low) - SPARED
+        needed = 0.5 * v * v / np.maximum(room - LATE * np.abs(v), SPARED)
         for k in (needed > limits.braking[arms]).nonzero()[0].tolist():
             row, most = arms.item(k), needed.item(k)
             if v.item(k) > 0.0:  # bounds that cross would have no solution

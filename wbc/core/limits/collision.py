@@ -22,7 +22,7 @@ from wbc.core.limits.facing import CORNERS, Facing
 from wbc.core.limits.heights import Columns
 from wbc.core.limits.obstacles import ENDLESS, CollisionHeights, Obstacle, Shape, geometry_of
 from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs
-from wbc.core.limits.separation import Separation, cross, dots, following, round_radius
+from wbc.core.limits.separation import Separation, cross, following, round_radius
 from wbc.core.robot import Robot
 
 __all__ = ["CollisionLimit", "srdf_pairs"]
@@ -212,14 +212,14 @@ class CollisionLimit(Barrier):
         self.dim = self._n_pairs + min(CORNERS * sum(corners), MOST_CORNERS)
         super().bind(robot)
         self._owners = np.arange(self.dim)  # the pair of each row
+        self._corner_rows = np.arange(self._n_pairs, self.dim)
         numbers = np.array([(i, k) for _, i, k in pairs])
-        self._ends = np.array([item.parentJoint for item in items], dtype=np.intp)[
-            numbers
-        ]  # joints of each pair
-        self._round = np.array([round_radius(item.geometry) for item in items])[numbers]  # m
+        # Joints of each pair, and radii from the nearest points to the axes along the normal, m.
+        self._ends = np.array([item.parentJoint for item in items], dtype=np.intp)[numbers.T]
+        self._round = np.array([round_radius(item.geometry) for item in items])[numbers.T] * [[-1.0], [1.0]]
         # Of each pair: 1 for each column of `data.J` that moves the second body alone, −1 for the first body alone.
         carried, self._leaders = _columns(robot)
-        self._moves = carried[self._ends[:, 1]] - carried[self._ends[:, 0]]
+        self._moves = carried[self._ends[1]] - carried[self._ends[0]]
         self._motions = np.zeros_like(self._moves.T)
         data = robot.data  # velocities, accelerations and placements of all bodies
         self._bodies = (
@@ -341,17 +341,23 @@ class CollisionLimit(Barrier):
         Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
         """
         drift, (rows, pairs, values) = np.zeros(self.dim), (each[chosen] for each in self._near)
-        if rows.size:
-            first, ends = len(rows), self._ends[pairs].T.ravel()  # first bodies, then second ones
-            along = np.concatenate((values[:, 4:7],) * 2)
-            away = np.concatenate((-self._round[pairs, 0], values[:, 0] + self._round[pairs, 1]))
-            velocities, accelerations, places = self._bodies
-            motion = np.concatenate((velocities[ends], accelerations[ends]), axis=1).reshape(-1, 4, 3)
-            motion = motion @ places[ends, :9].reshape(-1, 3, 3)  # along the axes of the world
-            arm = np.concatenate((values[:, 10:],) * 2) + away[:, None] * along - places[ends, 9:]
-            speed, spin = motion[:, 0] + cross(motion[:, 1], arm), motion[:, 1]
-            along = dots(along, motion[:, 2] + cross(motion[:, 3], arm) + cross(spin, speed))
-            drift[rows] = along[first:] - along[:first]
+        if n := rows.size:
+            ends = self._ends.take(pairs, axis=1).ravel()  # first bodies, then second ones
+            away = self._round.take(pairs, axis=1)
+            away[1] += values[:, 0]
+            twice = np.concatenate((values, values)).T
+            velocities, accelerations, placements = (each.take(ends, axis=0) for each in self._bodies)
+            motion, places = np.concatenate((velocities, accelerations), axis=1), placements.reshape(-1, 4, 3)
+            motion = motion.reshape(-1, 4, 3) @ places[:, :3]  # along the axes of the world
+            motion = motion.transpose(1, 2, 0)  # bodies last
+            arm = away.ravel() * twice[4:7]
+            arm += twice[10:]
+            arm -= places[:, 3].T
+            of_points = cross(motion[1::2], arm[None])
+            of_points += motion[::2]  # velocities, accelerations
+            accelerations = of_points[1] + cross(motion[1], of_points[0])
+            along = np.add.reduce(twice[4:7] * accelerations, axis=0)
+            drift[rows] = along[n:] - along[:n]
         return drift
 
     def _measure(self, rows: Array, room: Array, dt: float | None, of_velocity: bool) -> Array | None:
@@ -367,6 +373,7 @@ class CollisionLimit(Barrier):
         bounds, influence, margin = self._bounds(), self._influence, self._margin
         results, facing = self._geometry_data.distanceResults, self._facing
         twists: Array | None = None
+        counts: Array | None = None  # distance of each pair up to which its rows count, m
         # Time after which a distance counts at its present speed, distance up to which a row does, and distance beyond
         # the margin that a turn may take from corners in a period, for each metre between them.
         ahead, free, turning = 0.0, np.inf, np.inf
@@ -378,7 +385,11 @@ class CollisionLimit(Barrier):
         else:
             ahead, free, turning = self._time, margin + self._time * dt * SUDDEN, self._time * dt * TURNED
             twists, within, reach = self._twists(), influence, influence
-            asked = bounds <= np.minimum(self._time * self._separation.speeds(twists) + free, influence)
+            counts = self._separation.speeds(twists)
+            counts *= self._time
+            counts += free
+            np.minimum(counts, influence, out=counts)
+            asked = bounds <= counts
         chosen = asked.nonzero()[0]
         if not chosen.size:
             return None
@@ -386,10 +397,11 @@ class CollisionLimit(Barrier):
         self._separation.measured(chosen, distances)
         near, corners = list[Kept](), list[Kept]()
         moving = itertools.repeat(AT_REST) if twists is None else twists.T[chosen].tolist()
-        for row, distance, (vx, vy, vz, wx, wy, wz) in zip(
-            chosen.tolist(), distances.tolist(), moving, strict=False
+        limits = itertools.repeat(within) if counts is None else counts[chosen].tolist()
+        for row, distance, most, (vx, vy, vz, wx, wy, wz) in zip(
+            chosen.tolist(), distances.tolist(), limits, moving, strict=False
         ):
-            if distance > within:
+            if distance > most:
                 continue
             found = results[row]
             normal, point = found.normal, found.getNearestPoint1()
@@ -430,8 +442,7 @@ class CollisionLimit(Barrier):
         [n, p₁ × n]·J over those that carry the first. Since p₂ − p₁ is along n, p₂ × n is p₁ × n.
         """
         pairs = values[:, 1].astype(np.intp)
-        filled = pairs.copy()
-        filled[n_near:] = self._n_pairs + np.arange(len(pairs) - n_near)
+        filled = np.concatenate((pairs[:n_near], self._corner_rows[: len(pairs) - n_near]))
         self._owners[filled], self._near = pairs, (filled, pairs, values)
         room[1, filled], self._growth[filled] = values[:, 2], values[:, 3]
         moving = values[:, 4:10].dot(self._robot.joint_jacobians)

@@ -23,7 +23,7 @@ import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.limits.heights import Columns
-from wbc.core.limits.separation import round_radius
+from wbc.core.limits.separation import following, round_radius
 
 KEPT = 2
 """Earlier nearest points of each shape that count as corners."""
@@ -83,6 +83,7 @@ class Facing:
             grounds: Columns that are in the place of the second shape of a pair, for each pair.
         """
         self._grounds, self._data = grounds, data
+        self._places = following([place.rotation for place in data.oMg], 12)  # by column, and origins
         #: Earlier nearest points of both shapes of each pair, in the frames of the shapes.
         self._kept: list[tuple[list[Array], list[Array]]] = [([], []) for _ in grounds]
         self._found: list[_Faces | None] = [None for _ in grounds]
@@ -120,7 +121,9 @@ class Facing:
         """
         sides = (self._pairs[pair], 1.0), (self._pairs[pair][::-1], -1.0)
         if self._capsules[pair]:
-            found = [corner for items, side in sides for corner in self._ends(*items, side, within)]
+            one, other = (self._places[item].tolist() for item in self._pairs[pair])
+            found = [*self._ends(sides[0][0], (one, other), 1.0, within)]
+            found += self._ends(sides[1][0], (other, one), -1.0, within)
         else:
             found = self._of_faces(pair, distance, normal, nearest, within)
         if touching and self._grounds[pair] is None:
@@ -134,23 +137,25 @@ class Facing:
         far = [c for c in found if max(abs(c[7] - x), abs(c[8] - y), abs(c[9] - z)) > SAME]
         return sorted(far)[:CORNERS]
 
-    def _ends(self, item: int, target: int, side: float, within: float) -> list[Corner]:
-        """Return the corners of a capsule that looks at another one, the ends of its axis; see `_corners`."""
-        one, other = self._data.oMg[item], self._data.oMg[target]
-        (ux, uy, uz), (vx, vy, vz) = one.rotation[:, 2].tolist(), other.rotation[:, 2].tolist()
-        (px, py, pz), (x, y, z) = one.translation.tolist(), other.translation.tolist()
-        half, most, radius = self._halves[item], self._halves[target], self._radii[target]
-        points, nearest = list[list[float]](), list[tuple[float, list[float]]]()
+    def _ends(
+        self, items: tuple[int, int], places: Sequence[list[float]], side: float, within: float
+    ) -> Iterator[Corner]:
+        """Yield the corners of a capsule that looks at another one, the ends of its axis; see `_corners`."""
+        (item, target), (one, other) = items, places
+        (ux, uy, uz, px, py, pz), (vx, vy, vz, x, y, z) = one[6:], other[6:]
+        half, most, radius = self._halves[item], self._halves[target], self._radii[item]
         for end in (-half, half):
-            point = [px + end * ux, py + end * uy, pz + end * uz]
-            nx, ny, nz = x - point[0], y - point[1], z - point[2]
+            ex, ey, ez = px + end * ux, py + end * uy, pz + end * uz
+            nx, ny, nz = x - ex, y - ey, z - ez
             along = min(max(-(nx * vx + ny * vy + nz * vz), -most), most)
             nx, ny, nz = nx + along * vx, ny + along * vy, nz + along * vz
             length = math.sqrt(nx * nx + ny * ny + nz * nz)
-            if length > SAME:
-                points.append(point)
-                nearest.append((length - radius, [nx / length, ny / length, nz / length]))
-        return self._corners(points, item, side, nearest, within)
+            gap = length - self._radii[target] - radius
+            if gap <= within and length > SAME:
+                away, length = (radius, length) if side > 0.0 else (-radius - gap, -length)
+                nx, ny, nz = nx / length, ny / length, nz / length
+                mx, my, mz = ey * nz - ez * ny, ez * nx - ex * nz, ex * ny - ey * nx
+                yield gap, nx, ny, nz, mx, my, mz, ex + away * nx, ey + away * ny, ez + away * nz
 
     def _of_faces(
         self, pair: int, distance: float, normal: Array, nearest: Array, within: float

@@ -25,8 +25,6 @@ UNBOUNDED = 1e6
 SMALLEST = 1e-9
 """Smallest distance of two origins that is divided by, m."""
 
-_CROSS = np.cross(np.eye(3)[:, None], np.eye(3)).reshape(9, 3)
-
 YZX, ZXY = np.array([1, 2, 0]), np.array([2, 0, 1])
 """Axes of the factors of a cross product."""
 
@@ -146,13 +144,10 @@ def _core(shape: coal.CollisionGeometry) -> float:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Return the cross products of rows, shape (n, 3)."""
-    return np.asarray((a[:, :, None] * b[:, None]).reshape(-1, 9).dot(_CROSS))
-
-
-def dots(a: Array, b: Array) -> Array:
-    """Return the inner products of rows, shape (n,)."""
-    return np.asarray(np.einsum("ni,ni->n", a, b))
+    """Return the cross products of columns, shape (…, 3, n)."""
+    left = a.take(YZX, axis=-2) * b.take(ZXY, axis=-2)
+    left -= a.take(ZXY, axis=-2) * b.take(YZX, axis=-2)
+    return np.asarray(left)
 
 
 def following(parts: Sequence[Array], count: int) -> Array:
