@@ -182,10 +182,10 @@ class FilteredArms(PolicyArms):
     def _stop(self, limits: JointLimits, lower: Array, upper: Array) -> None:
         """Let arms that have become too fast for the braking of their limits brake as hard as it takes."""
         robot, arms, (low, high) = self.controller.robot, self.index, self._stops
-        q, v = robot.q[robot.base_nq :][arms], robot.v[self._columns]
+        q, v = robot.q[robot.base_nq :].take(arms), robot.v[self._columns]
         room = np.where(v > 0.0, high - q, q - low) - SPARED
         needed = 0.5 * v * v / np.maximum(room - LATE * np.abs(v), SPARED)
-        for k in (needed > limits.braking[arms]).nonzero()[0].tolist():
+        for k in (needed > limits.braking.take(arms)).nonzero()[0].tolist():
             row, most = arms.item(k), needed.item(k)
             if v.item(k) > 0.0:  # bounds that cross would have no solution
                 upper[row] = min(upper.item(row), -most)
@@ -224,10 +224,14 @@ class FilteredArms(PolicyArms):
         self._upper[-3:] = self._reaction * np.maximum(-1.0, np.minimum(1.0, 1.0 - share)) - turns
         self._rows[-3:, columns] = turning
         chosen = ((self._lower > -np.inf) | (self._upper < np.inf)).nonzero()[0]
-        rows = self._rows[chosen]
+        rows = self._rows.take(chosen, axis=0)
         wished = rows.dot(acceleration)
-        lower = np.concatenate([(self._least[self.index] - wish) / unit, self._lower[chosen] - wished])
-        upper = np.concatenate([(self._most[self.index] - wish) / unit, self._upper[chosen] - wished])
+        lower = np.concatenate(
+            [(self._least.take(self.index) - wish) / unit, self._lower.take(chosen) - wished]
+        )
+        upper = np.concatenate(
+            [(self._most.take(self.index) - wish) / unit, self._upper.take(chosen) - wished]
+        )
         self.remark = ""
         if (lower <= 0.0).all() and (upper >= 0.0).all():
             return wish

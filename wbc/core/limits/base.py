@@ -229,9 +229,9 @@ class Barrier(Limit):
     def _settle(self, most: float, rows: Array, lower: Array, upper: Array) -> None:
         """Cut demands off where each coordinate would have to give more than `most`."""
         asked = ((lower > 0.0) | (upper < 0.0)).nonzero()[0]
-        attainable = most * np.abs(rows[asked]).sum(axis=1)
-        lower[asked] = np.minimum(lower[asked], attainable)
-        upper[asked] = np.maximum(upper[asked], -attainable)
+        attainable = most * np.add.reduce(np.abs(rows.take(asked, axis=0)), axis=1)
+        lower[asked] = np.minimum(lower.take(asked), attainable)
+        upper[asked] = np.maximum(upper.take(asked), -attainable)
 
 
 def demands(lower: Array, upper: Array) -> bool:

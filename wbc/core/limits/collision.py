@@ -396,8 +396,8 @@ class CollisionLimit(Barrier):
         distances = np.array([self._distance_of(row, within) for row in chosen.tolist()])
         self._separation.measured(chosen, distances)
         near, corners = list[Kept](), list[Kept]()
-        moving = itertools.repeat(AT_REST) if twists is None else twists.T[chosen].tolist()
-        limits = itertools.repeat(within) if counts is None else counts[chosen].tolist()
+        moving = itertools.repeat(AT_REST) if twists is None else twists.take(chosen, axis=1).T.tolist()
+        limits = itertools.repeat(within) if counts is None else counts.take(chosen).tolist()
         for row, distance, most, (vx, vy, vz, wx, wy, wz) in zip(
             chosen.tolist(), distances.tolist(), limits, moving, strict=False
         ):
@@ -446,7 +446,7 @@ class CollisionLimit(Barrier):
         self._owners[filled], self._near = pairs, (filled, pairs, values)
         room[1, filled], self._growth[filled] = values[:, 2], values[:, 3]
         moving = values[:, 4:10].dot(self._robot.joint_jacobians)
-        moving *= self._moves[pairs]
+        moving *= self._moves.take(pairs, axis=0)
         rows[filled] = moving = moving if self._leaders is None else moving.dot(self._leaders)
         return np.asarray(moving)
 

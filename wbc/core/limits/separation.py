@@ -80,7 +80,7 @@ class Separation:
 
     def measured(self, rows: NDArray[np.intp], distances: Array) -> None:
         """Take over distances of some pairs at the placements that `distances` has last seen, m."""
-        self._then[:, rows] = self._now[:, rows]
+        self._then[:, rows] = self._now.take(rows, axis=1)
         self._measured[rows] = distances
 
     def distances(self) -> Array:
