@@ -133,16 +133,21 @@ def draw_floors(path: Path) -> None:
 def draw_soles(path: Path) -> None:
     """Share of walks that arrive on the softest floor of the study, by sole, all robots together."""
     rows = table("measured_walks.md", "Completed of 8:")
-    row = next(row for row in rows if row[0] == "1e6 N/m³")
-    figure, axis = plt.subplots(figsize=(8.4, 2.0), layout="constrained")
-    for i, cell in enumerate(row[1:]):
-        found = numbers(cell)
-        done, count = int(sum(found)), 8 * len(found)
-        low, high = share_interval(done, count)
-        axis.plot([100.0 * low, 100.0 * high], [i, i], color=BLUE, lw=1.8)
-        axis.plot(100.0 * done / count, i, "o", color=BLUE)
-    axis.set_yticks(range(len(row) - 1), ["flat (own size)", "rigid", "soft", "variable"], fontsize=9)
-    axis.set_ylim(len(row) - 1.5, -0.5)
+    soles = ["own flat sole", "rigid", "soft", "variable"]
+    figure, axis = plt.subplots(figsize=(8.4, 2.4), layout="constrained")
+    for name, colour, shift in (("walk 13", ORANGE, -0.12), ("walk 14", BLUE, 0.12)):
+        cells = next(row[1:] for row in rows if row[0] == f"1e6 N/m³, {name}")
+        places = np.arange(len(soles)) + shift
+        for place, found in zip(places, map(numbers, cells), strict=True):
+            done, count = int(sum(found)), 8 * len(found)
+            low, high = share_interval(done, count)
+            axis.plot([100.0 * low, 100.0 * high], [place, place], color=colour, lw=1.8)
+            axis.plot(
+                100.0 * done / count, place, "o", color=colour, label=name if place == places[0] else None
+            )
+    axis.set_yticks(range(len(soles)), soles, fontsize=9)
+    axis.set_ylim(len(soles) - 0.5, -0.5)
+    axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     axis.set_xlim(-2.0, 102.0)
     axis.set_xlabel("completed (%)")
     save(figure, path)

@@ -55,7 +55,12 @@ def settings_rows(kind: type, path: str) -> Iterator[str]:
     for each in settings_of(kind, path):
         if each.owner != owner:
             owner = each.owner
-            yield from (f"\n### {owner}\n", "| Setting | Default | Meaning |", "|---|---|---|")
+            yield from (
+                f"\n### {owner}\n",
+                f"`{each.module}`\n",
+                "| Setting | Default | Meaning |",
+                "|---|---|---|",
+            )
         yield f"| `{each.name}` | {each.default} | {escaped(each.about)} |"
 
 

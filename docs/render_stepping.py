@@ -107,10 +107,10 @@ def draw_from_above(axis: Axes, steps: list[Step]) -> None:
             color=LANDING,
             lw=0.7,
             alpha=0.7,
-            label="landing, at each tick" if first else None,
+            label="landing, at each decision" if first else None,
         )
         axis.plot(
-            *step.landing[-1], color=LANDING, marker="x", lw=0, label="at the last tick" if first else None
+            *step.landing[-1], color=LANDING, marker="x", lw=0, label="at the last one" if first else None
         )
     axis.set(xlabel="forward (m)", ylabel="left (m)", aspect="equal")
     axis.legend(fontsize=7, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)

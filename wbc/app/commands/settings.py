@@ -17,12 +17,13 @@ from wbc.walking.plans.gait import Gait
 
 
 class SettingRow(NamedTuple):
-    """A setting: its class, its name as `--set` takes it, its default and its meaning."""
+    """A setting: its class, its name as `--set` takes it, its default, its meaning, and the module of its class."""
 
     owner: str
     name: str
     default: str
     about: str
+    module: str
 
 
 @reports
@@ -39,24 +40,28 @@ def settings(
         raise InputError(f"no setting has '{part}' in its name; `wbc settings` lists all")
     facts = {each.name: {"default": each.default, "about": each.about} for each in found}
     return output.report(
-        {"settings": facts}, "\n".join(f"{n} = {d}\n    {about}" for _, n, d, about in found)
+        {"settings": facts}, "\n".join(f"{n} = {d}\n    {about}" for _, n, d, about, _ in found)
     )
 
 
-def settings_of(kind: type, path: str = "") -> Iterator[SettingRow]:
-    """Yield the settings of a class, and then those of the classes inside, by their full names behind a path."""
+def settings_of(kind: type, path: str = "", given: Any = None) -> Iterator[SettingRow]:
+    """Yield the settings of a class, and then those of the classes inside, by their full names behind a path.
+
+    Defaults are those of the class, or the values of a given object of it.
+    """
     about = attribute_docs(kind)
     trees = []
     for field in dataclasses.fields(kind):
         made = field.default_factory
         default = field.default if made is dataclasses.MISSING else made()
+        default = default if given is None else getattr(given, field.name)
         name = f"{path}.{field.name}".lstrip(".")
         if dataclasses.is_dataclass(default):
-            trees.append((type(default), name))
+            trees.append((default, name))
         elif about.get(field.name):
-            yield SettingRow(kind.__name__, name, _shown(default), about[field.name])
+            yield SettingRow(kind.__name__, name, _shown(default), about[field.name], kind.__module__)
     for each, name in trees:
-        yield from settings_of(each, name)
+        yield from settings_of(type(each), name, each)
 
 
 def _shown(default: Any) -> str:
