@@ -7,8 +7,8 @@ recorded, and filled in again. To compare two versions, run each in turn with `P
 
 from __future__ import annotations
 
+import argparse
 import logging
-import sys
 import time
 
 import numpy as np
@@ -74,4 +74,6 @@ def main(seconds: float) -> None:
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)
-    main(float(sys.argv[1]) if len(sys.argv) > 1 else 5.0)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("seconds", nargs="?", type=float, default=5.0, help="time for each scene, s")
+    main(parser.parse_args().seconds)

@@ -6,6 +6,7 @@ control periods for which an action holds.
 
 from __future__ import annotations
 
+import argparse
 import time
 from typing import Any
 
@@ -43,4 +44,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__).parse_args()
     main()

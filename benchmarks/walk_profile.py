@@ -6,6 +6,7 @@ the code as it stands.
 
 from __future__ import annotations
 
+import argparse
 import functools
 import time
 from collections.abc import Iterable, Sequence
@@ -162,4 +163,5 @@ def _divided(result: object, spent: float, inner: float) -> Iterable[float]:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__).parse_args()
     print(profile_text(profile_walk(WalkTrial(WalkSpec()))[1]))
