@@ -348,13 +348,11 @@ class CollisionLimit(Barrier):
             twice = np.concatenate((values, values)).T
             velocities, accelerations, placements = (each.take(ends, axis=0) for each in self._bodies)
             motion, places = np.concatenate((velocities, accelerations), axis=1), placements.reshape(-1, 4, 3)
-            motion = motion.reshape(-1, 4, 3) @ places[:, :3]  # along the axes of the world
-            motion = motion.transpose(1, 2, 0)  # bodies last
-            arm = away.ravel() * twice[4:7]
-            arm += twice[10:]
-            arm -= places[:, 3].T
-            of_points = cross(motion[1::2], arm[None])
-            of_points += motion[::2]  # velocities, accelerations
+            motion = (motion.reshape(-1, 4, 3) @ places[:, :3]).transpose(
+                1, 2, 0
+            )  # world's axes, bodies last
+            arm = away.ravel() * twice[4:7] + twice[10:] - places[:, 3].T
+            of_points = motion[::2] + cross(motion[1::2], arm[None])  # velocities, accelerations
             accelerations = of_points[1] + cross(motion[1], of_points[0])
             along = np.add.reduce(twice[4:7] * accelerations, axis=0)
             drift[rows] = along[n:] - along[:n]
@@ -385,10 +383,7 @@ class CollisionLimit(Barrier):
         else:
             ahead, free, turning = self._time, margin + self._time * dt * SUDDEN, self._time * dt * TURNED
             twists, within, reach = self._twists(), influence, influence
-            counts = self._separation.speeds(twists)
-            counts *= self._time
-            counts += free
-            np.minimum(counts, influence, out=counts)
+            counts = np.minimum(self._time * self._separation.speeds(twists) + free, influence)
             asked = bounds <= counts
         chosen = asked.nonzero()[0]
         if not chosen.size:

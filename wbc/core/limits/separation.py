@@ -145,9 +145,7 @@ def _core(shape: coal.CollisionGeometry) -> float:
 
 def cross(a: Array, b: Array) -> Array:
     """Return the cross products of columns, shape (…, 3, n)."""
-    left = a.take(YZX, axis=-2) * b.take(ZXY, axis=-2)
-    left -= a.take(ZXY, axis=-2) * b.take(YZX, axis=-2)
-    return np.asarray(left)
+    return a.take(YZX, axis=-2) * b.take(ZXY, axis=-2) - a.take(ZXY, axis=-2) * b.take(YZX, axis=-2)
 
 
 def following(parts: Sequence[Array], count: int) -> Array:
