@@ -29,7 +29,7 @@ MADE = re.compile(
     r".*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
 )
-"""What stands in a page in the place of a table, with the table."""
+"""Marks of a table in a page, with the table between them."""
 
 EVERYWHERE = ("--json", "--verbose", "--help", "-h", "--version")
 """Options of every command, which the page names once."""
