@@ -51,7 +51,7 @@ DART_STEP = 0.001
 """Physics step in DART, s."""
 
 CONTROLS = ("policy", "guarded", "filtered")
-"""Controls of a run with a policy: the policy alone, with the library's walk beside it, or with a filter of its arms."""
+"""Controls of a policy: the policy alone, with the library's walk beside it, or with a filter of its arms."""
 
 KEPT_APART = [
     (f"{side}_{hand}_link", link)
