@@ -10,6 +10,7 @@ the person in the same frames; their depth below the height at which they stand.
 
 from __future__ import annotations
 
+import argparse
 import time
 
 import numpy as np
@@ -54,4 +55,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__).parse_args()
     main()

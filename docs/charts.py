@@ -135,7 +135,7 @@ def draw_soles(path: Path) -> None:
     rows = table("measured_walks.md", "Completed of 8:")
     soles = ["own flat sole", "rigid", "soft", "variable"]
     figure, axis = plt.subplots(figsize=(8.4, 2.4), layout="constrained")
-    for name, colour, shift in (("walk 13", ORANGE, -0.12), ("walk 14", BLUE, 0.12)):
+    for name, colour, shift in (("depth alone", ORANGE, -0.12), ("depth and rate", BLUE, 0.12)):
         cells = next(row[1:] for row in rows if row[0] == f"1e6 N/m³, {name}")
         places = np.arange(len(soles)) + shift
         for place, found in zip(places, map(numbers, cells), strict=True):

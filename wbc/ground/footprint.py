@@ -59,7 +59,7 @@ class FootprintSettings:
         tilt_cost: Foothold tilt cost: of the mean tilt of the planes that the sole may rest on, m/rad.
         distance: Cost of moving a landing, m/m.
         move: Cost of moving it at all, m.
-        edge: Cost of a height of the first contact that differs within a node of the place, m/m.
+        edge: Cost of a place whose neighbours, one node away, touch the ground at another height, m/m.
         tilt: Greatest tilt of a landing, rad; 0 keeps the sole level.
         choice: Whether another place nearby may be chosen.
         way: Whether the swing clears the highest ground on its way.

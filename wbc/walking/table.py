@@ -47,7 +47,7 @@ class TaskGains(BodyGains):
         swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
         swing_stiffness: 1/s².
         contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
-        wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
+        wrench_weight: Desired foot wrenches, cost per N² and (Nm)².
     """
 
     swing_weight: Positive = 1000.0
