@@ -337,7 +337,7 @@ def test_the_objective_is_that_of_the_paper() -> None:
 def moment(
     stance: int, rotation: Rotation, dcm_error: list[float] | None = None, elapsed: float = 0.3
 ) -> _Moment:
-    matrix = rotation.as_matrix().ravel().tolist()
+    matrix = rotation.as_matrix()
     return _Moment(elapsed, 2, GaitPhase.SINGLE, elapsed, 0.6, stance, matrix, dcm_error)
 
 

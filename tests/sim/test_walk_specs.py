@@ -231,7 +231,7 @@ def test_steps_are_planned_in_position_control_and_free_in_torque_and_hybrid_con
         ({"mode": "hybrid", "gains": "frizza"}, "'frizza'.*mode='position'"),
         (
             {"mode": "torque", "changes": {"step_kind": "planned"}},
-            "'step_kind'.*mode='position' takes planned",
+            "'step_kind'.*mode: position control takes planned",
         ),
         ({"mode": "position", "changes": {"stepping.cruise": 0.1}}, "'stepping.cruise'.*mode='torque'"),
         ({"mode": "torque", "changes": {"gains.dcm_p": 4.0}}, "'gains.dcm_p'.*mode='position'"),
