@@ -111,22 +111,20 @@ class Height(TrialHook):
             self.known = self.now
 
 
+def arrives(robot: str, stiffness: float) -> Height:
+    """Walk a metre over a floor of a stiffness, N/m³, which a robot on its own soles completes; return its heights."""
+    ground: dict[str, Any] = {"terrain": "flat", "terrain_params": {"floor_stiffness": stiffness}}
+    plan, look = WalkPlan(distance=1.0), Height()
+    spec = WalkSpec(robot=robot, foot="flat", mode="torque", plan=plan, noise="realistic", seed=9, **ground)
+    assert walk(spec, hooks=[look]).outcome == "completed"
+    return look
+
+
 @pytest.mark.slow
 def test_a_robot_that_sinks_at_every_step_keeps_its_height() -> None:
     """Once the compliance is known, the estimate rises in a step by less than a half of the depth."""
-    ground: dict[str, Any] = {"terrain": "flat", "terrain_params": {"floor_stiffness": 1e7}}
-    look = Height()
-    spec = WalkSpec(
-        robot="g1",
-        foot="flat",
-        mode="torque",
-        plan=WalkPlan(distance=1.0),
-        noise="realistic",
-        seed=9,
-        **ground,
-    )
-    result = walk(spec, hooks=[look])
-    assert result.outcome == "completed" and look.known is not None
+    look = arrives("g1", 1e7)
+    assert look.known is not None
     (error, steps), (first, begun) = look.now, look.known
     depth = look.compliance * load("g1").robot().mass * GRAVITY
     assert 5e-6 < look.compliance < 2e-5 and steps - begun >= 3
@@ -136,18 +134,7 @@ def test_a_robot_that_sinks_at_every_step_keeps_its_height() -> None:
 @pytest.mark.slow
 def test_a_robot_walks_on_a_floor_in_which_its_feet_sink_faster_than_a_foot_may_move() -> None:
     """Feet that sink at up to 0.5 m/s are references of the velocity, and the robot arrives on its own soles."""
-    ground: dict[str, Any] = {"terrain": "flat", "terrain_params": {"floor_stiffness": 1e6}}
-    look = Height()
-    spec = WalkSpec(
-        robot="hrp4_class",
-        foot="flat",
-        mode="torque",
-        plan=WalkPlan(distance=1.0),
-        noise="realistic",
-        seed=9,
-        **ground,
-    )
-    result = walk(spec, hooks=[look])
-    assert result.outcome == "completed" and look.known is not None and look.known[1] <= 1
+    look = arrives("hrp4_class", 1e6)
+    assert look.known is not None and look.known[1] <= 1
     assert look.lowest < -0.03, "m"
     assert float(np.sqrt(np.mean(np.square(look.velocity)))) < 0.05, "m/s"

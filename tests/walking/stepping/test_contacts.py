@@ -226,6 +226,17 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     assert gait.touch.rubs(gait._now(steps), near)
 
 
+def in_swing(share: float) -> PointMass:
+    """Return a point mass that walks ahead, at a share of a swing that is not the first of the walk."""
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    gait = body.gait
+    while gait.swing is None or gait.elapsed < share * gait.duration or not gait._since_stand:
+        body.run(DT)
+    return body
+
+
 @pytest.mark.parametrize(
     ("speed", "height", "meets"),
     [(0.0, 0.01, True), (6.0, 0.01, False), (0.0, 0.4, False)],
@@ -234,12 +245,8 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
 def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
     speed: float, height: float, *, meets: bool
 ) -> None:
-    body = PointMass()
-    body.run(0.6)
-    body.gait.steering.command((0.2, 0.0, 0.0))
+    body = in_swing(0.7)
     gait = body.gait
-    while gait.swing is None or gait.elapsed < 0.7 * gait.duration or not gait._since_stand:
-        body.run(DT)
     tick, swing = body.ticks[-1], 1 - gait.stance
     wrenches = [[0.0, 0.0, force, 0.0, 0.0, 0.0] for force in (SCALE.weight, SCALE.weight)]
     wrenches[swing][2] = 2.0 * gait.constants.met
@@ -260,12 +267,8 @@ def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_whether_a_foot_is_hurled_depends_on_its_speed(share: float) -> None:
-    body = PointMass()
-    body.run(0.6)
-    body.gait.steering.command((0.2, 0.0, 0.0))
+    body = in_swing(0.5)
     gait = body.gait
-    while gait.swing is None or gait.elapsed < 0.5 * gait.duration or not gait._since_stand:
-        body.run(DT)
     tick, swing = body.ticks[-1], 1 - gait.stance
     speed = share * (gait.constants.hurled + 2.0 * math.hypot(*gait.steering.velocity))
     speeds = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]

@@ -52,9 +52,12 @@ def settings_of(kind: type, path: str = "", given: Any = None) -> Iterator[Setti
     about = attribute_docs(kind)
     trees = []
     for field in dataclasses.fields(kind):
-        made = field.default_factory
-        default = field.default if made is dataclasses.MISSING else made()
-        default = default if given is None else getattr(given, field.name)
+        if given is not None:
+            default = getattr(given, field.name)
+        elif field.default_factory is not dataclasses.MISSING:
+            default = field.default_factory()
+        else:
+            default = field.default
         name = f"{path}.{field.name}".lstrip(".")
         if dataclasses.is_dataclass(default):
             trees.append((default, name))
