@@ -83,6 +83,13 @@ def test_a_figure_that_is_near_is_suggested(tmp_path: Path, capsys: pytest.Captu
     assert "no figure or signal 'balanc'; did you mean 'balance'?" in capsys.readouterr().err
 
 
+def test_a_frame_that_has_the_name_of_a_class_of_another_library_is_a_frame() -> None:
+    robot = wbc.load_robot("hrp4_class").robot()
+    with pytest.raises(wbc.WbcError, match="no frame 'Configuration'") as missing:
+        robot.placement("Configuration")
+    assert "in its place" not in str(missing.value)
+
+
 def test_a_role_that_is_near_is_suggested_and_each_name_once() -> None:
     robot = wbc.load_robot("hrp4_class").robot()
     with pytest.raises(wbc.WbcError, match="no role of a frame 'left_hnd'; did you mean 'left_hand'"):

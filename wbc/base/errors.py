@@ -147,7 +147,7 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     names = sorted({*choices})
     given = shown(name).strip("'") if isinstance(name, str) else shown(name)
     near = difflib.get_close_matches(given, names, n=3, cutoff=0.5)
-    if given in IN_PLACE_OF:
+    if kind.startswith("setting") and given in IN_PLACE_OF:
         hint = f"in its place: {IN_PLACE_OF[given]}"
     elif near:
         hint = "did you mean " + " or ".join(f"'{n}'" for n in near) + "?"
