@@ -7,18 +7,19 @@ A table stands between `<!-- settings of a.class as name -->`, `<!-- commands --
 from __future__ import annotations
 
 import dataclasses
+import functools
 import inspect
 import json
+import operator
 import re
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from cyclopts import App
-
 import wbc.sim.terrain  # noqa: F401 - makes the families known
 from wbc.app.cli import make_app
+from wbc.app.commands import COMMANDS
 from wbc.app.commands.settings import settings_of
 from wbc.sim.terrain.families.base import terrain_families
 
@@ -80,11 +81,11 @@ def study_rows() -> Iterator[str]:
 
 def command_rows() -> Iterator[str]:
     """Every command with its words and options."""
-    for name, app in commands(make_app(None), "wbc"):
-        if app.default_command is None:
-            continue
+    wbc = make_app(None)
+    for words in COMMANDS:
+        app = functools.reduce(operator.getitem, words.split(), wbc)
         options = [each for each in app.assemble_argument_collection() if each.name not in EVERYWHERE]
-        yield from (f"\n## `{name}`\n", escaped(app.help), "")
+        yield from (f"\n## `wbc {words}`\n", escaped(app.help), "")
         if options:
             yield from ("| Option | Default | Meaning |", "|---|---|---|")
         for each in options:
@@ -94,14 +95,6 @@ def command_rows() -> Iterator[str]:
             if choices := each.get_choices():
                 text += f" Choices: {', '.join(choices)}."
             yield f"| {names} | {default} | {escaped(text)} |"
-
-
-def commands(app: App, name: str) -> Iterator[tuple[str, App]]:
-    """Yield all commands of an app, each with its full name."""
-    yield name, app
-    for word in app:
-        if not word.startswith("-"):
-            yield from commands(app[word], f"{name} {word}")
 
 
 def _shown(option: Any) -> str:
