@@ -17,12 +17,12 @@ import polars as pl
 import pyarrow as pa
 import pytest
 from full_disk import limited_file_size
-from log_writing import HEADER, signals, values, write
+from log_writing import HEADER, made_log, signals, values, write
 from pyarrow import ipc
 from recorded import recorded_walk
 
 from wbc.app.drift import Drift
-from wbc.app.log import reader
+from wbc.app.log import reader, writer
 from wbc.app.log.header import FORMAT, KEY, encode
 from wbc.app.log.reader import Log
 from wbc.app.log.stances import stances, support_box
@@ -84,13 +84,15 @@ def test_truncated_log_is_read_up_to_the_break(log_file: Path, share: float, gap
     assert (log["com/estimated"] == whole["com/estimated"][: len(log)]).all()
 
 
-def test_the_first_batch_that_is_damaged_is_named(log_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of three, where the sizes of all are known, of two, and of none."""
-    sizes = reader.unpacked_sizes
-    for known, said in ((3, None), (2, "batch 3 of 3 is damaged"), (1, "batch 2 of 3 is damaged")):
-        monkeypatch.setattr(reader, "unpacked_sizes", lambda stream, known=known: sizes(stream)[:known])
+def test_the_first_batch_that_is_damaged_is_named(log_file: Path) -> None:
+    """Of three, by the length that the second or the third one says."""
+    data = log_file.read_bytes()
+    places = [at for at in range(len(data)) if data.startswith(b"\xff\xff\xff\xff", at) and at % 8 == 0]
+    for batch in (2, 3):
+        at = places[batch]  # the schema is the first message
+        log_file.write_bytes(data[: at + 4] + bytes(4) + data[at + 8 :])
         log = Log.open(log_file)
-        assert log.broken == said and len(log) == (2 * ROWS + 100 if known == 3 else known * ROWS)
+        assert log.broken == f"batch {batch} of 3 is damaged" and len(log) == (batch - 1) * ROWS
 
 
 @pytest.mark.parametrize(
@@ -114,18 +116,33 @@ def test_log_of_another_format_is_refused(tmp_path: Path) -> None:
         Log.open(path)
 
 
-def test_a_small_file_that_unpacks_to_much_is_refused_before_it_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("batch", "said"), [(1_000_000, "has a batch of"), (100, "unpacks to more than")])
+def test_a_small_file_that_unpacks_to_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, batch: int, said: str
 ) -> None:
+    """A large batch before it is unpacked, and many small ones when they are too many."""
     monkeypatch.setattr(reader, "MEMORY", 1_000_000)
+    monkeypatch.setattr(reader, "LARGEST_BATCH", 20_000)
+    monkeypatch.setattr(reader, "LARGEST_RATIO", 1)
     schema = pa.schema([pa.field("time", pa.float64())], metadata={KEY: encode(HEADER)})
     path = tmp_path / "bomb.arrow"
     with ipc.new_file(str(path), schema, options=ipc.IpcWriteOptions(compression="lz4")) as out:
-        out.write_batch(pa.RecordBatch.from_arrays([pa.array(np.zeros(1_000_000))], schema=schema))
+        for _ in range(1_000_000 // batch):
+            out.write_batch(pa.RecordBatch.from_arrays([pa.array(np.zeros(batch))], schema=schema))
     before = pa.total_allocated_bytes()
-    with pytest.raises(InputError, match="would unpack to 8000000"):
+    with pytest.raises(InputError, match=said):
         Log.open(path)
     assert pa.total_allocated_bytes() == before
+
+
+def test_batches_of_long_lists_are_small_enough_to_be_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for room in (reader, writer):
+        monkeypatch.setattr(room, "LARGEST_BATCH", 20_000)
+    rows = [np.random.default_rng(i).normal(size=1000) for i in range(40)]
+    log = made_log(tmp_path / "log.arrow", {"time": np.arange(40.0), "ground/map/x": rows})
+    assert log.broken is None and np.allclose(np.stack(log.lists("ground/map/x")), rows, atol=1e-6)  # type: ignore[arg-type]
 
 
 def test_a_log_that_unpacks_to_more_than_memory_is_read_signal_by_signal(
@@ -248,34 +265,6 @@ def test_of_two_recordings_of_one_log_the_second_is_refused(log_file: Path, tick
     assert len(Log.open(log_file)) == ticks and Log.open(log_file).broken is None
     LogWriter(log_file).close()
     assert len(list(log_file.parent.iterdir())) == 1
-
-
-def put_link(beside: Path, victim: Path) -> None:
-    beside.symlink_to(victim)
-
-
-def put_hard_link(beside: Path, victim: Path) -> None:
-    beside.hardlink_to(victim)
-
-
-def put_pipe(beside: Path, victim: Path) -> None:
-    del victim
-    os.mkfifo(beside)
-
-
-@pytest.mark.parametrize("put", [put_link, put_hard_link, put_pipe])
-def test_what_has_the_name_of_the_new_file_is_not_written(
-    put: Callable[[Path, Path], None], log_file: Path
-) -> None:
-    first = LogWriter(log_file)
-    (beside,) = (path for path in log_file.parent.iterdir() if path != log_file)
-    first.close()
-    victim = log_file.with_name("victim")
-    victim.write_text("years of work")
-    put(beside, victim)
-    write(log_file, 5).close()
-    assert victim.read_text() == "years of work" and len(Log.open(log_file)) == 5
-    assert sorted(path.name for path in log_file.parent.iterdir()) == [log_file.name, victim.name]
 
 
 @pytest.mark.parametrize("ticks", [10, ROWS + 10])

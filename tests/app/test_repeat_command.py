@@ -155,7 +155,7 @@ def test_a_log_that_cannot_be_begun_says_why(tmp_path: Path, monkeypatch: pytest
         def fail(*_: Any, error: OSError = error, **__: Any) -> int:
             raise error
 
-        monkeypatch.setattr(writer, "open_own", fail)
+        monkeypatch.setattr(writer.tempfile, "mkstemp", fail)
         with pytest.raises(InputError, match=said):
             LogWriter(tmp_path / "a.arrow")
 

@@ -22,7 +22,6 @@ from wbc.base.files import (
     decoding,
     file_hash,
     first_tag,
-    open_own,
     parse_xml,
     parsing,
     read_json,
@@ -216,20 +215,6 @@ def test_what_is_wrong_with_a_file_is_said_in_one_line(tmp_path: Path) -> None:
     for bad in ("a\0b", "\ud800"):
         with pytest.raises(InputError, match="cannot be the name of a file"), decoding(bad, "table"):
             raise AssertionError
-
-
-def test_only_a_file_of_this_user_alone_is_opened(old: Path) -> None:
-    link, hard, new = (old.with_name(name) for name in ("link", "hard", "new"))
-    link.symlink_to(old)
-    os.close(open_own(old, create=False))
-    os.close(open_own(new, create=True))
-    assert new.exists() and old.read_text() == OLD
-    for path in (link, old.with_name("none"), old.parent):
-        with pytest.raises(OSError):  # noqa: PT011 - of any kind
-            open_own(path, create=False)
-    hard.hardlink_to(old)
-    with pytest.raises(FileExistsError):
-        open_own(old, create=False)
 
 
 def test_no_descriptor_is_left_open(old: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import contextlib
-import errno
 import hashlib
 import io
 import json
@@ -208,20 +207,6 @@ def move_into_place(new: Path, target: Path) -> None:
     with new.open("rb+") as file:
         os.fsync(file.fileno())
     os.replace(new, target)
-
-
-def open_own(path: Path, *, create: bool) -> int:
-    """Open a regular file that belongs to this user alone, to be written, and return its descriptor.
-
-    Whatever else has its name, such as a link that leads to another file, or a pipe, is an `OSError`.
-    """
-    flags = os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK | (os.O_CREAT if create else 0)
-    file = os.open(path, flags, 0o666)
-    found = os.fstat(file)
-    if stat.S_ISREG(found.st_mode) and found.st_nlink <= 1 and found.st_uid == os.geteuid():
-        return file
-    os.close(file)
-    raise OSError(errno.EEXIST, f"{path} is there and no file of this user alone")
 
 
 def check_target(

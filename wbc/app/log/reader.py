@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
-from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NoReturn
@@ -18,8 +18,7 @@ from pyarrow import ipc
 
 from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
-from wbc.app.log.unpacked import LARGEST_RATIO, MEMORY, unpacked_sizes
-from wbc.app.log.writer import MAGIC, TYPES
+from wbc.app.log.writer import LARGEST_BATCH, MAGIC, TYPES
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, UnknownNameError, unknown_name
 from wbc.base.files import LARGEST_FILE, decoding
@@ -36,6 +35,13 @@ def parts_of(group: str, size: int) -> list[str]:
 
 STREAM = 8
 """Offset of the Arrow stream in an Arrow IPC file, bytes: after the magic bytes and their padding."""
+
+MEMORY = 2**30
+"""Largest size that is unpacked as a whole, bytes; of a larger log one signal after the other."""
+
+LARGEST_RATIO = 50
+"""Largest ratio of the unpacked size to that of the file. Batches of 256 rows reach no more than 10, as each of their
+columns has a head of some 50 bytes in the file."""
 
 
 class Log:
@@ -235,11 +241,13 @@ class _Rows:
             if size <= LARGEST_FILE
             else pa.memory_map(str(path)).read_buffer()
         )
-        sizes = unpacked_sizes(self._stream())
-        self._batches, whole = len(sizes), sum(sizes)
-        if whole > max(MEMORY, LARGEST_RATIO * size):
-            raise InputError(f"{path} has {size} bytes and would unpack to {whole}: wbc has not written it")
-        self._table, self.broken = self._read(None if whole <= MEMORY else 0)
+        with contextlib.suppress(pa.ArrowException, OSError, EOFError):  # of a damaged file: `_read` says so
+            for message in ipc.MessageReader.open_stream(self._stream()):
+                if message.body.size > LARGEST_BATCH:
+                    raise InputError(
+                        f"{path} has a batch of {message.body.size} bytes, of at most {LARGEST_BATCH} that wbc writes"
+                    )
+        self._table, self.broken = self._read(None)
         self.schema, self.count = ipc.open_stream(self._stream()).schema, int(self._table.num_rows)
 
     def column(self, name: str) -> Any:
@@ -255,8 +263,9 @@ class _Rows:
         return stream
 
     def _read(self, column: int | None) -> tuple[Any, str | None]:
-        """Return a column, or all when None, and the reason for a break."""
-        broken, expected, batches = None, 0, []
+        """Return a column, or when None all of them, the first one of too many, and the reason for a break."""
+        broken, expected, batches, whole = None, 0, [], 0
+        most = max(MEMORY, LARGEST_RATIO * self._content.size)
         try:
             expected = ipc.open_file(pa.BufferReader(self._content)).num_record_batches
         except (pa.ArrowException, OSError) as error:
@@ -267,14 +276,23 @@ class _Rows:
         except (pa.ArrowException, OSError, EOFError) as error:
             raise InputError(f"{self._path} ends before anything was recorded: {error}") from error
         try:
-            for batch in islice(reader, self._batches):
+            for batch in reader:
                 batch.validate(full=True)  # offsets of texts and lists are followed without a look
+                whole += batch.nbytes
+                if whole > most:
+                    raise InputError(
+                        f"{self._path} has {self._content.size} bytes and unpacks to more than {most}: wbc has not "
+                        "written it"
+                    )
                 batches.append(batch)
+                if column is None and whole > MEMORY:
+                    batches = [each.select([0]) for each in batches]
         except (pa.ArrowException, OSError, EOFError) as error:
             broken = broken or str(error)
         if broken is None and len(batches) < expected:
             broken = f"batch {len(batches) + 1} of {expected} is damaged"
-        return pa.Table.from_batches(batches, schema=None if batches else reader.schema), broken
+        schema = batches[0].schema if batches else reader.schema
+        return pa.Table.from_batches(batches, schema=schema), broken
 
 
 def _signal(field: Any, kinds: Mapping[Any, Kind]) -> Signal:

@@ -8,13 +8,12 @@ break, which `Log.open` reads. Two programs cannot write one log: the second is 
 from __future__ import annotations
 
 import contextlib
-import errno
 import fcntl
-import hashlib
 import logging
 import os
+import tempfile
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +24,16 @@ from pyarrow import ipc
 from wbc.app.log.header import KEY, encode
 from wbc.app.log.signals import Kind, Signals
 from wbc.base.errors import InputError
-from wbc.base.files import BESIDE, FileError, check_target, open_own, parsing
+from wbc.base.files import BESIDE, FileError, check_target, parsing
 from wbc.base.numbers import Array
 
 ROWS = 256
 """Rows of a batch. Of a 26 s walk at 200 Hz, 1024 rows make a file 6 % smaller than 256, but a program that is killed
 loses 5 s instead of 1.3 s."""
+
+LARGEST_BATCH = 2**22
+"""Largest batch in the file, bytes. A small file may hold long rows of equal numbers: one byte of LZ4 stands for 255 at
+most, so that this much unpacks to a gigabyte, whatever the file says."""
 
 MAGIC = b"ARROW1"
 """First bytes of an Arrow IPC file."""
@@ -69,6 +72,7 @@ class LogWriter:
         self._file: Any = None
         self._out: Any = None
         self._objects: list[list[Any]] = []
+        self._size = 0  # of the rows that wait, bytes, unpacked
 
     def begin(self, signals: Signals, header: dict[str, Any]) -> None:
         """Write the schema; signals cannot be added afterwards."""
@@ -98,13 +102,14 @@ class LogWriter:
         """Finish the current row with its texts and lists; lists are not copied."""
         self._objects.append(objects)
         self._rows += 1
-        if len(self._objects) == ROWS:
+        self._size += 8 * self._block.shape[1] + sum(4 * len(each) for each in objects if each is not None)
+        if len(self._objects) == ROWS or self._size > LARGEST_BATCH // 2:
             self._flush()
 
     def _flush(self) -> None:
         if self._failure is None and self._objects and self._place.is_own:
             self._attempt(self._write)
-        self._objects = []
+        self._objects, self._size = [], 0
 
     def _write(self) -> None:
         count = len(self._objects)
@@ -154,90 +159,64 @@ class LogWriter:
 
 
 class _Place:
-    """Place of a file that one program at a time writes: beside the old file until it takes that one's place.
+    """Place of a log that one program at a time writes: the new file is beside the old one until it takes its place.
 
-    The lock is on the new file itself and goes with it, so that a program that is killed leaves none.
+    Both are locked: the old file keeps others from beginning, and the lock of the new one goes with it to its place.
+    The locks end with the program, however it ends.
 
     Attributes:
-        beside: The new file.
-        file: Its descriptor.
+        file: Descriptor of the new file.
     """
 
     def __init__(self, path: Path) -> None:
-        self._target = path.resolve()
-        name = hashlib.sha256(os.fsencode(self._target.name)).hexdigest()[:16]  # no longer than a name may be
-        self.beside = self._target.parent / f"{BESIDE}{name}{path.suffix}"
-        self._process = os.getpid()
-        self.file = self._locked()
-        self._taken = False
-        self._finalizer = weakref.finalize(self, _leave, self._process, self.file, self.beside)
-        try:
-            old = os.open(self._target, os.O_RDONLY | os.O_CLOEXEC)
-        except OSError:  # there is none as a rule
-            return
-        try:
-            _take_lock(old, fcntl.LOCK_SH, self._target)
-        except InputError:
-            self.leave()
-            raise
-        finally:
-            os.close(old)
+        self._target, self._process, self._taken = path.resolve(), os.getpid(), False
+        with contextlib.ExitStack() as opened:
+            try:
+                gone = [] if self._target.exists() else [self._target]
+                old = os.open(self._target, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+                opened.callback(os.close, old)
+                _lock(old, self._target)
+                self.file, beside = tempfile.mkstemp(self._target.suffix, BESIDE, self._target.parent)
+                opened.callback(os.close, self.file)
+                os.fchmod(self.file, os.fstat(old).st_mode & 0o777)
+            except OSError as error:
+                raise InputError(f"cannot write the log {self._target}: {error.strerror or error}") from error
+            _lock(self.file, self._target)
+            self._beside = Path(beside)
+            self._descriptors = opened.pop_all()
+        self._finalizer = weakref.finalize(
+            self, _leave, self._process, self._descriptors, (*gone, self._beside)
+        )
 
     @property
     def is_own(self) -> bool:
         """True in the process that has begun the file; False in one that was forked from it."""
         return os.getpid() == self._process
 
-    def _locked(self) -> int:
-        """Return the new file, empty and locked; one that a killed program has left is used again."""
-        while True:
-            try:
-                try:
-                    file = open_own(self.beside, create=True)
-                except OSError as error:
-                    if error.errno not in (errno.ELOOP, errno.EEXIST, errno.ENXIO):
-                        raise
-                    self.beside.unlink()  # a link, a pipe or a file of somebody else that was put there
-                    continue
-            except OSError as error:
-                raise InputError(f"cannot write the log {self._target}: {error.strerror or error}") from error
-            try:
-                _take_lock(file, fcntl.LOCK_EX, self._target)
-                with contextlib.suppress(OSError):
-                    if os.path.samestat(os.fstat(file), os.stat(self.beside)):
-                        os.ftruncate(file, 0)
-                        return file
-            except BaseException:
-                os.close(file)
-                raise
-            os.close(file)  # whoever had it has put it in its place, or removed it
-
     def take(self) -> None:
         """Put the file in the place of the old one, with its permissions; a second call does nothing."""
-        if self._taken:
-            return
-        with contextlib.suppress(FileNotFoundError):
-            os.fchmod(self.file, self._target.stat().st_mode & 0o777)
-        os.replace(self.beside, self._target)
-        self._taken = True
-        self._finalizer.detach()
-        self._finalizer = weakref.finalize(self, _leave, self._process, self.file, None)
+        if not self._taken:
+            os.replace(self._beside, self._target)
+            self._taken = True
+            self._finalizer.detach()
+            self._finalizer = weakref.finalize(self, _leave, self._process, self._descriptors, ())
 
     def leave(self) -> None:
         """Let other programs write; a file that has not taken its place is removed."""
         self._finalizer()
 
 
-def _leave(process: int, lock: int, beside: Path | None) -> None:
-    if beside is not None and os.getpid() == process:
+def _leave(process: int, descriptors: contextlib.ExitStack, files: Sequence[Path]) -> None:
+    """Close descriptors, and remove files in the process that has made them."""
+    for file in files if os.getpid() == process else ():
         with contextlib.suppress(OSError):
-            beside.unlink()
-    os.close(lock)
+            file.unlink()
+    descriptors.close()
 
 
-def _take_lock(file: int, kind: int, path: Path) -> None:
+def _lock(file: int, path: Path) -> None:
     try:
-        fcntl.flock(file, kind | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         raise InputError(
             f"the log {path} is being written by another recording; wait for it, or choose another name"
