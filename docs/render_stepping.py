@@ -26,7 +26,7 @@ from wbc.walking.stepping.gait import SteppingWalk
 SEED, AMPLITUDE, SPEED = 7, 0.04, 0.4
 """Of the ground, highest stone (m) and commanded velocity (m/s)."""
 
-SHOWN = (11, 20)
+SHOWN = (9, 18)
 """First and last step that are drawn."""
 
 LANDING, FOOT = "#1565c0", "#90a4ae"

@@ -27,8 +27,8 @@ MARKS = ("com", "com shadow", "zmp", "dcm", "known ground")
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
-SHOWN, ARROW = 0.7, 0.5
-"""Time for which the arrow of a push is shown, s, and its length, m: a push lasts 0.1 s, which nobody would see."""
+SHOWN, ARROW = 0.8, 0.5
+"""Time of the film for which the arrow of a push is shown, s, and its length, m: nobody would see the 0.1 s of a push."""
 
 
 @dataclass(frozen=True)
@@ -178,7 +178,7 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
             camera.lookat[:] = (*near.mean(axis=0), height + 0.74)
             picture = replay.picture(tick)
             picture.marks = [mark for mark in picture.marks if mark.name in what.marks]
-            before = np.flatnonzero(pushed[:tick] & (times[:tick] > times[tick] - SHOWN))
+            before = np.flatnonzero(pushed[:tick] & (times[:tick] > times[tick] - SHOWN * what.pace))
             if before.size:
                 last = int(before[-1])
                 point = replay.log["truth/push/point"][last] + places[tick] - places[last]
