@@ -28,7 +28,7 @@ MARKS = ("com", "com shadow", "zmp", "dcm", "known ground")
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 SHOWN, ARROW = 0.8, 0.5
-"""Time of the film for which the arrow of a push is shown, s, and its length, m: nobody would see the 0.1 s of a push."""
+"""Time of the film for which the arrow of a push is shown, s, and its length, m. A push itself lasts 0.1 s."""
 
 
 @dataclass(frozen=True)
