@@ -6,7 +6,7 @@ import copy
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 from wbc.base.errors import InputError
 from wbc.base.settings import Positive, from_json, json_object, settings, to_json, units
@@ -21,6 +21,8 @@ from wbc.sim.walks.trial import walk
 OWN = ("highest", "resolution")
 """Fields of a search; those of the trial that is pushed are written beside them."""
 
+WALK, STAND = "push_limit", "stand_push_limit"
+"""Kinds of searches."""
 
 UNITS = {"impulse": "Ns/kg", "seconds": "s"}
 """Units of the results of a search."""
@@ -30,11 +32,18 @@ UNITS = {"impulse": "Ns/kg", "seconds": "s"}
 class PushLimitSpec:
     """Search by bisection, which takes recovery to be monotonic: the result lies within `resolution` of a change.
 
+    A walk recovers if it does all its steps, wherever they end; a stand as `wbc.sim.balance.push_recovery.recovers`
+    says. Written are the fields of the trial, its push, and the two numbers of the search, side by side.
+
     Attributes:
+        trial: The walk or stand, without a push; a stand is long enough for the push and what comes after it.
+        push: The push; its impulse is not used.
         highest: Largest impulse tried, Ns/kg.
         resolution: Width of the last interval, Ns/kg.
     """
 
+    trial: WalkSpec | StandSpec
+    push: WalkPush
     highest: Annotated[Positive, "Ns/kg"] = 1.0
     resolution: Annotated[Positive, "Ns/kg"] = 0.02
 
@@ -43,96 +52,69 @@ class PushLimitSpec:
             raise InputError(
                 f"resolution (Ns/kg) must be at most the highest impulse of {self.highest:g}, got {self.resolution:g}"
             )
-
-    def _own(self) -> dict[str, Any]:
-        """Return the fields of the search as plain values, with the kind."""
-        return {"kind": self.kind, **{name: getattr(self, name) for name in OWN}}  # type: ignore[attr-defined]
-
-
-def _parted(data: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the fields of the search, and those of the trial that is pushed."""
-    values = {key: value for key, value in json_object("a push limit", data).items() if key != "kind"}
-    return {name: values.pop(name) for name in OWN if name in values}, values
-
-
-@settings(kw_only=True)
-class WalkPushLimitSpec(PushLimitSpec):
-    """Largest push from which a walk recovers: it does all its steps, wherever they end.
-
-    Written are the fields of the walk and of `PushLimitSpec`, side by side.
-
-    Attributes:
-        walk: The walk, with one push; its impulse is not used.
-    """
-
-    kind: ClassVar[str] = "push_limit"
-
-    walk: WalkSpec
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.walk.pushes) != 1:
-            raise InputError(f"a push limit needs a walk with one push, got {len(self.walk.pushes)}")
         # The impulse is not used: specs that differ in it alone must be equal.
-        object.__setattr__(self, "walk", self.with_impulse(0.0))
+        object.__setattr__(self, "push", replace(self.push, impulse=0.0))
+        trial, push = self.trial, self.push
+        if isinstance(trial, WalkSpec):
+            if trial.pushes:
+                raise InputError(f"the walk of a push limit has no push of its own, got {len(trial.pushes)}")
+            self.pushed_walk(trial, 0.0)  # refuses a push that the walk cannot have
+        elif push.time is None or push.time + push.duration >= trial.seconds:
+            raise InputError(
+                f"a push on a stand must have a time, and end before the stand does after {trial.seconds:g} s"
+            )
 
-    def with_impulse(self, impulse: float) -> WalkSpec:
-        """Return the walk with another impulse of its push, Ns/kg."""
-        return replace(self.walk, pushes=(replace(self.walk.pushes[0], impulse=impulse),))
+    @property
+    def kind(self) -> str:
+        """Name of the kind, by the trial."""
+        return WALK if isinstance(self.trial, WalkSpec) else STAND
 
-    def with_seed(self, seed: int) -> WalkPushLimitSpec:
+    def pushed_walk(self, trial: WalkSpec, impulse: float) -> WalkSpec:
+        """Return a walk with the push of an impulse, Ns/kg."""
+        return replace(trial, pushes=(replace(self.push, impulse=impulse),))
+
+    def tried(self, impulse: float, check: TimeoutCheck) -> tuple[bool, float, dict[str, Any]]:
+        """Run the trial with an impulse, Ns/kg: True after a recovery, simulated time, s, and further facts."""
+        hooks = [TimeoutHook(check)]
+        if isinstance(self.trial, StandSpec):
+            held = recovers(self.trial, replace(self.push, impulse=impulse), hooks=hooks)
+            return held, self.trial.seconds, {}
+        result = walk(self.pushed_walk(self.trial, impulse), hooks=hooks)
+        if result.outcome == "diverged":
+            raise DivergedError("the physics of a walk has diverged")
+        facts = {"steps_done": result.steps_done, "fall_reason": result.fall_reason}
+        return result.outcome in ("completed", "strayed"), result.seconds, facts
+
+    def with_seed(self, seed: int) -> PushLimitSpec:
         """Return the search on a walk with another seed; what has been checked is not checked again."""
+        assert isinstance(self.trial, WalkSpec)
         twin = copy.copy(self)
-        object.__setattr__(twin, "walk", self.walk.with_seed(seed))
+        object.__setattr__(twin, "trial", self.trial.with_seed(seed))
         return twin
 
     def to_json(self) -> dict[str, Any]:
         """Return the spec as plain values."""
-        return self.walk.to_json() | self._own()
+        push = to_json(self.push)
+        own = {"kind": self.kind, **{name: getattr(self, name) for name in OWN}}
+        return self.trial.to_json() | ({"pushes": [push]} if self.kind == WALK else {"push": push}) | own
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote; the push may leave its impulse out."""
-        own, values = _parted(data)
-        values["pushes"] = [{"impulse": 0.0, **push} for push in values.get("pushes", [])]
-        return cls(walk=WalkSpec.from_json(values), **own)
+        """Return the spec that `to_json` wrote.
 
-
-@settings(kw_only=True)
-class StandPushLimitSpec(PushLimitSpec):
-    """Largest push from which a robot that stands recovers: see `wbc.sim.balance.push_recovery.recovers`.
-
-    Written are the fields of the stand, its push, and the fields of `PushLimitSpec`, side by side.
-
-    Attributes:
-        stand: The stand, long enough for the push and what comes after it.
-        push: The push, at a time; its impulse is not used.
-    """
-
-    kind: ClassVar[str] = "stand_push_limit"
-
-    stand: StandSpec
-    push: WalkPush
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        end = self.stand.seconds if self.push.time is None else self.push.time + self.push.duration
-        if end >= self.stand.seconds:
-            raise InputError(
-                f"a push on a stand must have a time, and end before the stand does after {self.stand.seconds:g} s"
-            )
-        object.__setattr__(self, "push", replace(self.push, impulse=0.0))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the spec as plain values."""
-        return self.stand.to_json() | {"push": to_json(self.push)} | self._own()
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote; the push may leave its impulse out, and is 0.5 s after the start."""
-        own, values = _parted(data)
-        push = {"impulse": 0.0, **({"time": 0.5} | dict(values.pop("push", {})))}
-        return cls(stand=StandSpec.from_json(values), push=from_json(WalkPush, push), **own)
+        The push may leave its impulse out. That of a stand is 0.5 s after the start if it has no time.
+        """
+        values = json_object("a push limit", data)
+        kind: type[WalkSpec | StandSpec] = StandSpec
+        if values.pop("kind", WALK) == WALK:
+            kind, pushes = WalkSpec, values.pop("pushes", [])
+            if not isinstance(pushes, (list, tuple)) or len(pushes) != 1:
+                raise InputError(f"a push limit needs a walk with one push, got {len(pushes)}")
+            push = dict(pushes[0])
+        else:
+            push = {"time": 0.5} | dict(values.pop("push", {}))
+        own = {name: values.pop(name) for name in OWN if name in values}
+        return cls(trial=kind.from_json(values), push=from_json(WalkPush, {"impulse": 0.0} | push), **own)
 
 
 def largest_recovered(recovers: Callable[[float], bool], highest: float, resolution: float) -> float:
@@ -152,37 +134,14 @@ def largest_recovered(recovers: Callable[[float], bool], highest: float, resolut
     return low
 
 
-def walk_limit_outcome(spec: WalkPushLimitSpec, check: TimeoutCheck) -> Outcome:
-    """Find the largest push from which a walk recovers, that is, does all its steps, wherever they end."""
-
-    def tried(impulse: float) -> tuple[bool, float, dict[str, Any]]:
-        result = walk(spec.with_impulse(impulse), hooks=[TimeoutHook(check)])
-        if result.outcome == "diverged":
-            raise DivergedError("the physics of a walk has diverged")
-        facts = {"steps_done": result.steps_done, "fall_reason": result.fall_reason}
-        return result.outcome in ("completed", "strayed"), result.seconds, facts
-
-    return _searched(spec, tried)
-
-
-def stand_limit_outcome(spec: StandPushLimitSpec, check: TimeoutCheck) -> Outcome:
-    """Find the largest push from which a robot that stands recovers."""
-
-    def tried(impulse: float) -> tuple[bool, float, dict[str, Any]]:
-        held = recovers(spec.stand, replace(spec.push, impulse=impulse), hooks=[TimeoutHook(check)])
-        return held, spec.stand.seconds, {}
-
-    return _searched(spec, tried)
-
-
-def _searched(spec: PushLimitSpec, tried: Callable[[float], tuple[bool, float, dict[str, Any]]]) -> Outcome:
-    """Search with a function of an impulse: True after a recovery, simulated time, s, and further facts."""
+def limit_outcome(spec: PushLimitSpec, check: TimeoutCheck) -> Outcome:
+    """Find the largest push from which a walk or a stand recovers."""
     begin, seconds = time.perf_counter(), 0.0
     rows: list[dict[str, Any]] = []
 
     def holds(impulse: float) -> bool:
         nonlocal seconds
-        recovered, simulated, facts = tried(impulse)
+        recovered, simulated, facts = spec.tried(impulse, check)
         seconds += simulated
         rows.append({"impulse": impulse, "recovered": recovered, **facts})
         return recovered
@@ -199,19 +158,8 @@ def _searched(spec: PushLimitSpec, tried: Callable[[float], tuple[bool, float, d
     return Outcome("diverged" if diverged else "done", record, clock)
 
 
-register_trial(
-    WalkPushLimitSpec.kind,
-    TrialKind(
-        WalkPushLimitSpec.from_json,
-        walk_limit_outcome,
-        WalkPushLimitSpec.with_seed,
-        units(WalkPushLimitSpec) | UNITS,
-        "impulse",
-    ),
-)
-register_trial(
-    StandPushLimitSpec.kind,
-    TrialKind(
-        StandPushLimitSpec.from_json, stand_limit_outcome, None, units(StandPushLimitSpec) | UNITS, "impulse"
-    ),
-)
+for _kind, _seeded in ((WALK, PushLimitSpec.with_seed), (STAND, None)):
+    register_trial(
+        _kind,
+        TrialKind(PushLimitSpec.from_json, limit_outcome, _seeded, units(PushLimitSpec) | UNITS, "impulse"),
+    )

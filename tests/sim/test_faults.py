@@ -23,7 +23,7 @@ from wbc.robots import load
 from wbc.sim import Machine, TrialHook, WalkPlan, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.studies import Study
-from wbc.sim.studies.push_limit import WalkPushLimitSpec
+from wbc.sim.studies.push_limit import PushLimitSpec
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.trial import TrialTick
@@ -136,7 +136,7 @@ def test_nothing_is_doubted_of_good_sensors_in_walks_of_the_studies(name: str, n
     )
     rng = np.random.default_rng((STUDIES.index(name), number))
     spec = trials[int(rng.integers(len(trials)))].spec
-    spec = spec.walk if isinstance(spec, WalkPushLimitSpec) else spec
+    spec = spec.trial if isinstance(spec, PushLimitSpec) else spec
     assert isinstance(spec, WalkSpec)
     pushes = tuple(
         WalkPush(impulse=rng.uniform(0.1, 0.6), direction=rng.uniform(-3.1, 3.1), duration=0.1, time=time)

@@ -35,7 +35,7 @@ from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.studies.outcomes import run_trial, trial_from_json, with_seed
-from wbc.sim.studies.push_limit import WalkPushLimitSpec, _searched, largest_recovered
+from wbc.sim.studies.push_limit import PushLimitSpec, largest_recovered, limit_outcome
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.trial import Trial
@@ -267,26 +267,36 @@ def test_the_largest_impulse_with_a_recovery_is_found_to_the_resolution(
 def test_a_search_on_a_walk_has_one_push_whose_impulse_does_not_count() -> None:
     one, other = (WalkPush(impulse=impulse, step=2) for impulse in (0.1, 0.7))
     plan = WalkPlan(distance=0.5)
-    spec = WalkPushLimitSpec(walk=WalkSpec(plan=plan, pushes=(one,)))
-    assert spec == WalkPushLimitSpec(walk=WalkSpec(plan=plan, pushes=(other,)))
-    assert spec.with_impulse(0.3).pushes == (replace(one, impulse=0.3),)
-    assert WalkPushLimitSpec.from_json(json.loads(json.dumps(spec.to_json()))) == spec
-    assert with_seed(spec, 5).walk.seed == 5
-    for pushes in ((), (one, other)):
-        with pytest.raises(InputError):
-            WalkPushLimitSpec(walk=WalkSpec(plan=plan, pushes=pushes))
+    walk = WalkSpec(plan=plan)
+    spec = PushLimitSpec(trial=walk, push=one)
+    assert spec == PushLimitSpec(trial=walk, push=other)
+    assert spec.pushed_walk(walk, 0.3).pushes == (replace(one, impulse=0.3),)
+    plain = json.loads(json.dumps(spec.to_json()))
+    assert PushLimitSpec.from_json(plain) == spec and len(plain["pushes"]) == 1
+    assert with_seed(spec, 5).trial.seed == 5
+    with pytest.raises(InputError, match="no push of its own"):
+        PushLimitSpec(trial=replace(walk, pushes=(other,)), push=one)
+    with pytest.raises(InputError, match="at step 99"):
+        PushLimitSpec(trial=walk, push=replace(one, step=99))
+    for pushes in ([], 2 * plain["pushes"]):
+        with pytest.raises(InputError, match=f"one push, got {len(pushes)}"):
+            PushLimitSpec.from_json(plain | {"pushes": pushes})
 
 
-def test_a_search_begins_without_a_push_and_adds_up_its_walks() -> None:
+def test_a_search_begins_without_a_push_and_adds_up_its_walks(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = trial_from_json({"kind": "stand_push_limit", "seconds": 1.0, "highest": 0.8, "resolution": 0.2})
     for limit, impulses, found in (
         (0.5, [0.0, 0.8, 0.4, 0.6], 0.4),
         (0.9, [0.0, 0.8], 0.8),
         (-1.0, [0.0], None),
     ):
-        outcome = _searched(
-            spec, lambda impulse, limit=limit: (impulse <= limit, 1.5, {"fact": 2.0 * impulse})
-        )
+
+        def tried(_: object, impulse: float, check: object, limit: float = limit) -> Any:
+            del check
+            return impulse <= limit, 1.5, {"fact": 2.0 * impulse}
+
+        monkeypatch.setattr(PushLimitSpec, "tried", tried)
+        outcome = limit_outcome(spec, lambda: None)
         assert outcome.status == "done" and outcome.result is not None
         assert [row["impulse"] for row in outcome.result["tried"]] == pytest.approx(impulses)
         assert [row["fact"] for row in outcome.result["tried"]] == pytest.approx([2.0 * i for i in impulses])
@@ -314,7 +324,7 @@ def test_a_walk_that_diverges_is_no_result_of_a_trial_nor_of_a_search(
         )
 
     spec = WalkSpec(plan=WalkPlan(distance=0.1))
-    search = WalkPushLimitSpec(walk=replace(spec, pushes=(WalkPush(impulse=0.1, time=0.1),)), highest=0.4)
+    search = PushLimitSpec(trial=spec, push=WalkPush(impulse=0.1, time=0.1), highest=0.4)
     for outcome, status, found in (
         ("completed", "done", 0.4),
         ("strayed", "done", 0.4),
