@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import Any, Literal
+from typing import Literal
 
 from wbc.base.changes import Changes, changed, normal_changes
 from wbc.base.errors import InputError, choose
@@ -127,35 +126,3 @@ def check_read(changes: Changes, trial: WalkTrialSettings) -> None:
             raise InputError(
                 f"'{path}' is a setting of {steps} steps, which mode='{mode}' takes, got mode='{trial.mode}'"
             )
-
-
-OLD_PLACES = {
-    "lipm": (("", ""),),
-    "stepping": (("gait.", "stepping."), ("", "")),
-    "auto": (("lipm.", ""), ("stepping.gait.", "stepping."), ("stepping.", ""), ("", "")),
-}
-"""Law of the steps in specs of earlier versions → beginnings of the names of its settings, and those of today."""
-
-
-def without_law(spec: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the plain values of a spec of an earlier version, which names a law of the steps, as those of today."""
-    values = dict(spec)
-    law = values.pop("law", "lipm")
-    choose("law of an earlier version", law, OLD_PLACES)
-    changes = dict(values.get("changes") or {})
-    places = OLD_PLACES[law]
-    renamed = {
-        next(new + name[len(old) :] for old, new in places if name.startswith(old)): value
-        for name, value in changes.items()
-    }
-    mode = values.get("mode") or ("position" if law == "lipm" else "torque")
-    if law != "auto" and (law == "lipm") != (mode == "position"):
-        raise InputError(
-            f"a walk of law '{law}' in {mode} control is no more: mode='position' takes planned steps ('lipm'), torque "
-            "and hybrid control free ones ('stepping')"
-        )
-    if law != "lipm":
-        values["mode"] = mode
-    if law == "stepping":
-        values.pop("gait", None)  # was written, and not read
-    return {**values, "changes": renamed} if renamed or "changes" in values else values

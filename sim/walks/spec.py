@@ -35,7 +35,6 @@ from wbc.sim.walks.settings import (
     check_read,
     checked_changes,
     trial_settings,
-    without_law,
 )
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
 from wbc.sim.walks.trained import check_trained, driven, sees
@@ -217,11 +216,11 @@ class WalkSpec(TrialSpec):
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote; specs of earlier versions are accepted."""
+        """See `TrialSpec`; stretches of a ground of an earlier version are read as areas."""
         values = json_object(cls.__name__, data)
         if isinstance(params := values.get("terrain_params"), Mapping):
             values["terrain_params"] = without_stretches(params)
-        return super().from_json(without_law(values) if "law" in values else values)
+        return super().from_json(values)
 
     def foot_design(self) -> Foot:
         """Return the foot."""

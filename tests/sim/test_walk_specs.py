@@ -19,7 +19,6 @@ from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks import spec as module
 from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.presets import over
-from wbc.sim.walks.settings import without_law
 from wbc.sim.walks.spec import SEED_LIMIT, TOE_GAIT, WalkSpec
 from wbc.sim.walks.stiffness_policy import make_policy
 from wbc.sim.walks.trained import driven, stamped, turned
@@ -30,45 +29,9 @@ from wbc.walking.plans.gait import Gait
 SHORT = WalkPlan(distance=0.3)
 
 
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ({"law": "lipm"}, {}),
-        ({"law": "lipm", "changes": {"gains.dcm_p": 3.0}}, {"changes": {"gains.dcm_p": 3.0}}),
-        ({"law": "lipm", "mode": "position"}, {"mode": "position"}),
-        ({"law": "stepping"}, {"mode": "torque"}),
-        ({"law": "stepping", "mode": "hybrid"}, {"mode": "hybrid"}),
-        (
-            {"law": "stepping", "plan": {"stairs": "together"}},
-            {"mode": "torque", "plan": {"stairs": "together"}},
-        ),
-        (
-            {"law": "stepping", "gait": {"apex": 0.5}, "changes": {"gait.sway": 1.0, "mpc.rate": 2.0}},
-            {"mode": "torque", "changes": {"stepping.sway": 1.0, "mpc.rate": 2.0}},
-        ),
-        (
-            {
-                "law": "auto",
-                "gait": {"apex": 0.5},
-                "changes": {
-                    "lipm.gains.dcm_p": 3.0,
-                    "stepping.gait.sway": 1.0,
-                    "stepping.tasks": 2,
-                    "falls.drop": 0.1,
-                },
-            },
-            {
-                "mode": "torque",
-                "gait": {"apex": 0.5},
-                "changes": {"gains.dcm_p": 3.0, "stepping.sway": 1.0, "tasks": 2, "falls.drop": 0.1},
-            },
-        ),
-    ],
-)
-def test_settings_of_an_earlier_law_have_their_names_of_today(
-    old: dict[str, Any], new: dict[str, Any]
-) -> None:
-    assert without_law(old) == new
+def test_a_law_of_the_steps_of_an_earlier_version_is_refused_with_what_takes_its_place() -> None:
+    with pytest.raises(InputError, match="law.*mode: position control takes planned steps"):
+        WalkSpec.from_json({"law": "stepping", "plan": {"distance": 0.3}})
 
 
 def test_delays_of_the_machine_are_known_to_the_observer_unless_it_is_told_others() -> None:
@@ -242,9 +205,6 @@ def test_what_steps_of_the_mode_do_not_have_is_refused_with_the_mode_that_has_it
 ) -> None:
     with pytest.raises(InputError, match=named):
         WalkSpec(plan=SHORT, **given)
-    for old in ({"law": "lipm", "mode": "torque"}, {"law": "stepping", "mode": "position"}):
-        with pytest.raises(InputError, match="mode='position' takes planned steps"):
-            without_law(old)
 
 
 def test_rows_of_a_drive_that_cannot_be_are_told_by_their_number() -> None:
