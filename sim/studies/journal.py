@@ -41,7 +41,7 @@ from wbc.base.errors import InputError, WbcError, check_parts, shown_path
 from wbc.base.files import decoding
 from wbc.base.numbers import plain
 from wbc.base.settings import to_json
-from wbc.sim.studies.outcomes import KINDS, AnyTrialSpec, Status, trial_from_json
+from wbc.sim.studies.outcomes import AnyTrialSpec, Status, trial_from_json
 from wbc.sim.studies.provenance import code_of, provenance
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
@@ -130,25 +130,10 @@ def own_key(spec: Mapping[str, Any]) -> str | None:
 
     The spec is read and written again, so that one of an earlier version has the key of today.
     """
-    unreadable = (InputError, TypeError, ValueError, AttributeError, LookupError)
-    if "seed" in spec:  # specs that differ in the seed alone are read once, where their kind allows it
-        with contextlib.suppress(*unreadable):
-            plain = _written_again(canonical({**spec, "seed": 0}), of_any_seed=True)
-            return trial_key({**plain, "seed": spec["seed"]})
     try:
-        return trial_key(_written_again(canonical(spec), of_any_seed=False))
-    except unreadable:
+        return trial_key(trial_from_json(spec).to_json())
+    except (InputError, TypeError, ValueError, AttributeError, LookupError):
         return None
-
-
-@functools.lru_cache(4096)
-def _written_again(text: str, *, of_any_seed: bool) -> dict[str, Any]:
-    """Return a spec as the present code writes it; an `InputError` also if the seed may change more than itself."""
-    spec = trial_from_json(json.loads(text))
-    if of_any_seed and KINDS.find(spec.kind)[1].seeded is None:
-        raise InputError(f"a {spec.kind} is read with its own seed")
-    plain: dict[str, Any] = spec.to_json()
-    return plain
 
 
 @functools.cache

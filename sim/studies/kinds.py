@@ -48,18 +48,13 @@ def _outcome(trial: Trial, check: TimeoutCheck) -> Outcome:
 
 
 register_trial(
-    WalkSpec.kind,
-    TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed, units(WalkSpec) | units(WalkResult)),
+    WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, units(WalkSpec) | units(WalkResult))
 )
 register_trial(
     StandSpec.kind,
-    TrialKind(
-        StandSpec.from_json, stand_outcome, None, units(StandSpec) | units(StandResult), "com_error_mm"
-    ),
+    TrialKind(StandSpec.from_json, stand_outcome, units(StandSpec) | units(StandResult), "com_error_mm"),
 )
 register_trial(
     MotionSpec.kind,
-    TrialKind(
-        MotionSpec.from_json, track_outcome, None, units(MotionSpec) | units(TrackResult), "joint_rms_deg"
-    ),
+    TrialKind(MotionSpec.from_json, track_outcome, units(MotionSpec) | units(TrackResult), "joint_rms_deg"),
 )

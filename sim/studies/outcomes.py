@@ -64,14 +64,12 @@ class TrialKind:
 
     Attributes:
         units: Units of parts of specs and results by their names, such as "zmp_error.mean": those that have one.
-        seeded: Returns a spec with another seed, the rest of it taken as checked; None for kinds that check it again.
     """
 
     read: Callable[[Mapping[str, Any]], Any]  # makes a spec from plain values
     run: Callable[
         [Any, TimeoutCheck], Outcome
     ]  # runs a spec; returns an outcome that is "done" or "diverged"
-    seeded: Callable[[Any, int], Any] | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     metric: str = "steps_done"  # part of the results that tables are about, unless a study names another
 
@@ -110,12 +108,6 @@ def trial_from_json(data: Mapping[str, Any]) -> Any:
             f"a spec of '{name}' must keep the kind that it is read with, in `kind` and in `to_json`"
         )
     return spec
-
-
-def with_seed(spec: Any, seed: int) -> Any:
-    """Return a spec of any kind with another seed."""
-    seeded = KINDS.find(spec.kind)[1].seeded
-    return trial_from_json({**spec.to_json(), "seed": seed}) if seeded is None else seeded(spec, seed)
 
 
 @checked

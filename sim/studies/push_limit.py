@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -85,13 +84,6 @@ class PushLimitSpec:
         facts = {"steps_done": result.steps_done, "fall_reason": result.fall_reason}
         return result.outcome in ("completed", "strayed"), result.seconds, facts
 
-    def with_seed(self, seed: int) -> PushLimitSpec:
-        """Return the search on a walk with another seed; what has been checked is not checked again."""
-        assert isinstance(self.trial, WalkSpec)
-        twin = copy.copy(self)
-        object.__setattr__(twin, "trial", self.trial.with_seed(seed))
-        return twin
-
     def to_json(self) -> dict[str, Any]:
         """Return the spec as plain values."""
         push = to_json(self.push)
@@ -158,8 +150,7 @@ def limit_outcome(spec: PushLimitSpec, check: TimeoutCheck) -> Outcome:
     return Outcome("diverged" if diverged else "done", record, clock)
 
 
-for _kind, _seeded in ((WALK, PushLimitSpec.with_seed), (STAND, None)):
+for _kind in (WALK, STAND):
     register_trial(
-        _kind,
-        TrialKind(PushLimitSpec.from_json, limit_outcome, _seeded, units(PushLimitSpec) | UNITS, "impulse"),
+        _kind, TrialKind(PushLimitSpec.from_json, limit_outcome, units(PushLimitSpec) | UNITS, "impulse")
     )

@@ -23,7 +23,7 @@ from wbc.base.errors import InputError, choose, unknown_name
 from wbc.base.registry import allow_code, in_file, is_data, reading_data
 from wbc.base.settings import Count, Seed, from_json, json_object, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
-from wbc.sim.studies.outcomes import KINDS, AnyTrialSpec, TrialKind, trial_from_json, with_seed
+from wbc.sim.studies.outcomes import KINDS, AnyTrialSpec, TrialKind, trial_from_json
 from wbc.sim.studies.provenance import differences
 
 ALL = "all"
@@ -156,26 +156,16 @@ class Study:
 
     def trials(self) -> Iterator[StudyTrial]:
         """Yield all trials, seed by seed, so that a stopped sweep has tried all arms on the same grounds."""
-        first: dict[tuple[str, str], tuple[AnyTrialSpec, dict[str, Any]]] = {}
-        quick = self._trial_kind.seeded is not None  # the seed changes nothing else in the written spec
         for seed in self.seeds:
             last = {"seed": seed, "kind": self.kind}
             for cell in self.cells:
                 for arm in cell.arms or self.arms:
-                    if (cell.name, arm) in first:  # checked, and checks do not depend on the seed
-                        spec, plain = first[cell.name, arm]
-                        spec = with_seed(spec, seed)
-                        plain = {**plain, "seed": seed} if quick else spec.to_json()
-                        yield StudyTrial(cell.name, arm, seed, spec, plain)
-                        continue
                     parts = (self.base, cell.values, self.arms[arm], cell.arm_values.get(arm, {}), last)
                     try:
                         spec = trial_from_json(merged(*parts))
                     except (InputError, TypeError) as error:
                         raise InputError(f"study '{self.name}', {cell.name}, {arm}: {error}") from error
-                    plain = spec.to_json()
-                    first[cell.name, arm] = spec, plain
-                    yield StudyTrial(cell.name, arm, seed, spec, plain)
+                    yield StudyTrial(cell.name, arm, seed, spec, spec.to_json())
 
     @checked
     def narrowed(

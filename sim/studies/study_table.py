@@ -21,7 +21,7 @@ from wbc.sim.studies.intervals import (
     sign_flip_p,
 )
 from wbc.sim.studies.journal import Entry, canonical
-from wbc.sim.studies.study import ALL, Study, study_entries
+from wbc.sim.studies.study import ALL, Study, StudyTrial, study_entries
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -190,9 +190,13 @@ def study_frame(study: Study, entries: Mapping[str, Entry]) -> pd.DataFrame:
     The columns are cell, arm, seed, status ("missing" for a trial that has not been run), and every part of the results
     that is not a list, such as "zmp_error.mean". Missing values are NaN or None.
     """
+    return _frame(list(study_entries(study, entries)))
+
+
+def _frame(found: Sequence[tuple[StudyTrial, Entry | None]]) -> pd.DataFrame:
+    """Return trials with their entries as rows of a data frame; see `study_frame`."""
     import pandas as pd  # noqa: PLC0415 - slow to import
 
-    found = list(study_entries(study, entries))
     head = pd.DataFrame(
         [(t.cell, t.arm, t.seed, "missing" if e is None else e.status) for t, e in found], columns=KEYS
     )
@@ -236,7 +240,7 @@ def study_table(
     name, by = metric or study.measured, tuple(by)
     reference = study.reference or next(iter(study.arms))
     trials = list(study_entries(study, entries))
-    frame = study_frame(study, entries)
+    frame = _frame(trials)
     frame["value"] = _values(frame, name, completed_only=completed_only)
     frame["pair"] = list(zip(frame["cell"], frame["seed"], strict=True))
     frame["row"] = [_row(trial.plain, by) if by else trial.cell for trial, _ in trials]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import field, replace
 from functools import lru_cache
@@ -11,7 +10,6 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import PlainValidator
 
 from wbc.base.changes import Changes, as_changes, changed, normal_changes
-from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, file_hash
 from wbc.base.settings import Angle, NonNegative, Number, Seed, json_object, settings
@@ -281,19 +279,6 @@ class WalkSpec(TrialSpec):
             self.extent,
             stairs,
         )
-
-    @checked
-    def with_seed(self, seed: Seed) -> WalkSpec:
-        """Return the spec with another seed; quicker than `replace`, which checks all fields again."""
-        twin = copy.copy(self)
-        if seed >= SEED_LIMIT:
-            raise InputError(f"a seed must be below 2**63, got {seed}")
-        object.__setattr__(twin, "seed", seed)
-        if self.scheduling[0] is not None:  # an oracle knows the ground
-            checked_policy(
-                self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, twin.ground()
-            )
-        return twin
 
     def to_json(self) -> dict[str, Any]:
         """Return the whole spec as plain values, with its kind."""
