@@ -71,8 +71,8 @@ def steps_of_a_walk(count: int) -> list[Step]:
     event = Event.TOUCH_DOWN
     while len(steps) < count:
         plant.step(walking.command(plant.measure()))
-        now = walking.reference
-        assert now is not None and walking.fallen is None
+        now = walking.progress
+        assert walking.fallen is None
         event = next((e for e in now.events if e in LANDED), event)
         if Event.LIFT_OFF in now.events and rows:
             sole = robot.soles[now.stance]

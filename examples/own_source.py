@@ -12,7 +12,16 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking import FootMotion, Reference, StandSource, State, WalkingControl, WalkingControlSettings
+from wbc.walking import (
+    FootMotion,
+    GaitPhase,
+    Progress,
+    Reference,
+    StandSource,
+    State,
+    WalkingControl,
+    WalkingControlSettings,
+)
 
 
 class March(StandSource):
@@ -37,7 +46,8 @@ class March(StandSource):
             feet, place = list(stand.feet), self.places[up].copy()
             place.translation += (0.0, 0.0, self.height * lifted**2 * (3.0 - 2.0 * lifted))
             feet[up] = FootMotion.at_rest(place)
-            stand = stand._replace(feet=tuple(feet), contact=(up != 0, up != 1))
+            single = Progress(GaitPhase.SINGLE, 1 - up, up, (up != 0, up != 1), self.heading)
+            stand = stand._replace(feet=tuple(feet), progress=single)
         return stand._replace(pendulum=pendulum)
 
 

@@ -78,9 +78,8 @@ class PushSchedule(TrialHook):
         if not self._pending:
             return
         plant, now = tick.plant, tick.plant.time
-        reference = getattr(tick.control, "reference", None)  # none of a robot that cannot step
-        if reference is not None and not LIFT_OFFS.isdisjoint(reference.events):
-            progress = tick.control.progress
+        progress = getattr(tick.control, "progress", None)  # none of a robot that cannot step
+        if progress is not None and not LIFT_OFFS.isdisjoint(progress.events):
             self._lift_off.setdefault(progress.steps_done + 1, (now, progress.cycle))
         for push in [push for push in self._pending if now >= self._due(push) - ROUNDING]:
             self._pending.remove(push)

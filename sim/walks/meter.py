@@ -159,9 +159,9 @@ class WalkMeter(TrialHook):
         if reference is None or reference is self._reference:
             return  # the controller has had no good measurement, yet or this time
         self._reference = reference
-        progress = self._walking.progress
+        progress = reference.progress
         dcm_error = None if output is None else self._record_errors(reference, output)
-        self._record_events(reference.events, tick.measurement, self._walking.control)
+        self._record_events(progress.events, tick.measurement, self._walking.control)
         self._swing = progress.swing
         self._record_stance(progress, dcm_error)
 

@@ -236,7 +236,7 @@ class WalkTrial(Trial):
         dx, dy = (middle(self.plant) - self._origin).tolist()
         weight = self.plant.robot.mass * GRAVITY
         reference = getattr(self.control, "reference", None)
-        desired = yaw if reference is None else reference.heading
+        desired = yaw if reference is None else reference.progress.heading
         if self.spec.trained is not None:  # which has no reference
             desired += turned(self._prepared.orders or ())
         return {

@@ -53,10 +53,10 @@ def seen(
         "com/reference": np.array(reference.pendulum.com),
         "zmp/measured": np.array(output.measured_zmp),
         "foot/right/wrench_solved": solution.wrenches["right_foot"].copy(),
-        "foot/left/contact": float(reference.contact[0]),
+        "foot/left/contact": float(reference.progress.contact[0]),
         "foot/left/reference/position": reference.feet[0].placement.translation.copy(),
         "truth/com": plant.truth().com.copy(),
-        "walk/phase": reference.phase.value,
+        "walk/phase": reference.progress.phase.value,
         "solver/status": solution.status.value,
     }
 

@@ -66,9 +66,11 @@ def test_references_of_a_walk_are_those_of_its_tick() -> None:
     reference, robot = tick.reference, tick.robot
     assert reference is not None
     found = Columns(sources._add_walk, tick).read(tick)
-    assert found["walk/phase"] == reference.phase.value
-    assert found["walk/step"] == reference.step and found["walk/steps_done"] == walking.steps_done
-    assert found["walk/heading"] == reference.heading
+    assert found["walk/phase"] == reference.progress.phase.value
+    assert (
+        found["walk/step"] == reference.progress.steps_done and found["walk/steps_done"] == walking.steps_done
+    )
+    assert found["walk/heading"] == reference.progress.heading
     landing = walking.progress.upcoming[0]
     assert found["step/side"] == landing.side
     np.testing.assert_allclose(found.group("step/landing"), [landing.x, landing.y, landing.z, landing.yaw])
@@ -87,7 +89,7 @@ def test_references_of_a_walk_are_those_of_its_tick() -> None:
     xi = tick.estimate.com[:2] + tick.estimate.com_velocity[:2] / pendulum.omega
     np.testing.assert_allclose(found.group("dcm/estimated"), xi)
     assert np.isnan(found.group("drive/commanded")).all(), "nobody steers"
-    for side, motion, on in zip(("left", "right"), reference.feet, reference.contact, strict=True):
+    for side, motion, on in zip(("left", "right"), reference.feet, reference.progress.contact, strict=True):
         assert found[f"foot/{side}/contact"] == on
         pose = pin.SE3ToXYZQUAT(motion.placement)
         np.testing.assert_allclose(found.group(f"foot/{side}/reference/position"), pose[:3])
@@ -106,7 +108,9 @@ def test_a_fall_is_an_event_once_beside_those_of_its_tick() -> None:
     assert tick.reference is not None
 
     def events(*given: Event) -> Any:
-        walking.reference = tick.reference = tick.reference._replace(events=given)  # type: ignore[union-attr]
+        assert tick.reference is not None
+        progress = tick.reference.progress._replace(events=given)
+        walking.reference = tick.reference = tick.reference._replace(progress=progress)
         return found.read(tick)["walk/event"]
 
     assert events() is None

@@ -91,7 +91,7 @@ def test_ticks_begin_and_end_with_the_frames_of_the_clip_at_rest(g1: Robot, step
             assert not v[end].any() and not a[end].any()
     coarse = clip_references(g1, steps, steps.standing, 0.0, 0.3 * steps.duration)[1]
     frames_of = np.minimum(np.round(0.3 * np.arange(5) * (len(steps) - 1)).astype(int), len(steps) - 1)
-    assert [list(each.contact) for each in coarse] == steps.standing[frames_of].tolist()
+    assert [list(each.progress.contact) for each in coarse] == steps.standing[frames_of].tolist()
     q = splines(g1, steps, 0.002)[0][::every]
     apart = [np.abs(pin.difference(g1.model, *pair)).max() for pair in zip(q, frames, strict=True)]
     assert max(apart) < 1e-9
@@ -111,7 +111,7 @@ def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_earl
     q = steps.configurations(robot)[0]
     robot.update(q, np.zeros(robot.nv))
     source = MotionSource(robot, steps, DT)
-    swings = ~np.array([reference.contact for reference in source.motion])
+    swings = ~np.array([reference.progress.contact for reference in source.motion])
     lift = int(swings.any(axis=1).argmax())
     side = int(swings[lift].argmax())
     landing = lift + int((~swings[lift:, side]).argmax())
@@ -124,7 +124,9 @@ def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_earl
 
     heavy = robot.mass * GRAVITY
     path = [update(tick, heavy if tick == lift + 50 else 0.0) for tick in range(lift, lift + 60)]
-    assert not any(reference.contact[side] for reference in path), "a load amid a swing is no landing"
+    assert not any(reference.progress.contact[side] for reference in path), (
+        "a load amid a swing is no landing"
+    )
     feet = [reference.feet[side] for reference in path]
     assert feet[0].placement.isApprox(stood, 1e-9)
     assert feet[-1].placement.isApprox(source.motion[lift + 59].feet[side].placement, 1e-12)
@@ -136,11 +138,15 @@ def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_earl
     np.testing.assert_allclose(pin.log3(half.rotation @ given[1].rotation.T), 0.5 * whole, atol=1e-9)
     away = half.translation - given[1].translation
     np.testing.assert_allclose(away, 0.5 * (stood.translation - given[0].translation), atol=1e-9)
-    assert not update(landing - 10, 0.0).contact[side]
+    assert not update(landing - 10, 0.0).progress.contact[side]
     early = update(landing - 9, heavy)
-    assert early.contact[side] and early.events == (Event.EARLY_TOUCH_DOWN,) and source.landings == 1
-    assert update(landing, 0.0).contact[side] and source.landings == 1
-    assert not update(lift, 0.0).contact[side], "it lifts anew"
+    assert (
+        early.progress.contact[side]
+        and early.progress.events == (Event.EARLY_TOUCH_DOWN,)
+        and source.landings == 1
+    )
+    assert update(landing, 0.0).progress.contact[side] and source.landings == 1
+    assert not update(lift, 0.0).progress.contact[side], "it lifts anew"
 
 
 def test_a_robot_that_does_not_stand_as_the_clip_begins_is_told_the_joint_and_both_places(

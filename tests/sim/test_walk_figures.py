@@ -45,8 +45,7 @@ class Pushed:
 
     def __init__(self, mass: float) -> None:
         self.time, self.robot, self.pushes = 0.0, SimpleNamespace(mass=mass), []
-        self.reference = SimpleNamespace(events=())
-        self.progress = SimpleNamespace(steps_done=0, cycle=0.8)
+        self.progress = SimpleNamespace(steps_done=0, cycle=0.8, events=())
         self.plant = self.control = self
 
     def push(self, body: str, force: np.ndarray, duration: float) -> None:
@@ -81,11 +80,11 @@ def test_a_push_at_a_step_begins_at_its_phase_after_the_lift_off() -> None:
     lift_offs = {0.5: 0, 1.4: 1}  # time → steps done
     for now in np.arange(0.0, 3.0, 0.05).round(9).tolist():
         tick.time = now
-        tick.reference.events = (Event.TOUCH_DOWN,) if now == 0.2 else ()
+        tick.progress.events = (Event.TOUCH_DOWN,) if now == 0.2 else ()
         if now in lift_offs:
-            tick.reference.events, tick.progress.steps_done = (Event.LIFT_OFF,), lift_offs[now]
+            tick.progress.events, tick.progress.steps_done = (Event.LIFT_OFF,), lift_offs[now]
         if now == 1.6:
-            tick.reference.events = (Event.LIFT_OFF,)  # again, of the same step
+            tick.progress.events = (Event.LIFT_OFF,)  # again, of the same step
         schedule.tick(tick)
     assert [begin for begin, *_ in tick.pushes] == pytest.approx([0.5, 1.6, 2.2])
     assert (

@@ -63,7 +63,10 @@ class Made:
         """Tell the meter of a tick with normal forces, N, and moments, Nm, and what the controller has seen."""
         wrenches = np.zeros((2, 6))
         wrenches[:, 2], wrenches[:, 3:5] = forces, moments
-        self.reference = SimpleNamespace(events=events, pendulum=SimpleNamespace(zmp=np.array([*zmp, 0.0])))
+        self.progress.events = events
+        self.reference = SimpleNamespace(
+            progress=self.progress, pendulum=SimpleNamespace(zmp=np.array([*zmp, 0.0]))
+        )
         measurement = SimpleNamespace(time=self.time, sole_wrench=wrenches, wrenches=wrenches)
         self.meter.tick(SimpleNamespace(measurement=measurement))  # type: ignore[arg-type]
         self.time = round(self.time + PERIOD, 9)
@@ -99,7 +102,8 @@ def test_forces_of_a_robot_without_force_sensors_are_those_that_its_control_has_
     made.progress.swing, wrenches[1, 2] = 1, 80.0
     made.control.measurement = SimpleNamespace(wrenches=wrenches)
     for events in ((), (Event.LATE_TOUCH_DOWN,)):
-        made.reference = SimpleNamespace(events=events, pendulum=None)
+        made.progress.events = events
+        made.reference = SimpleNamespace(progress=made.progress, pendulum=None)
         made.meter.tick(
             SimpleNamespace(measurement=SimpleNamespace(time=0.0, sole_wrench=None), control=made)
         )  # type: ignore[arg-type]

@@ -217,7 +217,7 @@ class Impulse(TrialHook):
         if self.first is None and force.any():
             self.first = tick.plant.time - tick.plant.control_period
         assert tick.control.reference is not None
-        if self.lift_off is None and Event.LIFT_OFF in tick.control.reference.events:
+        if self.lift_off is None and Event.LIFT_OFF in tick.control.reference.progress.events:
             self.lift_off = tick.plant.time
 
 

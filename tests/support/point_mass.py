@@ -113,7 +113,7 @@ class PointMass:
         last = self.ticks[-1].reference if self.ticks else None
         left, right = (
             last.feet[side].velocity[:3].tolist()
-            if last is not None and last.swing == side
+            if last is not None and last.progress.air == side
             else [0.0, 0.0, 0.0]
             for side in (0, 1)
         )
@@ -121,18 +121,18 @@ class PointMass:
 
     def pressure(self, side: int) -> tuple[float, float]:
         """Return where a sole carries, m: where its reference says in steps, at its centre in a stand."""
-        if not self.ticks or (last := self.ticks[-1].reference).phase is GaitPhase.STANDING:
+        if not self.ticks or (last := self.ticks[-1].reference).progress.phase is GaitPhase.STANDING:
             return 0.0, 0.0
-        ahead, aside = last.cop if side == last.stance else (0.0, 0.0)
+        ahead, aside = last.cop if side == last.progress.stance else (0.0, 0.0)
         return self.gait.constants.carrying + ahead, aside
 
     def _move(self, reference: Reference) -> None:
         dt, omega = self.dt, self.scale.omega
         com, speed = self.com[:2], self.speed
-        if reference.phase is not GaitPhase.SINGLE:
+        if reference.progress.phase is not GaitPhase.SINGLE:
             c, pendulum, (stiffness, damping) = self.gait.constants, reference.pendulum, (0.0, 0.0)
             stiffness, damping = c.shift_gains
-            if reference.phase is GaitPhase.STANDING:
+            if reference.progress.phase is GaitPhase.STANDING:
                 stiffness, damping = c.stand_gain * omega**2, (1.0 + c.stand_gain) * omega
             acceleration: Array = pendulum.com_acceleration[:2] + (
                 stiffness * (pendulum.com[:2] - com) + damping * (pendulum.com_velocity[:2] - speed)
@@ -143,13 +143,13 @@ class PointMass:
             )
             self._load = [0.5, 0.5]
             return
-        stance = reference.stance
+        stance = reference.progress.stance
         carrying, (ahead, aside) = self.gait.constants.carrying, reference.cop
         contact = self._feet[stance].act(np.array([carrying + ahead, aside, 0.0]))[:2]
         self.com[:2], self.speed = com_after(com, speed, contact, omega, dt)
         self._load = [0.0, 0.0]
         self._load[stance] = 1.0
-        swing = reference.swing
+        swing = reference.progress.air
         if swing is not None:
             motion = reference.feet[swing].placement
             self._feet[swing] = pin.SE3(
@@ -158,7 +158,9 @@ class PointMass:
             )
             if motion.translation[2] > self.ground[swing]:
                 return
-        if reference.elapsed > 0.5 * reference.duration:  # it has landed, and carries a part
+        if (
+            reference.progress.elapsed > 0.5 * reference.progress.duration
+        ):  # it has landed, and carries a part
             self._load[1 - stance] = 0.25
             self._load[stance] = 0.75
 

@@ -39,7 +39,7 @@ from wbc.walking.hands.frames import FEET, FOLLOW, Frames, carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.turn import GyroSlip
-from wbc.walking.source import Reference
+from wbc.walking.source import Progress, Reference
 from wbc.walking.swing import FootMotion
 
 TABLE = {"distance": 0.18, "height": 0.7}
@@ -384,7 +384,7 @@ def test_feet_that_slip_are_noticed_while_a_hand_is_used() -> None:
     walking, hands = standing()
     robot = walking.controller.robot
     left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
-    reference = Reference(Pendulum.at_rest(robot.com), (left, right), phase=GaitPhase.DOUBLE)
+    reference = Reference(Pendulum.at_rest(robot.com), (left, right), Progress(GaitPhase.DOUBLE))
     measurement: Any = SimpleNamespace(
         angular_velocity=np.array([0.0, 0.0, 0.2]), hand_wrenches=np.zeros((2, 6))
     )

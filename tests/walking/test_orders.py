@@ -337,8 +337,10 @@ def test_a_gait_begins_in_the_step_that_the_feet_are_in(mode: str) -> None:
     other.begin(state, air, landed)
     command = other.act(state)
     reference, sole = other.reference, robot.soles[0].frame
-    assert reference is not None and reference.swing == 0 and reference.stance == 1
-    assert reference.elapsed == pytest.approx(min(air[0], reference.duration / 2.0), abs=0.02)
+    assert reference is not None and reference.progress.air == 0 and reference.progress.stance == 1
+    assert reference.progress.elapsed == pytest.approx(
+        min(air[0], reference.progress.duration / 2.0), abs=0.02
+    )
     moved = pin.getFrameVelocity(
         robot.model, robot.data, robot.frame_id(sole), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     )
@@ -363,7 +365,7 @@ def test_a_gait_that_begins_swings_the_foot_that_is_in_the_air_whatever_load_is_
     walking.begin(state, air, landed)
     walking.act(state)
     assert walking.reference is not None
-    assert walking.reference.swing == side and walking.reference.stance == 1 - side
+    assert walking.reference.progress.air == side and walking.reference.progress.stance == 1 - side
 
 
 def test_a_gait_that_begins_on_feet_that_have_stood_stands_and_one_in_position_control_is_refused() -> None:

@@ -44,20 +44,20 @@ def run(w: LipmWalk, loads: Loads, seconds: float) -> list[tuple[float, Event]]:
     happened = []
     for k in range(round(seconds / w.dt)):
         share = loads(w)
-        happened += [(k * w.dt, e) for e in w.advance([WEIGHT * s for s in share]).events]
+        happened += [(k * w.dt, e) for e in w.advance([WEIGHT * s for s in share]).progress.events]
     return happened
 
 
 def walking(distance: float = 0.3, settings: PhaseSettings | None = None, dt: float = DT) -> LipmWalk:
     s = WalkSettings(adjustment=None, phases=settings or PhaseSettings())
     w = LipmWalk(ROBOT, walk_distance(START, distance), HEIGHT, dt, s)
-    assert w.advance([0.5 * WEIGHT, 0.5 * WEIGHT]).events == (Event.STARTED,)
+    assert w.advance([0.5 * WEIGHT, 0.5 * WEIGHT]).progress.events == (Event.STARTED,)
     return w
 
 
 def until(w: LipmWalk, loads: Loads, event: Event, limit: float = 10.0) -> float:
     for k in range(round(limit / DT)):
-        if event in w.advance([WEIGHT * s for s in loads(w)]).events:
+        if event in w.advance([WEIGHT * s for s in loads(w)]).progress.events:
             return k * DT
     raise AssertionError(f"{event} did not happen")
 
@@ -205,7 +205,7 @@ def test_a_foot_without_ground_is_taken_to_stand_at_the_tick_that_the_settings_n
     width, ticks = 0.5 * ROBOT.soles[0].width, 0
     while True:
         reference, ticks = w.advance([0.0, WEIGHT]), ticks + 1
-        if Event.NO_TOUCH_DOWN in reference.events:
+        if Event.NO_TOUCH_DOWN in reference.progress.events:
             break
         if w.overdue:
             assert abs(reference.pendulum.zmp[1] - START.right.y) < width

@@ -169,8 +169,8 @@ def test_the_tilt_that_is_seen_is_kept_in_every_tick_of_a_swing() -> None:
     mass.gait.steering.command((0.3, 0.0, 0.0))
     tilts = []
     for tick in mass.run(2.2):
-        landing = tick.reference.landing
-        if tick.reference.swing is not None and landing is not None and landing.x > 0.12:
+        landing = tick.reference.progress.landing
+        if tick.reference.progress.air is not None and landing is not None and landing.x > 0.12:
             tilts.append(landing.pitch)
     assert len(tilts) > 100
     np.testing.assert_allclose(tilts, -math.atan(0.1), atol=1e-6)

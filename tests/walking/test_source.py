@@ -16,7 +16,6 @@ from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.robots import load
 from wbc.walking import Reference, StandSource, State, WalkingControl
-from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Progress, WholeBody
 from wbc.walking.stepping.gait import SteppingWalk
 
@@ -46,7 +45,7 @@ class Fails(StandSource):
 def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> None:
     plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
     walking = WalkingControl(robot, Sway(robot), plant.control_period)
-    assert walking.progress == Progress(GaitPhase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
+    assert walking.progress == Progress()
     stage, sides, error = SimulatedStage(plant, walking), [], 0.0
     with Recorder(tmp_path / "own.arrow") as record:
         while plant.time < 1.0:

@@ -63,7 +63,7 @@ def run(
     stabilizer = Stabilizer(ROBOT.mass, WrenchDistribution(SIZES), gains)
     result = Result(walk)
     reference = walk.advance((WEIGHT / 2, WEIGHT / 2))
-    result.events += [(0.0, e) for e in reference.events]
+    result.events += [(0.0, e) for e in reference.progress.events]
     com, velocity, zmp = reference.pendulum.com.copy(), np.zeros(3), reference.pendulum.zmp[:2].copy()
     wrenches = np.zeros((2, 6))
     wrenches[:, 2] = WEIGHT / 2
@@ -74,12 +74,19 @@ def run(
         reference = walk.advance(wrenches[:, 2], None, dcm)
         soles = [motion.placement for motion in reference.feet]
         output = stabilizer.update(
-            reference.pendulum, com, velocity, wrenches, soles, reference.contact, reference.heading, dt
+            reference.pendulum,
+            com,
+            velocity,
+            wrenches,
+            soles,
+            reference.progress.contact,
+            reference.progress.heading,
+            dt,
         )
         result.references.append(reference)
-        result.events += [(k * dt, e) for e in reference.events]
+        result.events += [(k * dt, e) for e in reference.progress.events]
         result.dcm_error.append(reference.pendulum.dcm[:2] - dcm)
-        if any(event in TOUCH_DOWNS for event in reference.events):
+        if any(event in TOUCH_DOWNS for event in reference.progress.events):
             result.landed.append(walk.plan.steps[walk.step - 1])
         touching = []
         for side in (0, 1):
@@ -88,10 +95,10 @@ def run(
                 ground(x, y)
                 if ground is not None
                 else walk.plan.steps[min(walk.step, len(walk.plan) - 1)].z
-                if not reference.contact[side]
+                if not reference.progress.contact[side]
                 else z
             )
-            touching.append(bool(reference.contact[side] or z <= level + 1e-4))
+            touching.append(bool(reference.progress.contact[side] or z <= level + 1e-4))
         zmp = zmp + (1 - np.exp(-lag * dt)) * (output.zmp[:2] - zmp)
         feet = tuple(
             replace(Footstep.of(SIDES[i], soles[i]), z=0.0, roll=0.0, pitch=0.0)
@@ -108,7 +115,7 @@ def run(
         if np.hypot(*result.dcm_error[-1]) > 0.4:
             result.fell = True
             return result
-        if walk.finished and not reference.events:
+        if walk.finished and not reference.progress.events:
             return result
     return result
 
@@ -129,8 +136,8 @@ def loads(reference: Reference, soles: list[pin.SE3], touching: list[bool], zmp:
         share = float(
             np.clip(np.dot(zmp - right, left - right) / np.dot(left - right, left - right), 0.0, 1.0)
         )
-        if not all(reference.contact):  # just met the ground: 10 % of the weight
-            share = max(share, 0.1) if not reference.contact[0] else min(share, 0.9)
+        if not all(reference.progress.contact):  # just met the ground: 10 % of the weight
+            share = max(share, 0.1) if not reference.progress.contact[0] else min(share, 0.9)
     else:
         share = float(touching[0])
     wrenches = np.zeros((2, 6))
@@ -189,8 +196,8 @@ def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool, metre: Result) 
         walked = run(replace(plan, steps=steps), STEADY)
     settings, inward = STEADY, []
     for reference in walked.references[::10]:
-        if reference.phase is GaitPhase.SINGLE:
-            side = 0 if reference.contact[0] else 1
+        if reference.progress.phase is GaitPhase.SINGLE:
+            side = 0 if reference.progress.contact[0] else 1
             y = reference.feet[side].placement.actInv(np.array([*reference.pendulum.zmp[:2], 0.0]))[1]
             inward.append(-y if side == 0 else y)
     expected = CLIMBING_INWARD if climbing else settings.preview.target.inward
@@ -213,7 +220,7 @@ def test_it_walks_every_kind_of_plan(plan: FootstepPlan) -> None:
     for end, wanted in zip(result.walk.plan.final, plan.final, strict=True):
         np.testing.assert_allclose(end.position, wanted.position, atol=3e-3)
         assert end.yaw == pytest.approx(wanted.yaw, abs=1e-6)
-    assert result.references[-1].heading == pytest.approx(plan.final[0].yaw, abs=1e-6)
+    assert result.references[-1].progress.heading == pytest.approx(plan.final[0].yaw, abs=1e-6)
 
 
 def test_stones_bring_early_and_late_landings_and_the_walk_goes_on() -> None:
@@ -281,13 +288,17 @@ def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_t
         weight = [WEIGHT * (1.0 - share)] * 2
         weight[swing] = WEIGHT * share
         reference = walk.advance(weight, soles)
-        if landed is not None and reference.contact[landed[0]]:
+        if landed is not None and reference.progress.contact[landed[0]]:
             assert reference.feet[landed[0]].placement.isApprox(landed[1])
         for side in (0, 1):
-            if any(event in TOUCH_DOWNS for event in reference.events) and side == swing:
+            if any(event in TOUCH_DOWNS for event in reference.progress.events) and side == swing:
                 landed = side, pin.SE3(soles[side])
             turn = pin.SE3(pin.rpy.rpyToMatrix(0.001, 0.0, 0.0), np.zeros(3))
-            moved = soles[side] * turn if reference.contact[side] else pin.SE3(reference.feet[side].placement)
+            moved = (
+                soles[side] * turn
+                if reference.progress.contact[side]
+                else pin.SE3(reference.feet[side].placement)
+            )
             soles[side].rotation, soles[side].translation = moved.rotation, moved.translation
     assert landed is not None and walk.steps_done == 6
 
@@ -330,7 +341,7 @@ def test_the_constant_error_of_sensors_moves_no_step(robot: str, width: float) -
             loads = [share * model.mass * GRAVITY for share in shares]
             reference = walk.advance(loads, None, dcm + (0.0, error))
             dcm, shares = reference.pendulum.dcm[:2], [0.5, 0.5]
-            if any(event in TOUCH_DOWNS for event in reference.events):
+            if any(event in TOUCH_DOWNS for event in reference.progress.events):
                 landed.append(walk.plan.steps[walk.step - 1])
             if walk.finished:
                 break

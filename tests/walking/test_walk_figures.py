@@ -30,7 +30,7 @@ from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs
 from wbc.walking.plans.reach import Leg, vertical_joint
-from wbc.walking.source import StandSource
+from wbc.walking.source import Progress, StandSource
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
 from wbc.walking.swing import FootMotion
@@ -209,33 +209,15 @@ def test_a_touch_down_is_early_in_time_or_late_by_its_bounds() -> None:
         assert touch_down(late, 0.03, 0.05) is event
 
 
-def test_the_progress_of_a_source_is_that_of_its_last_reference() -> None:
-    robot = load_robot("hrp4_class").robot()
-    source = StandSource(robot)
-    none = source.progress(None)
-    assert none == (GaitPhase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
-    assert none.swing_side is None and none.landing is None
-    rest = source.update(None)  # type: ignore[arg-type]
-    landing = Footstep("right", 0.3, -0.1)
-    for contact, swing, side in (
-        ((True, False), 1, "right"),
-        ((False, True), 0, "left"),
-        ((True, True), None, None),
-    ):
-        reference = rest._replace(
-            contact=contact, phase=GaitPhase.SINGLE, step=4, landing=landing, elapsed=0.2, duration=0.7
-        )
-        progress = source.progress(reference)
-        assert progress.swing == swing and progress.swing_side == side
-        assert progress.stance == (0 if swing is None else 1 - swing)
-        assert (progress.steps_done, progress.elapsed, progress.duration, progress.cycle) == (
-            4,
-            0.2,
-            0.7,
-            0.7,
-        )
-        assert progress.upcoming == (landing,) and progress.landing is (None if swing is None else landing)
-    assert source.progress(rest).cycle == 1.0 and source.progress(rest).upcoming == ()
+def test_the_record_of_a_step_has_its_landing_and_a_foot_that_has_landed_is_no_longer_in_the_air() -> None:
+    robot, landing = load_robot("hrp4_class").robot(), Footstep("right", 0.3, -0.1)
+    rest = StandSource(robot).update(None).progress  # type: ignore[arg-type]
+    assert rest._replace(heading=0.0) == Progress()
+    for swing, side in ((1, "right"), (0, "left"), (None, None)):
+        step = Progress(GaitPhase.SINGLE, 1, swing, upcoming=(landing,))
+        assert step.swing_side == side and step.landing is (None if swing is None else landing)
+        assert step.air == swing and step._replace(landed=True).air is None
+    assert Progress().landing is None
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
@@ -252,7 +234,7 @@ def test_a_stand_has_its_com_over_the_ground_between_its_soles(yaw: float) -> No
     np.testing.assert_allclose(reference.pendulum.zmp, [*robot.com[:2], ground])
     height = float(robot.com[2]) - ground
     assert reference.pendulum.omega == pytest.approx(math.sqrt(GRAVITY / height))
-    assert reference.heading == pytest.approx(yaw)
+    assert reference.progress.heading == pytest.approx(yaw)
     for motion, sole in zip(reference.feet, robot.soles, strict=True):
         np.testing.assert_allclose(motion.placement.homogeneous, robot.placement(sole.frame).homogeneous)
         assert not motion.velocity.any()

@@ -143,9 +143,13 @@ def walk_as_commanded(yaw: float, distance: float) -> dict[str, np.ndarray]:
         left, right = (motion.placement.translation[:2] for motion in reference.feet)
         share = float(np.clip((reference.pendulum.zmp[:2] - right) @ (left - right), 0.0, None))
         share = min(share / float((left - right) @ (left - right)), 1.0)
-        if not all(reference.contact):
+        left_on, right_on = reference.progress.contact
+        if not (left_on and right_on):
             late = walking.walk.elapsed >= walking.walk.duration - 1e-9
-            share = float(reference.contact[0]) * (0.8 if late else 1.0) + 0.2 * late * reference.contact[1]
+            share = (
+                float(reference.progress.contact[0]) * (0.8 if late else 1.0)
+                + 0.2 * late * reference.progress.contact[1]
+            )
         if walking.finished:
             break
     assert walking.finished and walking.fallen is None and walking.steps_done == len(plan)

@@ -43,7 +43,7 @@ from wbc.walking.plans.footsteps import mean_heading
 from wbc.walking.plans.reach import Leg
 from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.source import Reference, ReferenceSource, WholeBody
+from wbc.walking.source import Progress, Reference, ReferenceSource, WholeBody
 from wbc.walking.swing import FootMotion
 from wbc.walking.table import TaskGains
 
@@ -147,13 +147,14 @@ class MotionSource(ReferenceSource):
             GaitPhase.STANDING if self.finished else (GaitPhase.DOUBLE if all(contact) else GaitPhase.SINGLE)
         )
         feet = (self._foot(0, i), self._foot(1, i))
-        return self.motion[i]._replace(
-            feet=feet, contact=contact, phase=phase, step=self.landings, events=events
-        )
+        swing = None if all(contact) else contact.index(False)
+        stance, heading = 0 if swing is None else 1 - swing, self.motion[i].progress.heading
+        now = Progress(phase, stance, swing, contact, heading, self.landings, events=events)
+        return self.motion[i]._replace(feet=feet, progress=now)
 
     def _switch(self, side: int, i: int, load: float) -> tuple[Event, ...]:
         """Lift or land a foot when the clip says so, or when it meets the ground a little before."""
-        planned = self.motion[i].contact[side]
+        planned = self.motion[i].progress.contact[side]
         if self._swings[side] is None:
             if planned or self._early[side]:
                 self._early[side] = self._early[side] and not planned
@@ -162,7 +163,7 @@ class MotionSource(ReferenceSource):
             turn = np.asarray(pin.log3(place.rotation @ given.rotation.T))
             self._swings[side] = i, np.concatenate([place.translation - given.translation, turn])
             return (Event.LIFT_OFF,)
-        soon = self.motion[min(i + self._ahead, len(self.motion) - 1)].contact[side]
+        soon = self.motion[min(i + self._ahead, len(self.motion) - 1)].progress.contact[side]
         if not (planned or (soon and load > self._load)):
             return ()
         self._swings[side], self._early[side] = None, not planned
@@ -227,8 +228,10 @@ def clip_references(
         Reference(
             Pendulum(*pendulum),
             (left, right),
-            tuple(standing[nearest[i]].tolist()),
-            _facing(left.placement, right.placement),
+            Progress(
+                contact=tuple(standing[nearest[i]].tolist()),
+                heading=_facing(left.placement, right.placement),
+            ),
             body=WholeBody(
                 acceleration[i],
                 [(m.placement.rotation, m.velocity[3:], m.acceleration[3:]) for m in trunk],

@@ -65,4 +65,4 @@ class FootContacts:
         else:
             elapsed = min(self.landed, default=RESTS)
             phase = GaitPhase.STANDING if elapsed >= RESTS else GaitPhase.DOUBLE
-        return Progress(phase, swing, self._stance, self.steps_done, elapsed, 0.0, (), 0.0)
+        return Progress(phase, self._stance, swing, steps_done=self.steps_done, elapsed=elapsed, cycle=0.0)

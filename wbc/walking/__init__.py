@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from wbc.base.errors import missing_from
 from wbc.core.drive.control import State
 from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.contact import GaitPhase
 from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.load import LoadSettings
@@ -26,7 +27,7 @@ from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.source import Reference, ReferenceSource, StandSource
+from wbc.walking.source import Progress, Reference, ReferenceSource, StandSource
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.swing import FootMotion
 
@@ -36,6 +37,8 @@ __all__ = [
     "WalkingControlSettings",
     # Sources of references
     "Reference",
+    "Progress",
+    "GaitPhase",
     "ReferenceSource",
     "StandSource",
     "State",

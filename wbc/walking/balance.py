@@ -95,9 +95,10 @@ class Balance:
     def update(self, reference: Reference, state: State) -> Reference:
         """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""
         measurement, hands, dt = state.measurement, self.hands, self._dt
-        before, self._last = BOTH if self._last is None else self._last.contact, reference
+        contact, heading = reference.progress.contact, reference.progress.heading
+        before, self._last = BOTH if self._last is None else self._last.progress.contact, reference
         for side in (0, 1):
-            if reference.contact[side] != before[side]:
+            if contact[side] != before[side]:
                 self.stabilizer.feet.reset(side)
         outside = None
         if hands is not None:
@@ -107,8 +108,8 @@ class Balance:
         self.output = output = self._task.update(
             reference.pendulum,
             measurement.wrenches,
-            reference.contact,
-            reference.heading,
+            contact,
+            heading,
             dt,
             bias=self._bias,
             outside=outside,
@@ -134,4 +135,4 @@ class Balance:
             return estimator.bias
         omega = last.pendulum.omega
         (x, y, _), (u, v, _) = robot.com.tolist(), robot.com_velocity.tolist()
-        return estimator.update((x + u / omega, y + v / omega), zmp, last.heading, omega, self._dt)
+        return estimator.update((x + u / omega, y + v / omega), zmp, last.progress.heading, omega, self._dt)

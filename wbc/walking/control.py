@@ -243,10 +243,10 @@ class WalkingControl:
         self.source.hip_turn = body.hip_turn
         self.source.hand_wrench = hands.outside if hands is not None and pressing else None
         reference = self.source.update(state)
-        if reference.phase is GaitPhase.STANDING:
+        if reference.progress.phase is GaitPhase.STANDING:
             self.control.observer.inertial.rest()
         if body.active:
-            body.update(reference.heading)
+            body.update(reference.progress.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
         lean, twist = UPRIGHT, UNTWISTED
         if balance is not None:
@@ -255,9 +255,9 @@ class WalkingControl:
         elif hands is not None and hands.update(state.measurement, reference, self._dt) is not None:
             reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
         self.reference = reference
-        self.arms.update(reference.feet, reference.heading, self.source.haste)
+        self.arms.update(reference.feet, reference.progress.heading, self.source.haste)
         if body.active:
-            lean, twist = body.leaned(lean, reference.heading), body.twist
+            lean, twist = body.leaned(lean, reference.progress.heading), body.twist
         self.tasks.follow(reference, lean, twist)
 
     def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:
@@ -265,7 +265,7 @@ class WalkingControl:
         control, now = self.control, self.control.measurement
         if control.failing or control.damped or now is None:
             return replace(command, sole_stiffness=scheduler.command)
-        progress = self.source.progress(self.reference)
+        progress = self.progress
         landing = progress.landing
         soles = scheduler.update(
             progress.swing_side,
@@ -285,7 +285,7 @@ class WalkingControl:
         """True if the robot stands and no hand presses."""
         reference, hands = self.reference, self._hands
         pressing = hands is not None and hands.active
-        return reference is None or (reference.phase is GaitPhase.STANDING and not pressing)
+        return reference is None or (reference.progress.phase is GaitPhase.STANDING and not pressing)
 
     def _lift(self) -> float:
         """Return the room that the legs need to lift a foot now, m; zero once all orders are done."""
@@ -298,8 +298,8 @@ class WalkingControl:
 
     @property
     def progress(self) -> Progress:
-        """Present phase, and the number of steps."""
-        return self.source.progress(self.reference)
+        """Record of the step in the last tick."""
+        return self.source.progress if self.reference is None else self.reference.progress
 
     @property
     def steps_done(self) -> int:

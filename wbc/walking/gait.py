@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -114,11 +115,24 @@ class GaitMachine(ReferenceSource):
         start = frames[1 - self.stance]
         self.swing = SwingFoot(start, landing, duration, shape, self.ground.way(start, landing))
 
+    @abstractmethod
+    def _ahead(self) -> tuple[float, tuple[Footstep, ...], float]:
+        """Return the heading, rad, the landings to come, that of the swing foot first, and the time of a step, s."""
+
+    def _record(self, contact: tuple[bool, bool] = (True, True), events: tuple[Event, ...] = ()) -> Progress:
+        """Return the record of the step as it is now, with the contacts and events of a tick."""
+        phase, stance = self.phase, self.stance
+        heading, upcoming, cycle = self._ahead()
+        swing = 1 - stance if phase is GaitPhase.SINGLE else None
+        times, landed = (self.elapsed, self.duration), self.met is not None
+        return Progress(
+            phase, stance, swing, contact, heading, self.steps_done, *times, upcoming, cycle, events, landed
+        )
+
     def _reference(
         self,
         pendulum: Pendulum,
         places: Sequence[pin.SE3],
-        heading: float,
         events: tuple[Event, ...],
         *,
         most_push: float = math.inf,
@@ -138,27 +152,5 @@ class GaitMachine(ReferenceSource):
             contact, most_force = (side != 0, side != 1), (math.inf, math.inf)
         else:
             contact = most_force[0] > 0.0, most_force[1] > 0.0
-        return Reference(
-            pendulum,
-            (feet[0], feet[1]),
-            contact,
-            heading,
-            self.phase,
-            self.steps_done,
-            events,
-            None if swing is None else swing.landing,
-            self.elapsed,
-            self.duration,
-            self.stance,
-            side,
-            most_force,
-            cop,
-            urgency,
-        )
-
-    def _progress(self, upcoming: tuple[Footstep, ...], cycle: float) -> Progress:
-        """Return phase and steps now, with the landings to come and the time of a step, s."""
-        swing = 1 - self.stance if self.phase is GaitPhase.SINGLE else None
-        return Progress(
-            self.phase, swing, self.stance, self.steps_done, self.elapsed, self.duration, upcoming, cycle
-        )
+        self.progress = self._record(contact, events)
+        return Reference(pendulum, (feet[0], feet[1]), self.progress, most_force, cop, urgency)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import pinocchio as pin
 
@@ -50,23 +50,62 @@ class WholeBody(NamedTuple):
     acceleration: Array
 
 
+class Progress(NamedTuple):
+    """Record of the step in one tick: its source alone makes it; tasks, contacts, hands and observers read it.
+
+    Attributes:
+        phase: Phase of the feet.
+        stance: Foot that stands while the present or next step swings, 0 left and 1 right; after the last step, the one
+            that stood in it.
+        swing: Foot that swings in this step; None on both feet.
+        contact: True for each foot on the ground, left and right. A foot that swings may still, or already, carry a
+            part of its load.
+        heading: Heading of pelvis and torso, rad.
+        steps_done: Single supports that have ended.
+        elapsed: Time since the start of this phase, s.
+        duration: Planned length of this phase, s.
+        upcoming: Planned landings from now on, that of the swing foot first; empty where none is planned.
+        cycle: Planned time of one step, single and double support, s.
+        events: Events of this tick.
+        landed: True while a swing foot that has met the ground waits there, and follows its motion no further.
+    """
+
+    phase: GaitPhase = GaitPhase.STANDING
+    stance: int = 0
+    swing: int | None = None
+    contact: tuple[bool, bool] = (True, True)
+    heading: float = 0.0
+    steps_done: int = 0
+    elapsed: float = 0.0
+    duration: float = 0.0
+    upcoming: tuple[Footstep, ...] = ()
+    cycle: float = 1.0
+    events: tuple[Event, ...] = ()
+    landed: bool = False
+
+    @property
+    def air(self) -> int | None:
+        """Foot that follows its motion, although it may still carry a part of its load; None without one."""
+        return None if self.landed else self.swing
+
+    @property
+    def swing_side(self) -> str | None:
+        """Side of the swing foot, "left" or "right"; None on both feet."""
+        return None if self.swing is None else SIDES[self.swing]
+
+    @property
+    def landing(self) -> Footstep | None:
+        """Planned landing of the swing foot; None without one."""
+        return self.upcoming[0] if self.swing is not None and self.upcoming else None
+
+
 class Reference(NamedTuple):
     """References of one tick.
 
     Attributes:
         pendulum: Planned CoM and ZMP with their derivatives; the measured ones are in `State`.
-        feet: Motions of left and right sole.
-        contact: True for each foot on the ground, left and right.
-        heading: Heading of pelvis and torso, rad.
-        phase: Phase of the feet.
-        step: Index of the present or next step, which is the number of steps that have ended.
-        events: Events of this tick.
-        landing: Planned landing of the foot in the air; None if no landing is planned.
-        elapsed: Time since the start of this phase, s.
-        duration: Planned length of this phase, s.
-        stance: Stance foot of the present or next step: 0 left, 1 right.
-        swing: Foot that follows its motion although it may still carry a part of its load: 0 left, 1 right. None: the
-            feet without contact follow theirs.
+        feet: Motions of left and right sole; those of feet without contact are followed, and that of `progress.air`.
+        progress: Record of the step; a stand by default.
         most_force: Largest normal force of each foot in free steps, N.
         cop: Shift of the centre of pressure of the stance foot in free steps, along and across its sole, m.
         urgency: Share from 0 to 1 by which the swing foot goes before the trunk in free steps; −1 where it goes
@@ -76,63 +115,27 @@ class Reference(NamedTuple):
 
     pendulum: Pendulum
     feet: tuple[FootMotion, FootMotion]
-    contact: tuple[bool, bool] = (True, True)
-    heading: float = 0.0
-    phase: GaitPhase = GaitPhase.STANDING
-    step: int = 0
-    events: tuple[Event, ...] = ()
-    landing: Footstep | None = None
-    elapsed: float = 0.0
-    duration: float = 0.0
-    stance: int = 0
-    swing: int | None = None
+    progress: Progress = Progress()
     most_force: tuple[float, float] = (math.inf, math.inf)
     cop: tuple[float, float] = (0.0, 0.0)
     urgency: float = 0.0
     body: WholeBody | None = None
 
 
-class Progress(NamedTuple):
-    """Phase and steps of a walk at one instant.
+def _moved(_: Reference, name: str) -> NoReturn:
+    hint = f"; in its place: progress.{name}" if name in Progress._fields else ""
+    raise AttributeError(f"'Reference' has no attribute '{name}'{hint}", name=name)
 
-    Attributes:
-        phase: Phase of the feet.
-        swing: Foot in the air, 0 left and 1 right; None on both feet.
-        stance: Foot that stands while the present or next step swings; after the last step, the one that stood in it.
-        steps_done: Single supports that have ended.
-        elapsed: Time since the start of this phase, s.
-        duration: Planned length of this phase, s.
-        upcoming: Planned landings from now on, that of the foot in the air first; empty where none is planned.
-        cycle: Planned time of one step, single and double support, s.
-    """
 
-    phase: GaitPhase
-    swing: int | None
-    stance: int
-    steps_done: int
-    elapsed: float
-    duration: float
-    upcoming: tuple[Footstep, ...]
-    cycle: float
-
-    @property
-    def swing_side(self) -> str | None:
-        """Side of the foot in the air, "left" or "right"; None on both feet."""
-        return None if self.swing is None else SIDES[self.swing]
-
-    @property
-    def landing(self) -> Footstep | None:
-        """Planned landing of the foot in the air; None without one."""
-        return self.upcoming[0] if self.swing is not None and self.upcoming else None
+if not TYPE_CHECKING:
+    Reference.__getattr__ = _moved
 
 
 class ReferenceSource(ABC):
     """Base of all sources of references; a source of your own overrides `update`, and other methods as needed.
 
-    The law of a walk has two methods: `update` decides where and when the next foot lands and how the pendulum moves
-    until then, and `progress` returns phase and steps.
-
     Attributes:
+        progress: Record of the step before the first tick; a walk keeps it up to date.
         unsteered: Message of the error when a source that cannot be steered is steered.
         com_height: Height of the CoM over the soles, m; None for the height of the robot at the start.
         lift_room: Height over its lowest one that a lowered CoM must keep, so that the legs can lift a foot, m: the
@@ -146,6 +149,7 @@ class ReferenceSource(ABC):
             None without. The control sets it.
     """
 
+    progress = Progress()
     unsteered = "references that do not come from footsteps cannot be steered"
     com_height: float | None = None
     lift_room = 0.0
@@ -164,20 +168,6 @@ class ReferenceSource(ABC):
             state: State of the robot. If `update` raises an error, the tick fails, and the control sends a command by
                 its policy.
         """
-
-    def progress(self, last: Reference | None) -> Progress:
-        """Return the present phase and the number of steps.
-
-        Args:
-            last: References of the last tick; None before the first one.
-        """
-        if last is None:
-            return Progress(GaitPhase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
-        swing = None if all(last.contact) else last.contact.index(False)
-        upcoming = () if last.landing is None else (last.landing,)
-        stance = 0 if swing is None else 1 - swing
-        cycle = last.duration or 1.0
-        return Progress(last.phase, swing, stance, last.step, last.elapsed, last.duration, upcoming, cycle)
 
     @property
     def haste(self) -> float:
@@ -244,4 +234,4 @@ class StandSource(ReferenceSource):
     def update(self, state: State) -> Reference:
         """Return the references of the stand."""
         left, right = (FootMotion.at_rest(place) for place in self.places)
-        return Reference(self.pendulum(), (left, right), heading=self.heading)
+        return Reference(self.pendulum(), (left, right), Progress(heading=self.heading))

@@ -160,9 +160,9 @@ class WalkTasks:
     def _carry(self, reference: Reference, feet: StanceContacts) -> None:
         """Switch contacts that steps balance, with costs, forces and boxes, where they change."""
         self._hurry(reference.urgency, feet)
-        phase, law, stance = reference.phase, feet.law, reference.stance
-        before = self._feet_before
-        now = phase, reference.contact, reference.most_force, stance, reference.swing
+        progress, law, before = reference.progress, feet.law, self._feet_before
+        phase, stance, air = progress.phase, progress.stance, progress.air
+        now = phase, progress.contact, reference.most_force, stance, air
         single = phase is GaitPhase.SINGLE
         if now != before:
             self._feet_before = now
@@ -173,8 +173,8 @@ class WalkTasks:
                 ahead = 0.0 if phase is GaitPhase.STANDING else law.carrying
                 for contact in self.contacts:
                     contact.set_box(length, width, (ahead, 0.0))
-            for side, on in enumerate(reference.contact):
-                self._switch(side, contact=on, swings=not on or side == reference.swing)
+            for side, on in enumerate(progress.contact):
+                self._switch(side, contact=on, swings=not on or side == air)
                 if on:
                     self._load(side, reference, feet)
         if single:
@@ -183,8 +183,9 @@ class WalkTasks:
 
     def _load(self, side: int, reference: Reference, feet: StanceContacts) -> None:
         """Set what a foot on the ground costs, and the forces that it may have."""
-        contact, law, single = self.contacts[side], feet.law, reference.phase is GaitPhase.SINGLE
-        full = not single or side == reference.stance
+        contact, law, progress = self.contacts[side], feet.law, reference.progress
+        single = progress.phase is GaitPhase.SINGLE
+        full = not single or side == progress.stance
         if not full:
             contact.centre_box((law.carrying, 0.0))
         weight = feet.held if single else feet.firm
@@ -192,32 +193,33 @@ class WalkTasks:
         contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
         contact.max_force = max(reference.most_force[side], UNLOADED * law.most_force)
         if full:
-            contact.min_force = 0.2 * law.least_force if all(reference.contact) else law.carried
+            contact.min_force = 0.2 * law.least_force if all(progress.contact) else law.carried
 
     def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist = UNTWISTED) -> None:
         """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, `UNTWISTED` no twist."""
-        pendulum, body = reference.pendulum, reference.body
+        pendulum, body, progress = reference.pendulum, reference.body, reference.progress
+        contact, air = progress.contact, progress.air
         if self._stance is not None:
             self._carry(reference, self._stance)
-        elif reference.contact != self._feet_before:
-            self._feet_before = reference.contact
-            for side, on in enumerate(reference.contact):
+        elif contact != self._feet_before:
+            self._feet_before = contact
+            for side, on in enumerate(contact):
                 if on != self.contacts[side].active:
                     self._switch(side, contact=on, swings=not on)
         if self._rise is not None:
             self._rise.height = float(pendulum.com[2])
-        for side, (motion, stands) in enumerate(zip(reference.feet, reference.contact, strict=True)):
-            if not stands or side == reference.swing:
+        for side, (motion, stands) in enumerate(zip(reference.feet, contact, strict=True)):
+            if not stands or side == air:
                 self._swings[side].follow(*motion)
         if body is not None:
             self._follow_body(reference, body, lean)
             return
         if isinstance(self.com, StabilizerTask):
             places = [motion.placement for motion in reference.feet]
-            self.com.apply(pendulum, reference.contact, places)
+            self.com.apply(pendulum, contact, places)
         else:
             self.com.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
-        self._turn_trunk(reference.heading, lean, twist)
+        self._turn_trunk(progress.heading, lean, twist)
 
     def _follow_body(self, reference: Reference, body: WholeBody, lean: LeanMotion) -> None:
         """Set the targets of a source that gives the motion of all joints."""
@@ -227,7 +229,9 @@ class WalkTasks:
             x, y = (body.com_acceleration[:2] - pendulum.com_acceleration[:2]).tolist()
             beyond = x, y
         pendulum = pendulum._replace(com_acceleration=body.com_acceleration)
-        com.apply(pendulum, reference.contact, [motion.placement for motion in reference.feet], beyond)
+        com.apply(
+            pendulum, reference.progress.contact, [motion.placement for motion in reference.feet], beyond
+        )
         for task, (rotation, velocity, acceleration) in zip(self._trunk, body.trunk, strict=True):
             task.follow(
                 lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration

@@ -36,14 +36,14 @@ def test_a_step_is_about_the_centre_of_pressure_of_its_stance_foot(
     body = PointMass()
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
-    while body.ticks[-1].reference.swing is None:
+    while body.ticks[-1].reference.progress.air is None:
         body.run(DT)
     tick, force = body.ticks[-1], load * SCALE.weight
-    stance, wrenches = tick.reference.stance, [[0.0] * 6, [0.0] * 6]
+    stance, wrenches = tick.reference.progress.stance, [[0.0] * 6, [0.0] * 6]
     wrenches[stance] = [0.0, 0.0, force, cop[1] * force, -cop[0] * force, 0.0]
     for _ in range(25):  # five times the lag of the measured pressure
         reference = body.gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
-    assert reference.stance == stance
+    assert reference.progress.stance == stance
     place = tick.frames[stance].actInv(np.array(body.gait.contact))
     assert tuple(place[:2]) == pytest.approx(expected, abs=2e-3)
 
@@ -60,17 +60,17 @@ def test_the_pendulum_is_as_planned_and_a_push_moves_it_at_the_next_decision_alo
     body.run(2.5)
     for before, tick in itertools.pairwise(body.ticks):
         now, past, last = tick.reference, tick.reference.pendulum, before.reference
-        phases.add(now.phase)
+        phases.add(now.progress.phase)
         np.testing.assert_allclose(
             past.com_acceleration[:2], SCALE.omega**2 * (past.com - past.zmp)[:2], atol=1e-9
         )
-        if now.phase is GaitPhase.STANDING:
+        if now.progress.phase is GaitPhase.STANDING:
             np.testing.assert_allclose(past.com[:2], feet[:2], atol=1e-9)
-        if now.phase is GaitPhase.SINGLE:
-            place = tick.frames[now.stance].actInv(np.array(past.zmp))
+        if now.progress.phase is GaitPhase.SINGLE:
+            place = tick.frames[now.progress.stance].actInv(np.array(past.zmp))
             carrying = body.gait.constants.carrying
             assert tuple(place[:2]) == pytest.approx((carrying + now.cop[0], now.cop[1]), abs=1e-9)
-        if now.phase is last.phase and now.stance == last.stance:
+        if now.progress.phase is last.progress.phase and now.progress.stance == last.progress.stance:
             goes_on = last.pendulum.com + DT * last.pendulum.com_velocity
             np.testing.assert_allclose(past.com[:2], goes_on[:2], atol=1e-3)
     assert phases == set(GaitPhase)
@@ -83,14 +83,14 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
     waits = [
         tick.reference
         for tick in body.run(4.0)
-        if tick.reference.phase is GaitPhase.SINGLE and tick.reference.swing is None
+        if tick.reference.progress.phase is GaitPhase.SINGLE and tick.reference.progress.air is None
     ]
     assert waits, "feet come before the end of a step"
     settings = body.gait.constants
     for reference in waits:
-        assert reference.contact == (True, True)
-        assert reference.most_force[1 - reference.stance] == pytest.approx(settings.share)
-        assert reference.most_force[reference.stance] == settings.most_force
+        assert reference.progress.contact == (True, True)
+        assert reference.most_force[1 - reference.progress.stance] == pytest.approx(settings.share)
+        assert reference.most_force[reference.progress.stance] == settings.most_force
 
 
 def first_wait() -> tuple[Tick, SteppingWalk]:
@@ -106,14 +106,14 @@ def first_wait() -> tuple[Tick, SteppingWalk]:
 
 def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> None:
     tick, gait = first_wait()
-    s, stance = gait.constants, tick.reference.stance
+    s, stance = gait.constants, tick.reference.progress.stance
 
     def swings(load: float, held: float, seconds: float) -> bool:
         wrenches = [[0.0] * 6, [0.0] * 6]
         wrenches[stance][2], wrenches[1 - stance][2] = held, load
         for _ in range(round(seconds / DT)):
             reference = gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
-        return bool(reference.swing == 1 - stance)
+        return bool(reference.progress.air == 1 - stance)
 
     assert not swings(1.1 * s.lost, 2.0 * s.held, s.lost_time + 4 * DT), "it carries a little"
     assert not swings(0.9 * s.lost, 0.9 * s.held, 2 * DT), "nothing holds the robot"
@@ -123,12 +123,12 @@ def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> N
 def test_a_foot_in_contact_carries_at_once_where_the_one_that_stood_no_longer_does() -> None:
     """It has rolled over an edge, or was kicked away."""
     tick, gait = first_wait()
-    s, stance = gait.constants, tick.reference.stance
+    s, stance = gait.constants, tick.reference.progress.stance
     wrenches = [[0.0] * 6, [0.0] * 6]
     wrenches[stance][2], wrenches[1 - stance][2] = 1.1 * s.held, 1.1 * s.held
-    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).stance == stance
+    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).progress.stance == stance
     wrenches[stance][2] = 0.9 * s.held
-    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).stance == 1 - stance
+    assert gait.advance(tick.state._replace(wrenches=wrenches), tick.frames).progress.stance == 1 - stance
 
 
 class EdgeFirst(PointMass):
@@ -139,7 +139,9 @@ class EdgeFirst(PointMass):
     def pressure(self, side: int) -> tuple[float, float]:
         """See `PointMass.pressure`."""
         x, y = super().pressure(side)
-        waits = bool(self.ticks) and self.ticks[-1].reference.stance != side and self._load[side] > 0.0
+        waits = (
+            bool(self.ticks) and self.ticks[-1].reference.progress.stance != side and self._load[side] > 0.0
+        )
         self.since = self.since + 1 if waits else self.since * (self._load[side] == 1.0)
         inner = SCALE.sole[1] * (-1.0 if side == 0 else 1.0)
         return (x, inner) if waits and self.since <= 1 else (x, y)
@@ -147,7 +149,10 @@ class EdgeFirst(PointMass):
 
 def waiting(ticks: list[Tick]) -> int:
     """Return the number of ticks in which a foot in contact waits."""
-    return sum(tick.reference.phase is GaitPhase.SINGLE and tick.reference.swing is None for tick in ticks)
+    return sum(
+        tick.reference.progress.phase is GaitPhase.SINGLE and tick.reference.progress.air is None
+        for tick in ticks
+    )
 
 
 def test_a_foot_takes_over_by_where_it_will_carry_not_by_the_edge_with_which_it_meets_the_ground() -> None:
@@ -168,7 +173,7 @@ def test_a_foot_that_has_been_kicked_away_is_not_stepped_onto() -> None:
         wrenches[1 - kicked][2] = SCALE.weight
         fast = tick.state._replace(velocity=(0.0, sign * 0.9, 0.0), wrenches=wrenches)
         reference = gait.advance(fast, tick.frames)
-        assert Event.LIFT_OFF in reference.events and reference.swing == kicked
+        assert Event.LIFT_OFF in reference.progress.events and reference.progress.air == kicked
 
 
 @pytest.mark.parametrize("shifts", [False, True], ids=["in a stand", "while the weight shifts"])
@@ -200,7 +205,7 @@ def test_a_foot_that_is_kicked_away_in_a_stand_swings_at_once(
         )
         reference = gait.advance(state, tick.frames)
         assert (gait.phase is GaitPhase.SINGLE) == steps
-        assert not steps or (Event.LIFT_OFF in reference.events and reference.swing == kicked)
+        assert not steps or (Event.LIFT_OFF in reference.progress.events and reference.progress.air == kicked)
 
 
 def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_and_the_place_does_not() -> (
@@ -209,18 +214,22 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     body = PointMass()
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
-    while body.ticks[-1].reference.swing is None or body.ticks[-1].reference.elapsed < 0.15:
+    while body.ticks[-1].reference.progress.air is None or body.ticks[-1].reference.progress.elapsed < 0.15:
         body.run(DT)
     tick, gait = body.ticks[-1], body.gait
-    steps, landing = gait._steer(), tick.reference.landing
+    steps, landing = gait._steer(), tick.reference.progress.landing
     assert landing is not None
-    side = 1.0 if tick.reference.swing == 0 else -1.0
-    stance, dcm = tick.frames[tick.reference.stance].translation, gait.dcm
+    side = 1.0 if tick.reference.progress.air == 0 else -1.0
+    stance, dcm = tick.frames[tick.reference.progress.stance].translation, gait.dcm
     behind = list(tick.state.places)
-    behind[1 - tick.reference.stance] = (stance[0], stance[1] + side * 0.6, 0.0)  # where it has stood wide
+    behind[1 - tick.reference.progress.stance] = (
+        stance[0],
+        stance[1] + side * 0.6,
+        0.0,
+    )  # where it has stood wide
     beyond = dcm._replace(x=float(stance[0]), y=float(stance[1]) - side * 0.1)
     wide = tick.state._replace(places=(behind[0], behind[1]))
-    near = Footstep(SIDES[1 - tick.reference.stance], stance[0], stance[1] + side * 0.15)
+    near = Footstep(SIDES[1 - tick.reference.progress.stance], stance[0], stance[1] + side * 0.15)
     assert not gait.touch.rubs(gait._now(steps), landing), "an early foot on its own orbit has landed"
     gait.felt.state, gait.felt.dcm = wide, beyond
     assert gait.touch.rubs(gait._now(steps), near)
@@ -305,7 +314,7 @@ def test_the_commanded_centre_of_pressure_is_compared_with_the_measured_one_behi
 
     def compare(tick: Tick) -> None:
         gait = body.gait
-        if tick.reference.swing is None or tick.reference.elapsed < 0.05:
+        if tick.reference.progress.air is None or tick.reference.progress.elapsed < 0.05:
             return
         told = gait._step_state(gait._steer()).cop_command
         off.append(math.dist(told[:2], gait.contact[:2]))
@@ -326,9 +335,11 @@ def test_the_weight_shifts_to_where_the_first_footstep_begins(first: str) -> Non
     )
     plan = walk_distance(FootstepPlan(left, right, (), Gait(step_length=0.12)), 0.6, first=first)
     body.gait.take(PlanSource(plan))
-    lift = next(tick for tick in body.run(2.0) if Event.LIFT_OFF in tick.reference.events)
+    lift = next(tick for tick in body.run(2.0) if Event.LIFT_OFF in tick.reference.progress.events)
     body.run(1.0)
     step = next(
-        tick for tick in body.ticks if tick.time > lift.time and Event.LIFT_OFF in tick.reference.events
+        tick
+        for tick in body.ticks
+        if tick.time > lift.time and Event.LIFT_OFF in tick.reference.progress.events
     )
     assert step.time - lift.time == pytest.approx(body.gait.steering.step_time, rel=0.06)

@@ -65,9 +65,10 @@ def test_a_mirrored_world_gives_mirrored_references() -> None:
     steps = 0
     for tick, reference in zip(ticks, references, strict=True):
         real = tick.reference
-        assert reference.phase is real.phase and reference.events == real.events
-        assert reference.heading == pytest.approx(-real.heading, abs=1e-9)
-        assert reference.contact == real.contact[::-1]
+        step, of_real = reference.progress, real.progress
+        assert step.phase is of_real.phase and step.events == of_real.events
+        assert reference.progress.heading == pytest.approx(-real.progress.heading, abs=1e-9)
+        assert reference.progress.contact == real.progress.contact[::-1]
         assert reference.most_force == pytest.approx(real.most_force[::-1], abs=1e-6)
         for name in ("com", "com_velocity", "com_acceleration", "zmp"):
             expected = MIRROR @ getattr(real.pendulum, name)
@@ -77,12 +78,12 @@ def test_a_mirrored_world_gives_mirrored_references() -> None:
             np.testing.assert_allclose(foot.placement.homogeneous, twin.homogeneous, atol=1e-9)
             np.testing.assert_allclose(foot.velocity[:3], MIRROR @ other.velocity[:3], atol=1e-8)
             np.testing.assert_allclose(foot.acceleration[:3], MIRROR @ other.acceleration[:3], atol=1e-6)
-        if real.landing is None:
+        if of_real.landing is None:
             continue
         steps += 1
-        assert reference.landing is not None and reference.landing.side != real.landing.side
-        assert (reference.landing.x, reference.landing.y, reference.landing.yaw) == pytest.approx(
-            (real.landing.x, -real.landing.y, -real.landing.yaw), abs=1e-9
+        assert step.landing is not None and step.landing.side != of_real.landing.side
+        assert (step.landing.x, step.landing.y, step.landing.yaw) == pytest.approx(
+            (of_real.landing.x, -of_real.landing.y, -of_real.landing.yaw), abs=1e-9
         )
     assert steps > 500
 
@@ -96,8 +97,11 @@ def test_a_moved_and_turned_world_gives_moved_and_turned_references(
     references = replay([moved(tick, place) for tick in ticks], yaw, VELOCITY)
     for tick, reference in list(zip(ticks, references, strict=True))[::7]:
         real = tick.reference
-        assert reference.phase is real.phase and reference.stance == real.stance
-        assert angle(reference.heading, real.heading + yaw) == pytest.approx(0.0, abs=1e-9)
+        assert (
+            reference.progress.phase is real.progress.phase
+            and reference.progress.stance == real.progress.stance
+        )
+        assert angle(reference.progress.heading, real.progress.heading + yaw) == pytest.approx(0.0, abs=1e-9)
         np.testing.assert_allclose(reference.pendulum.com, place.act(real.pendulum.com), atol=1e-8)
         np.testing.assert_allclose(reference.pendulum.zmp, place.act(real.pendulum.zmp), atol=1e-8)
         push = place.rotation @ real.pendulum.com_acceleration
@@ -106,11 +110,12 @@ def test_a_moved_and_turned_world_gives_moved_and_turned_references(
             turned = (place * other.placement).homogeneous
             np.testing.assert_allclose(foot.placement.homogeneous, turned, atol=1e-8)
             np.testing.assert_allclose(foot.velocity[:3], place.rotation @ other.velocity[:3], atol=1e-6)
-        if real.landing is not None:
-            assert reference.landing is not None
-            expected = place.act(np.array([real.landing.x, real.landing.y, 0.0]))[:2]
-            assert (reference.landing.x, reference.landing.y) == pytest.approx(tuple(expected), abs=1e-8)
-            assert angle(reference.landing.yaw, real.landing.yaw + yaw) == pytest.approx(0.0, abs=1e-9)
+        landing, planned = reference.progress.landing, real.progress.landing
+        if planned is not None:
+            assert landing is not None
+            expected = place.act(np.array([planned.x, planned.y, 0.0]))[:2]
+            assert (landing.x, landing.y) == pytest.approx(tuple(expected), abs=1e-8)
+            assert angle(landing.yaw, planned.yaw + yaw) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("k", by_default([0.4, 2.5], 0.4))
@@ -124,11 +129,11 @@ def test_a_larger_robot_does_the_same_in_larger_steps_and_longer_times(k: float)
         body.run(3.5 * size)
     assert len(small.ticks) == len(large.ticks) and small.gait.steps_done >= 3
     for one, other in zip(small.ticks, large.ticks, strict=True):
-        a, b = one.reference, other.reference
+        a, b, forces = one.reference.progress, other.reference.progress, one.reference.most_force
         assert (a.phase, a.stance, a.events) == (b.phase, b.stance, b.events)
         assert b.duration == pytest.approx(root * a.duration, rel=1e-6)
-        assert b.most_force == pytest.approx([k**3 * force for force in a.most_force], rel=1e-6)
-        np.testing.assert_allclose(b.pendulum.zmp, k * a.pendulum.zmp, atol=1e-6)
+        assert other.reference.most_force == pytest.approx([k**3 * force for force in forces], rel=1e-6)
+        np.testing.assert_allclose(other.reference.pendulum.zmp, k * one.reference.pendulum.zmp, atol=1e-6)
         if a.landing is not None:
             assert b.landing is not None
             expected = (k * a.landing.x, k * a.landing.y)
@@ -158,18 +163,18 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     body.run(0.6)
     assert body.gait.finished and body.gait.steps_done == 0
     body.gait.steering.command((0.2, 0.0, 0.0))
-    assert [tick.reference.phase for tick in body.run(0.1)][-1] is GaitPhase.DOUBLE
+    assert [tick.reference.progress.phase for tick in body.run(0.1)][-1] is GaitPhase.DOUBLE
     body.run(4.0)
     body.gait.steering.command(None)
     body.run(4.0)
-    events = [event for tick in body.ticks for event in tick.reference.events]
+    events = [event for tick in body.ticks for event in tick.reference.progress.events]
     landed = [e for e in events if e in (Event.TOUCH_DOWN, Event.EARLY_TOUCH_DOWN, Event.LATE_TOUCH_DOWN)]
     assert events[0] is Event.STARTED and events[-1] is Event.STOPPED
     assert body.gait.steps_done == len(landed) == events.count(Event.LIFT_OFF) >= 7
     s, c = body.gait.settings, body.gait.constants
-    lifts = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.events]
-    supports = [tick.reference for tick in lifts]
-    first, *others = (support.most_force[1 - support.stance] for support in supports)
+    lifts = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.progress.events]
+    supports = [tick.reference.progress for tick in lifts]
+    first, *others = (tick.reference.most_force[1 - tick.reference.progress.stance] for tick in lifts)
     assert first == 0.0 and others == pytest.approx([2.0 * c.share] * len(others))
     assert supports[0].stance == 1, "the right foot"
     seen = lifts[0].frames[1].actInv(np.array(lifts[0].state.com))
@@ -178,7 +183,7 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     place = body.com[:2].copy()
     body.run(2.0)
     np.testing.assert_allclose(body.com[:2], place, atol=5e-3)
-    assert body.ticks[-1].reference.contact == (True, True)
+    assert body.ticks[-1].reference.progress.contact == (True, True)
 
 
 def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
@@ -191,14 +196,14 @@ def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
         body.gait.steering.command(velocity.tolist())
         body.speed += rng.normal(size=2) * [0.15, 0.2]
         for tick in body.run(0.6):
-            landing, heading = tick.reference.landing, tick.reference.heading
-            if landing is None or tick.reference.swing is None:
+            landing, heading = tick.reference.progress.landing, tick.reference.progress.heading
+            if landing is None or tick.reference.progress.air is None:
                 continue
-            stance = tick.frames[tick.reference.stance]
+            stance = tick.frames[tick.reference.progress.stance]
             foot = stance.act(np.array([carrying, 0.0, 0.0]))
             cos, sin = math.cos(heading), math.sin(heading)
             dx, dy = landing.x - foot[0], landing.y - foot[1]
-            assert landing.side == ("left", "right")[1 - tick.reference.stance]
+            assert landing.side == ("left", "right")[1 - tick.reference.progress.stance]
             ahead = cos * dx + sin * dy + carrying
             aside = (cos * dy - sin * dx) * (1.0 if landing.side == "left" else -1.0)
             turning = 5e-3  # m: a heading turns on for 12 ms between two programs
@@ -206,8 +211,8 @@ def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
             assert settings.gap - turning <= aside <= settings.widest + turning
             widths.append(aside)
             longest = settings.longest * settings.slow_time * 1.1  # a fast walk has longer ones
-            at_once = body.gait.decision.closes or tick.reference.duration < settings.shortest
-            assert at_once or settings.shortest - 1e-9 <= tick.reference.duration <= longest
+            at_once = body.gait.decision.closes or tick.reference.progress.duration < settings.shortest
+            assert at_once or settings.shortest - 1e-9 <= tick.reference.progress.duration <= longest
     assert min(widths) == pytest.approx(settings.gap, abs=turning), "no push was hard enough"
 
 
@@ -215,16 +220,19 @@ def test_a_turn_turns_landings_and_heading_and_a_swing_foot_that_stays_level() -
     body = PointMass()
     body.run(0.5)
     body.gait.steering.command((0.1, 0.0, 0.5))
-    steps = [tick for tick in body.run(5.0) if tick.reference.phase is GaitPhase.SINGLE]
-    turned = steps[-1].reference.heading - steps[0].reference.heading
+    steps = [tick for tick in body.run(5.0) if tick.reference.progress.phase is GaitPhase.SINGLE]
+    turned = steps[-1].reference.progress.heading - steps[0].reference.progress.heading
     assert turned == pytest.approx(0.5 * (steps[-1].time - steps[0].time), rel=0.01)
     for tick in steps:
-        reference, swing = tick.reference, tick.reference.swing
-        assert reference.landing is not None and reference.landing.yaw >= reference.heading
+        reference, swing = tick.reference, tick.reference.progress.air
+        assert (
+            reference.progress.landing is not None
+            and reference.progress.landing.yaw >= reference.progress.heading
+        )
         if swing is not None:
             rotation = reference.feet[swing].placement.rotation
             np.testing.assert_allclose(rotation[2], [0.0, 0.0, 1.0], atol=1e-12)
-            off = angle(math.atan2(rotation[1, 0], rotation[0, 0]), reference.heading)
+            off = angle(math.atan2(rotation[1, 0], rotation[0, 0]), reference.progress.heading)
             assert -0.5 <= off < 0.5, "from where the foot has stood"
 
 
@@ -243,8 +251,8 @@ def test_a_walk_that_a_push_has_turned_goes_on_from_where_its_pelvis_faces() -> 
         assert 0.1 < abs(angle(turned, gait.steering.heading)) < 0.5
     body.run(1.2)  # steps of the heading that is left
     for tick in body.run(1.0):
-        if tick.reference.swing is not None:
-            foot = tick.reference.feet[tick.reference.swing].placement
+        if tick.reference.progress.air is not None:
+            foot = tick.reference.feet[tick.reference.progress.air].placement
             assert abs(angle(pin.rpy.matrixToRpy(foot.rotation)[2], gait.steering.heading)) < 0.6
 
 
@@ -253,8 +261,8 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
         body = PointMass()
         body.run(0.7)
         body.speed += [0.0, sign * 0.6]
-        first = next(tick for tick in body.run(1.0) if tick.reference.swing is not None)
-        assert first.reference.swing == foot
+        first = next(tick for tick in body.run(1.0) if tick.reference.progress.air is not None)
+        assert first.reference.progress.air == foot
         body.run(2.0)
         assert body.gait.finished and abs(body.com[1]) < 0.5
     body = PointMass()  # while its weight shifts, too
@@ -262,11 +270,11 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
     body.gait.steering.command((0.2, 0.0, 0.0))
     body.run(0.1)
     body.speed += [0.0, 0.6]
-    assert Event.LIFT_OFF in [event for tick in body.run(0.2) for event in tick.reference.events]
+    assert Event.LIFT_OFF in [event for tick in body.run(0.2) for event in tick.reference.progress.events]
     body = PointMass()
     body.run(0.7)
     body.speed += [0.0, 0.1]
-    assert {tick.reference.phase for tick in body.run(2.0)} == {GaitPhase.STANDING}, (
+    assert {tick.reference.progress.phase for tick in body.run(2.0)} == {GaitPhase.STANDING}, (
         "a small push needs no step"
     )
     np.testing.assert_allclose(body.com[:2], 0.0, atol=0.01)
@@ -279,7 +287,7 @@ def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(s
     body.run(0.7)
     body.speed += [0.0, speed]
     ticks = body.run(4.0)
-    stopped = next(tick for tick in ticks if Event.STOPPED in tick.reference.events)
+    stopped = next(tick for tick in ticks if Event.STOPPED in tick.reference.progress.events)
     left, right = (frame.translation for frame in stopped.frames)
     assert np.linalg.norm(left - right) <= body.gait.constants.stop_length
     assert body.gait.finished
@@ -355,7 +363,9 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     said = set[str]()
     body.run(7.5, lambda _: said.add(body.gait.reason))
     assert body.gait.finished and body.gait.steps_done == len(plan) and body.gait.reason == ""
-    landed = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.events][1:] + body.ticks[-1:]
+    landed = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.progress.events][
+        1:
+    ] + body.ticks[-1:]
     errors = [
         math.dist(tick.frames[SIDES.index(step.side)].translation[:2], step.position[:2])
         for step, tick in zip(plan.steps, landed, strict=True)
@@ -389,14 +399,14 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
     body = PointMass()
     body.gait.steering.command((0.2, 0.0, 0.0))
     body.run(1.0)
-    while body.gait.swing is None or body.ticks[-1].reference.elapsed > 0.02:
+    while body.gait.swing is None or body.ticks[-1].reference.progress.elapsed > 0.02:
         body.run(body.dt)
     swing = body.gait.swing
     ridge = Ridge(swing.landing.x + 0.03)
     body.gait.ground.sight = ridge  # type: ignore[assignment]
     body.speed[0] += 0.2
     tops = []
-    while body.ticks[-1].reference.elapsed < 0.08:
+    while body.ticks[-1].reference.progress.elapsed < 0.08:
         body.run(body.dt)
         tops.append(float(swing.at(swing.apex_time).placement.translation[2]))
     assert body.gait.swing is swing and swing.landing.x > ridge.at

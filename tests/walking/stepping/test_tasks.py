@@ -14,7 +14,7 @@ from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.walking.body import Twist
 from wbc.walking.contact import GaitPhase
-from wbc.walking.source import Reference
+from wbc.walking.source import Progress, Reference
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
@@ -61,24 +61,24 @@ def test_any_state_of_the_feet_may_follow_any_other() -> None:
         changed, state = reference, STATES[name]
         if state is not None:
             contact, most, stance, swing = state
-            changed = reference._replace(
-                contact=contact, phase=GaitPhase.SINGLE, stance=stance, swing=swing, most_force=most
-            )
-        balanced = changed.phase is not GaitPhase.SINGLE
+            progress = Progress(GaitPhase.SINGLE, stance, swing, contact, reference.progress.heading)
+            changed = reference._replace(progress=progress, most_force=most)
+        step = changed.progress
+        balanced = step.phase is not GaitPhase.SINGLE
         tasks.follow(changed)
         solution = controller.solve()
         assert solution.ok
-        assert solution.wrenches[tasks.contacts[changed.stance].name][2] > 0.01 * WEIGHT
+        assert solution.wrenches[tasks.contacts[step.stance].name][2] > 0.01 * WEIGHT
         for side, foot in enumerate(tasks.contacts):
             wrench = solution.wrenches[foot.name]
             assert wrench[2] <= changed.most_force[side] + 1e-6
-            assert controller.task(f"{foot.name} swing").idle == (changed.swing != side)
-            if not changed.contact[side]:
+            assert controller.task(f"{foot.name} swing").idle == (step.swing != side)
+            if not step.contact[side]:
                 np.testing.assert_allclose(wrench, 0.0, atol=1e-7)
                 continue
-            full = balanced or side == changed.stance
+            full = balanced or side == step.stance
             assert (foot.min_force > 0.0) == full and foot.max_force == changed.most_force[side]
-            alone = full and not balanced and not all(changed.contact)
+            alone = full and not balanced and not all(step.contact)
             assert wrench[2] > 0.49 * WEIGHT or not alone
 
 
@@ -87,9 +87,8 @@ def test_an_urgent_swing_foot_is_moved_at_the_cost_of_the_trunk() -> None:
     contact, most, stance, side = (False, True), (0.0, MOST), 1, 0
     hurled = reference.feet[side]._replace(acceleration=np.array([60.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     feet = (hurled, reference.feet[1])
-    single = reference._replace(
-        contact=contact, phase=GaitPhase.SINGLE, stance=stance, swing=side, most_force=most, feet=feet
-    )
+    progress = Progress(GaitPhase.SINGLE, stance, side, contact, reference.progress.heading)
+    single = reference._replace(progress=progress, most_force=most, feet=feet)
     missed, tilted = [], []
     for urgency in (0.0, 0.5, 1.0, -1.0, 0.0):
         tasks.follow(single._replace(urgency=urgency))
@@ -114,7 +113,7 @@ def test_a_trunk_leans_and_twists_about_the_heading() -> None:
     lean = LeanMotion(
         pin.exp3(np.array([0.1, -0.05, 0.0])), np.array([0.2, 0.1, 0.0]), np.array([0.3, 0.5, 0.0])
     )
-    turned = reference._replace(heading=0.2)
+    turned = reference._replace(progress=Progress(heading=0.2))
     tasks.follow(turned)
     np.testing.assert_allclose(pelvis.target, pin.utils.rotate("z", 0.2) @ upright, atol=1e-12)
     tasks.follow(turned, lean, Twist(0.05, -0.6, 0.7, False))
@@ -224,7 +223,7 @@ def test_a_trunk_that_is_turned_far_comes_upright_about_its_own_tilt(
     rotation = pin.rpy.rpyToMatrix(roll, pitch, 0.0)
     q[3:7] = pin.Quaternion(rotation).coeffs()
     robot.update(q, np.zeros(robot.nv))
-    tasks.follow(reference._replace(heading=off))
+    tasks.follow(reference._replace(progress=Progress(heading=off)))
     pelvis = controller.task("pelvis")
     error = pin.log3(pelvis.target @ robot.placement(robot.base_frame).rotation.T)
     up = rotation[:, 2]
@@ -247,10 +246,7 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
             continue
         touching, most, stands, swing = state
         single = reference._replace(
-            contact=touching,
-            phase=GaitPhase.SINGLE,
-            stance=stands,
-            swing=swing,
+            progress=Progress(GaitPhase.SINGLE, stands, swing, touching, reference.progress.heading),
             most_force=most,
             cop=(0.01, -0.004),
         )
@@ -266,7 +262,7 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
             assert other.min_force == 0.0
         else:
             assert not other.active
-    tasks.follow(reference._replace(phase=GaitPhase.DOUBLE))
+    tasks.follow(reference._replace(progress=Progress(GaitPhase.DOUBLE)))
     np.testing.assert_allclose(tasks.contacts[0].centre, (law.carrying, 0.0, 0.0))
     gains = tasks.com.stiffness, tasks.com.damping
     for found, own in zip(gains, stance.shift, strict=True):
@@ -281,7 +277,9 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
 def test_a_trunk_is_turned_back_by_no_more_than_three_tenths_at_once(off: float, target: float) -> None:
     """In the shorter direction; what leans it and twists it moves on."""
     controller, tasks, reference = standing()
-    tasks.follow(reference._replace(heading=off), UPRIGHT, Twist(0.0, 0.4, 0.5, by_waist=False))
+    tasks.follow(
+        reference._replace(progress=Progress(heading=off)), UPRIGHT, Twist(0.0, 0.4, 0.5, by_waist=False)
+    )
     for name in ("pelvis", "torso"):
         task = controller.task(name)
         turned = pin.log3(task.target @ task.rotation.T)

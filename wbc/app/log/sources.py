@@ -92,18 +92,19 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
 
     def events(walk: WalkingControl) -> str | None:
         assert walk.reference is not None
-        texts = [event.value for event in walk.reference.events]
+        texts = [event.value for event in walk.reference.progress.events]
         if walk.fallen is not None and not told:
             told.append(walk.fallen)
             texts.append(f"fallen: {walk.fallen.value}")
         return "; ".join(texts) or None
 
     next_step = optional(cached(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
-    one("walk/phase", "1", "phase of the walk", planned(lambda r: r.phase.value), "text")
+    steps = planned(lambda r: r.progress.steps_done)
+    one("walk/phase", "1", "phase of the walk", planned(lambda r: r.progress.phase.value), "text")
     one("walk/event", "1", "events of this tick, separated by ';'", of_walk(events), "text")
-    one("walk/step", "1", "index of the step that swings, or swings next", planned(lambda r: r.step), "whole")
+    one("walk/step", "1", "index of the step that swings, or swings next", steps, "whole")
     one("walk/steps_done", "1", "single supports that have ended", of_walk(lambda w: w.steps_done), "whole")
-    one("walk/heading", "rad", "desired heading of pelvis and torso", planned(lambda r: r.heading))
+    one("walk/heading", "rad", "desired heading of pelvis and torso", planned(lambda r: r.progress.heading))
     one("step/side", "1", "foot that swings, or swings next", next_step(lambda s: s.side), "text")
     parts, units = ("x", "y", "z", "yaw"), ("m", "m", "m", "rad")
     landing = next_step(lambda s: (s.x, s.y, s.z, s.yaw))
@@ -130,7 +131,7 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     group("com/reference_acceleration", XYZ, "m/s²", "world", planned(lambda r: r.pendulum.com_acceleration))
     group("zmp/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.zmp))
     for i, foot in enumerate(feet):
-        contact = planned(lambda r, i=i: r.contact[i])  # type: ignore[misc]
+        contact = planned(lambda r, i=i: r.progress.contact[i])  # type: ignore[misc]
         one(f"foot/{foot}/contact", "1", "planned contact", contact, "flag")
         pose = planned(lambda r, i=i: pin.SE3ToXYZQUAT(r.feet[i].placement))  # type: ignore[misc]
         velocity = planned(lambda r, i=i: r.feet[i].velocity)  # type: ignore[misc]
@@ -169,7 +170,12 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
 def _seen(tick: Tick) -> Array | None:
     """Return the known cells of the ground, shape (n, 3), m, in a tick in which a foot lifts off."""
     walk, reference = tick.walking, tick.reference
-    if walk is None or walk.ground is None or reference is None or LIFT_OFFS.isdisjoint(reference.events):
+    if (
+        walk is None
+        or walk.ground is None
+        or reference is None
+        or LIFT_OFFS.isdisjoint(reference.progress.events)
+    ):
         return None
     return walk.ground.map.known()[0]
 

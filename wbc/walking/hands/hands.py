@@ -299,14 +299,14 @@ class Hands:
         self.measurement = measurement
         if not (self.wanted or self.active):
             return None
-        rests = reference.phase is GaitPhase.STANDING
+        rests = reference.progress.phase is GaitPhase.STANDING
         self._watch_slip(measurement, rests, dt)
         felt, pulled, planned = self._advance(measurement.hand_wrenches, dt)
         self._yield(rests)
         self.outside += lag_gain(dt, FILTER_TIME) * (felt + pulled - self.outside)
         self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
         offset = zmp_offset(planned + self._slow, reference.pendulum.zmp, self._weight)
-        self._shift.follow(self._beyond_zmp(-offset, reference.heading) - self._shift.value, dt)
+        self._shift.follow(self._beyond_zmp(-offset, reference.progress.heading) - self._shift.value, dt)
         moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= 1e-5
         self.active = self.wanted or moves or float(np.abs(self.outside[:3]).max()) > 0.1
         if not self.active:

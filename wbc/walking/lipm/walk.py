@@ -46,7 +46,7 @@ from wbc.walking.plans.sources import (
     Velocity,
     close_up,
 )
-from wbc.walking.source import Progress, Reference
+from wbc.walking.source import Reference
 from wbc.walking.steering import PLANNED_NEAR, SteeredSteps, Steering
 from wbc.walking.swing import SwingFoot
 
@@ -167,6 +167,7 @@ class LipmWalk(GaitMachine):
             self.take(PlanSource(plan))
             self._first = self.planner
             self.plan_steps()
+        self.progress = self._record()
 
     def _law(self, climbs: bool) -> tuple[PreviewController, StepAdjuster | None]:
         """Return preview and step adjustment, those of a plan that climbs or not."""
@@ -242,10 +243,6 @@ class LipmWalk(GaitMachine):
         forward, left, _, turn = plan.steps[step + 1].seen_from(plan.stance(step))
         two = 2.0 * self.plan.gait.full.cycle
         return forward / two, left / two, turn / two
-
-    def progress(self, last: Reference | None) -> Progress:
-        """Return the present phase and the number of steps."""
-        return self._progress(self.plan.steps[self.step :], self.plan.gait.full.cycle)
 
     def take(self, planner: FootstepSource | None) -> None:
         """Take footsteps from a planner, from the next tick on; None for those of the steering."""
@@ -458,10 +455,13 @@ class LipmWalk(GaitMachine):
             if self.ground.news:
                 self._look(swing)
             self._yaws[1 - self.stance] = swing.heading(self.elapsed)
-        reference = self._reference(self._pendulum(), self._places, mean_heading(*self._yaws), events)
+        reference = self._reference(self._pendulum(), self._places, events)
         if swing is not None:
             self._places[1 - self.stance] = reference.feet[1 - self.stance].placement
         return reference
+
+    def _ahead(self) -> tuple[float, tuple[Footstep, ...], float]:
+        return mean_heading(*self._yaws), self.plan.steps[self.step :], self.plan.gait.full.cycle
 
     def _lift(self, places: Sequence[pin.SE3]) -> None:
         """Start a swing from the foot's placement."""

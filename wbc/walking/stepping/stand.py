@@ -18,7 +18,7 @@ from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Extent, Reach, over
 from wbc.walking.plans.sources import FootstepSource, PlanSource, Velocity
-from wbc.walking.source import Progress, Reference
+from wbc.walking.source import Reference
 from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.course import Course, Motion, shifted
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan
@@ -113,6 +113,7 @@ class StandingWalk(GaitMachine):
         # Times for which each foot has been in the air and on the ground, s, of a robot that walks already; until the
         # first tick, or until its foot swings.
         self._joins: tuple[Sequence[float], Sequence[float]] | None = None
+        self.progress = self._record()
 
     def join(self, air: Sequence[float], landed: Sequence[float]) -> None:
         """Begin anew in the step that a robot is in which walks already, after `begin`.
@@ -143,10 +144,6 @@ class StandingWalk(GaitMachine):
     def granted(self) -> Velocity:
         """Velocity of the steps now: forward (m/s), left (m/s) and turn (rad/s)."""
         return (*self.steering.velocity, self.steering.turn)
-
-    def progress(self, last: Reference | None) -> Progress:
-        """Return the present phase and the number of steps."""
-        return self._progress(() if self.swing is None else (self.swing.landing,), self.settings.step_time)
 
     def take(self, planner: FootstepSource | None) -> None:
         """Take footsteps from a planner, from the next step on; None for those of the steering."""
@@ -341,6 +338,10 @@ class StandingWalk(GaitMachine):
         self.felt.begin(stance, 0.0 if phase is GaitPhase.STANDING else self.constants.carrying)
         self.decision.begin()
 
+    def _ahead(self) -> tuple[float, tuple[Footstep, ...], float]:
+        landings = () if self.swing is None else (self.swing.landing,)
+        return self.steering.heading, landings, self.settings.step_time
+
     # ---- geometry ---------------------------------------------------------------------------------------------
 
     @property
@@ -368,16 +369,14 @@ class StandingWalk(GaitMachine):
         laden = self.felt.mass / self.scale.mass  # by what it holds
         high, speed = self.course.rise(self.felt.state.com[2] - level)
         pendulum = self.course.pendulum(motion, (high + level, speed), self.felt.contact[2])
-        push, heading, cop = self.constants.swing_push, self.steering.heading, self.decision.cop
         flies = None if self.swing is None else self.air
         places = [place if side == flies else place.copy() for side, place in enumerate(self._frames)]
         return self._reference(
             pendulum,
             places,
-            heading,
             events,
-            most_push=push,
+            most_push=self.constants.swing_push,
             most_force=(laden * most_force[0], laden * most_force[1]),
-            cop=cop,
+            cop=self.decision.cop,
             urgency=-1.0 if self.touch.is_hurled(self.time) else self.decision.urgency,
         )
