@@ -40,6 +40,7 @@ class LinkShape(NamedTuple):
     kind: Literal["box", "sphere", "cylinder", "capsule"]  # a mesh is the box around it
     size: tuple[float, ...]  # half sizes of a box; radius; radius and half length, m
     placement: pin.SE3  # in the link
+    corners: Array | None = None  # of the convex hull of a solid mesh, in the link, shape (n, 3), m
 
 
 def link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ...]:
@@ -58,7 +59,7 @@ def hulls(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
 def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
     """Return link → spheres and capsules: a box is a capsule along its longest side, as thick as the second one."""
     found: dict[str, list[CollisionSphere | CollisionCapsule]] = {}
-    for link, kind, size, place in link_shapes(text, package_dirs):
+    for link, kind, size, place, _ in link_shapes(text, package_dirs):
         if kind == "box":
             _, radius, half = sorted(size)
             axis, half = np.eye(3)[int(np.argmax(size))], half - radius
@@ -109,20 +110,17 @@ def _simple(shape: Geometry, path: Path | None) -> LinkShape | None:
     local = (points - centre) @ axes
     low, high = local.min(axis=0), local.max(axis=0)
     middle = pin.SE3(axes, centre + axes @ (0.5 * (low + high)))
-    return LinkShape(shape.link, "box", _sizes(0.5 * (high - low)), shape.place * middle)
+    corners = points[np.unique(np.argmax(points @ _directions().T, axis=0))]
+    flat = np.linalg.matrix_rank(corners - corners.mean(axis=0), tol=1e-4) < 3
+    at = None if flat else corners @ shape.place.rotation.T + shape.place.translation
+    return LinkShape(shape.link, "box", _sizes(0.5 * (high - low)), shape.place * middle, at)
 
 
 def _hull(shape: Geometry, path: Path | None) -> Shape | None:
     place = shape.place
     if shape.kind == "mesh":
-        vertices = None if path is None else mesh_vertices(path)
-        if vertices is None or len(vertices) < 4:
-            return None
-        points = vertices * shape.size
-        points = points[np.unique(np.argmax(points @ _directions().T, axis=0))]
-        if np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-4) < 3:  # a flat one
-            return None
-        return CollisionHull(points @ place.rotation.T + place.translation)
+        found = _simple(shape, path)
+        return None if found is None or found.corners is None else CollisionHull(found.corners.tolist())
     size = _sizes(shape.size)
     if shape.kind == "box":
         x, y, z = (2.0 * half for half in size)

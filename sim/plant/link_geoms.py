@@ -36,6 +36,9 @@ MESH = "visual:"
 SHAPE_GROUP = 3
 """Geom group of these shapes: viewers do not show it, and range sensors do not see it."""
 
+SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+"""Inertia of meshes whose surfaces need not be closed."""
+
 HAND_RADIUS = 0.03
 """Radius of the ball at a hand without geometry, m."""
 
@@ -95,26 +98,27 @@ def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: R
         if body is None or description.attachment(shape.link)[0] in feet:
             continue
         shaped.add(description.attachment(shape.link)[0])
-        _add_body_shape(body, shape)
+        _add_body_shape(spec, body, shape)
     for role, frame in robot.frames.items():
         if description.attachment(frame)[0] not in shaped:
             site = spec.site(f"{role} site")
             ball = LinkShape(frame, "sphere", (HAND_RADIUS,), pin.SE3(pin.Quaternion.Identity(), site.pos))
-            _add_body_shape(site.parent, ball)
+            _add_body_shape(spec, site.parent, ball)
 
 
-def _add_body_shape(body: mujoco.MjsBody, shape: LinkShape) -> None:
+def _add_body_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: LinkShape) -> None:
+    """Add a shape that touches things: of a mesh its convex hull, and the box around it where it is flat."""
+    options = {"mass": 0.0, "group": SHAPE_GROUP, "rgba": [0.0, 0.0, 0.0, 0.0]}
+    options |= {"contype": 0, "conaffinity": 1}  # not with each other
+    if shape.corners is not None:
+        name = f"hull:{len(spec.meshes)}"
+        spec.add_mesh(name=name, uservert=shape.corners.ravel(), inertia=SHELL)
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
+        return
     x, y, z, w = pin.Quaternion(shape.placement.rotation).normalized().coeffs()
+    size = [*shape.size, *[0.0] * (3 - len(shape.size))]
     body.add_geom(
-        type=GEOMS[shape.kind],
-        size=[*shape.size, *[0.0] * (3 - len(shape.size))],
-        pos=shape.placement.translation,
-        quat=[w, x, y, z],
-        mass=0.0,
-        group=SHAPE_GROUP,
-        contype=0,  # not with each other
-        conaffinity=1,
-        rgba=[0.0, 0.0, 0.0, 0.0],
+        type=GEOMS[shape.kind], size=size, pos=shape.placement.translation, quat=[w, x, y, z], **options
     )
 
 
@@ -173,8 +177,7 @@ def _mesh(spec: mujoco.MjSpec, path: Path, scale: Array) -> str | None:
     name = f"{MESH}{path}:{' '.join(map(str, scale))}"
     if spec.mesh(name) is not None:
         return name
-    # Surfaces need not be closed.
-    options = {"scale": scale, "inertia": mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL}
+    options = {"scale": scale, "inertia": SHELL}
     if path.suffix.lower() == ".obj" or _binary_stl(path):
         spec.add_mesh(name=name, file=str(path.resolve()), **options)
         return name

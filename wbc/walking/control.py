@@ -252,8 +252,11 @@ class WalkingControl:
         if balance is not None:
             reference = balance.update(reference, state)
             lean = balance.leaning
-        elif hands is not None and hands.update(state.measurement, reference, self._dt) is not None:
-            reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
+        elif hands is not None:
+            outside = hands.update(state.measurement, reference, self._dt)
+            steps = reference.phase is GaitPhase.SINGLE  # from the true CoM, which hands have shifted
+            if outside is not None and not steps:
+                reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
         self.reference = reference
         self.arms.update(reference.feet, reference.progress.heading, self.source.haste)
         if body.active:

@@ -187,6 +187,21 @@ def test_the_dcm_with_the_offset_of_a_wrench_runs_away_from_the_contact_as_that_
     assert rate == pytest.approx(expected, rel=1e-4)
 
 
+def test_a_shift_of_the_weight_begins_where_the_robot_leans_against_a_wrench_on_its_hands() -> None:
+    """Hands move the CoM of the references by −δ, and from there the weight is shifted over one foot."""
+    com, wrench = (0.03, 0.0, SCALE.height), np.array([-25.0, 4.0, 0.0, 0.0, 0.0, 0.0])
+    wrench[3:] = np.cross((0.4, 0.0, 1.0), wrench[:3])
+    gait = gait_on(LEVEL, com=com)
+    gait.felt.hand_wrench = wrench
+    gait.steering.command((0.2, 0.0, 0.0))
+    while gait.phase is GaitPhase.STANDING:
+        reference = gait.advance(gait.felt.state, LEVEL)
+    assert reference.phase is GaitPhase.DOUBLE and reference.elapsed < DT
+    offset = np.array((wrench[4], -wrench[3])) / SCALE.weight  # about contacts at the origin
+    assert np.linalg.norm(offset) > 0.02
+    np.testing.assert_allclose(reference.pendulum.com[:2] - offset, com[:2], atol=1e-9)
+
+
 @examples(10)
 @given(places, st.tuples(angles, angles, angles))
 def test_a_sole_tilts_at_the_rates_at_which_the_ends_of_its_axes_rise(

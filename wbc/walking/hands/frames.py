@@ -20,7 +20,7 @@ WORLD, PELVIS, FEET = "world", "pelvis", "feet"
 """Frames that are always there. That of the feet is in the middle of both planned feet, as high as the lower one,
 smoothed: it does not sway as the pelvis does, nor rise with a foot that swings."""
 
-FOLLOW = 0.25
+FOLLOW = 0.15
 """Time constant of each of two low-passes with which the frame of the feet follows them, s."""
 
 Motion = tuple[pin.SE3, Array, Array]

@@ -59,7 +59,7 @@ class Course:
         return Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self._omega)
 
 
-def shifted(start: Vector, goal: Point, elapsed: float, duration: float) -> Motion:
+def shifted(start: Point, goal: Point, elapsed: float, duration: float) -> Motion:
     """Return the motion of a weight that shifts from rest to rest; its acceleration is left to the feedback."""
     share = min(1.0, elapsed / duration)
     rise, rate = share * share * (3.0 - 2.0 * share), 6.0 * (share - share * share) / duration

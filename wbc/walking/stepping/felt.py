@@ -100,6 +100,7 @@ class Felt:
         dcm: Divergent component of motion: on one foot by the angular momentum about the contact point. A wrench on the
             hands moves it by the offset δ = (M_y, −M_x) / mg of their moment M about that point: ξ + δ runs away from
             the contact as ξ does of a robot without hands.
+        offset: That offset δ, m; zero without a wrench.
         mass: Mass of the robot with the load that it holds, kg.
         hand_wrench: Wrench of the surroundings on the hands, [force; moment] at the world origin, shape (6,), N and Nm;
             None without.
@@ -108,6 +109,7 @@ class Felt:
     state: BodyState
     dcm: Divergent
     hand_wrench: Array | None = None
+    offset: Point = 0.0, 0.0
 
     def __init__(self, scale: RobotSize, constants: SteppingConstants, dt: float) -> None:
         """Begin on both feet."""
@@ -143,11 +145,10 @@ class Felt:
             self.dcm = divergent_component(
                 state.com, state.velocity, state.spin, contact, self.mass, 0.5 * scale.height
             )
+        self.offset = 0.0, 0.0
         if self.hand_wrench is not None:
-            dcm, (u, v) = (
-                self.dcm,
-                zmp_offset(self.hand_wrench, np.array(contact), self.mass * GRAVITY).tolist(),
-            )
+            dcm, weight = self.dcm, self.mass * GRAVITY
+            self.offset = u, v = tuple(zmp_offset(self.hand_wrench, np.array(contact), weight).tolist())
             self.dcm = dcm._replace(x=dcm.x + u, y=dcm.y + v)
 
     def own_dcm(self, ground: float) -> Divergent:

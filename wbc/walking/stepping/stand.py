@@ -22,7 +22,7 @@ from wbc.walking.source import Reference
 from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.course import Course, Motion, shifted
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan
-from wbc.walking.stepping.felt import ORIGIN, BodyReader, BodyState, Felt, Frames
+from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
 from wbc.walking.stepping.law import Divergent, Orbit
 from wbc.walking.stepping.settings import (
     RobotSize,
@@ -107,7 +107,7 @@ class StandingWalk(GaitMachine):
         self._tilt = (0.0, 0.0)  # pitch and roll of the landing as seen, rad
         self._level = 0.0  # height of the feet that carry, low-passed, m
         self._stood = 0.0  # height of the foot that stands to which the expected ground belongs, m
-        self._from: Vector = ORIGIN  # CoM at the start of the shift
+        self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
         self._ticks = 0
         self._reader: BodyReader | None = None
         # Times for which each foot has been in the air and on the ground, s, of a robot that walks already; until the
@@ -222,7 +222,8 @@ class StandingWalk(GaitMachine):
                 self.stance = 1 - SIDES.index(self.footsteps[0].side)
             if self.footsteps or self._steers():
                 self._enter(GaitPhase.DOUBLE, self._shift_time + self.constants.rest)
-                self._from = self.felt.state.com
+                (x, y, _), (u, v) = self.felt.state.com, self.felt.offset  # hands shift the CoM by −δ
+                self._from = x + u, y + v
                 return (Event.STARTED,)
         return self._step_out()
 
