@@ -61,10 +61,11 @@ class DistributionSettings:
         ankle_yaw: Cost of yaw torque at the ankle, 1/(Nm)².
         ankle_shear: Cost of horizontal force, 1/N².
         ankle_normal: Cost of normal force, 1/N²; it only picks one of several solutions.
-        by_load: Weigh the ankle torque of each of two feet, here and in the QP, by the inverse square of its load over
-            the sum, so that the CoP of the foot with less load lies closer to the middle of its sole. At equal costs
-            both get the same torque, and its CoP lies at the edge. Soles then press evenly, which bounds their yaw
-            moments, and the posture hardly holds the legs: for a source that gives the motion of all joints.
+        by_load: Weigh the ankle torque of each of two feet, here and in the QP, by the inverse square of the foot's
+            share of the load. Without it both feet get the same ankle torque, and the CoP of the foot with less load
+            lies at the edge of its sole. With it that CoP lies closer to the middle. Soles then press evenly, so yaw
+            moments are bounded, but the posture hardly holds the legs. Use it for a source that gives the motion of
+            all joints.
     """
 
     friction: Positive = 0.7

@@ -51,12 +51,12 @@ class StabilizerGains:
     Attributes:
         dcm_p: Proportional gain on the DCM error, 1/s: the closed-loop pole if the CoP follows without lag.
         dcm_i: Gain on the average DCM error, 1/s.
-        dcm_d: Gain on the derivative of the DCM error; it feeds the noise of the measured ZMP back, which on hard soles
-            costs more than the damping gives: DCM errors of 8 against 6 mm on flat floor, 17 against 7 mm at 2 ms.
+        dcm_d: Gain on the derivative of the DCM error, without unit. It also feeds back the noise of the measured ZMP,
+            which costs more than the damping gives on hard soles.
         com_v: Gain on the CoM velocity error.
         zmp_d: Lead of the ZMP's velocity, s.
         integrator_time: Memory of the average, s.
-        derivator_time: Time constant of the low-pass that is taken off the derivative of the model, s.
+        derivator_time: Time constant of the low-pass whose output is subtracted from the derivative, s.
         cop_admittance: Ankle rotation per CoP torque error, rad/(Nm·s), along x (pitch) and y (roll). None: 0.05, or
             less for a robot of more than 40 kg, see `for_mass`.
         force_difference: Foot height per difference of normal forces, m/(N·s).

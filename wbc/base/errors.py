@@ -118,8 +118,8 @@ IN_PLACE_OF = {
     "GoalSource": "WalkingControl.go_to",
     "Stand": "StandSource",
     "TrialLoop": "Simulation",
-    "StandPushSpec": "StandSpec and recovers in wbc.sim.balance",
-    "push_standing": "StandSpec and recovers in wbc.sim.balance",
+    "StandPushSpec": "wbc.sim.balance.push_recovery.recovers(StandSpec(...), WalkPush(...))",
+    "push_standing": "wbc.sim.balance.push_recovery.recovers(StandSpec(...), WalkPush(...))",
     "PushTableSpec": "a study with trials stand_push_limit",
     "push_table": "a study with trials stand_push_limit",
     # settings
@@ -128,7 +128,7 @@ IN_PLACE_OF = {
     "stepping.stride": "stepping.effort",
     "stepping.fastest": "stepping.effort",
     "hands.reach": "hands.reach_time",
-    "load.reach": "load.offset",
+    "load.reach": "LoadSettings(offset=...), given as WalkingControlSettings(load=...)",
     # command line
     "--workbench": "--view workbench",
     "--host": "a tunnel, ssh -L",

@@ -55,10 +55,11 @@ class FootprintSettings:
 
     Attributes:
         least_known: Least share of known ground under a sole; with less the ground is unknown.
-        trust: Number of standard deviations by which each height is lowered, so that noise does not raise the highest.
+        trust: Number of standard deviations by which each height is lowered, so that noise does not raise the
+            highest point.
         tilt_cost: Foothold tilt cost: of the mean tilt of the planes that the sole may rest on, m/rad.
         distance: Cost of moving a landing, m/m.
-        move: Cost of moving it at all, m.
+        move: Cost of any move of a landing, however small, m.
         edge: Cost of a place whose neighbours, one node away, touch the ground at another height, m/m.
         tilt: Greatest tilt of a landing, rad; 0 keeps the sole level.
         choice: Whether another place nearby may be chosen.

@@ -63,9 +63,11 @@ class GroundSettings:
         map: Heights on cells.
         footprint: What a sole would meet.
         max_age: Age of a cloud from which on it is not used, s.
-        contradiction: Difference between the sole that stands and the ground known there from which on nothing is used.
-        stance: Share of a smaller difference by which what is known is moved, where no frame of points has moved it.
-        stance_step: Greatest such move, m.
+        contradiction: Difference between the sole that stands and the known ground below it from which on nothing of
+            that ground is used, m.
+        stance: Share of a smaller difference by which the known heights are shifted, if no frame of points has shifted
+            them.
+        stance_step: Greatest shift by the sole that stands, m.
         own_margin: Distance from the robot's own shapes up to which a point is one of its body.
     """
 

@@ -12,7 +12,7 @@ from wbc.app.arguments import attribute_docs
 from wbc.app.output import Output, Report, reports
 from wbc.base.errors import InputError
 from wbc.sim.simulation.machine import Machine
-from wbc.sim.walks.settings import WalkTrialSettings
+from wbc.sim.walks.settings import DERIVED, WalkTrialSettings
 from wbc.walking.plans.gait import Gait
 
 
@@ -47,6 +47,7 @@ def settings(
 def settings_of(kind: type, path: str = "", given: Any = None) -> Iterator[SettingRow]:
     """Yield the settings of a class, and then those of the classes inside, by their full names behind a path.
 
+    What follows from an option of the walk (`DERIVED`) is left out.
     Defaults are those of the class, or the values of a given object of it.
     """
     about = attribute_docs(kind)
@@ -61,7 +62,7 @@ def settings_of(kind: type, path: str = "", given: Any = None) -> Iterator[Setti
         name = f"{path}.{field.name}".lstrip(".")
         if dataclasses.is_dataclass(default):
             trees.append((default, name))
-        elif about.get(field.name):
+        elif about.get(field.name) and name not in DERIVED:
             yield SettingRow(kind.__name__, name, _shown(default), about[field.name], kind.__module__)
     for each, name in trees:
         yield from settings_of(type(each), name, each)

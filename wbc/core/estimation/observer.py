@@ -76,9 +76,9 @@ class ObserverSettings:
         spin: Speed of a foot about the vertical, by encoders and gyroscope, from which its heading is no reference for
             the yaw until it rests again, rad/s. Five times the noise of a foot at rest: the encoder of a hip yaw joint
             has 0.0125 rad/s, the gyroscope 0.002 rad/s.
-        slip: Speed of a loaded foot by gyroscope and accelerometer from which it is no reference, m/s: what loads it is
-            not the ground, as of a leg that is hit, or it slips. A foot that stands has some 0.05 m/s there. On ground
-            that gives, `Sinking.speed` is added.
+        slip: Speed of a loaded foot, by gyroscope and accelerometer, from which the foot is no reference, m/s. Such a
+            foot slips, or something other than the ground loads it, for example a hit. A foot that stands has a speed
+            of 0.05 m/s by these sensors. On ground that gives, `Sinking.speed` is added.
         reference_time_constant: Time constant with which anchors follow the sole placements given to `update`, s.
         measurement_delay: Age of a measurement when it arrives, s. The estimate is carried ahead over this and the next
             delay, to when a command will take effect.

@@ -46,10 +46,10 @@ class PlausibilitySettings:
     Attributes:
         velocity_margin: A joint velocity is refused above this multiple of the joint's limit, and an encoder that moves
             faster.
-        position_margin: An encoder is refused this far beyond the joint's range, rad; of a sliding joint what counts as
-            much (`Robot.per_rad`).
-        position_jump: Jump of an encoder that is accepted on top of what its joint can travel in a period, rad; of a
-            sliding joint as `position_margin`.
+        position_margin: An encoder is refused this far beyond the joint's range, rad; for a sliding joint, the length
+            that counts as much (`Robot.per_rad`).
+        position_jump: Jump of an encoder that is accepted on top of what its joint can travel in a period, rad; for a
+            sliding joint, the length that counts as much.
         gyro_range: Largest angular rate of the gyroscope, rad/s; 35 rad/s are 2,000 °/s, the range of common units.
         gyro_jump: Largest change of an angular rate in a period, rad/s.
         accelerometer_range: Largest specific force, m/s²; 160 m/s² are 16 g, the range of common units.
@@ -57,8 +57,8 @@ class PlausibilitySettings:
             that force times the length of the sole.
         torque_margin: Measured torques are refused where one is above this multiple of the joint's limit.
         hold: Time for which a refused signal is replaced by a prediction before the tick fails, s.
-        frozen_after: Number of identical measurements in a row after which ticks fail, if the clock stands still, or if
-            most readings changed until then and do not say that the robot rests.
+        frozen_after: Number of identical measurements in a row after which ticks fail. They fail if the clock stands
+            still too, or if most readings changed before and the robot is not at rest.
         max_gap: Largest step of the time stamp, in control periods.
         resync: Time for which stamps must have moved on consistently before a jump of the clock is adopted, s.
     """

@@ -56,14 +56,14 @@ class ArmSettings:
     """Settings of the arms in a walk.
 
     Attributes:
-        weight: Hand at work, cost per (m/s²)² and (rad/s²)². It is half of the cost of the centre of mass: with as much
-            an arm without torque would move the trunk.
+        weight: Cost of the acceleration of a hand with a target, per (m/s²)² and (rad/s²)². It is half of the cost of
+            the centre of mass. With the full cost, an arm that has no torque left would move the trunk.
         speed: Greatest speed of the reference of a hand, m/s.
-        acceleration: Its greatest acceleration, m/s².
+        acceleration: Greatest acceleration of the reference of a hand, m/s².
         waist: Hands with targets move the joints of the waist as well.
         swing: Swing of arms without targets, m/m: displacement of a hand forward for each metre that the other side's
             foot is ahead of its own. 0 holds them still.
-        fast_swing: The same in a fast walk with free steps, where the arms hold against the turn of the legs.
+        fast_swing: `swing` in a fast walk with free steps, where the arms hold against the turn of the legs.
     """
 
     weight: Positive = 50.0

@@ -93,7 +93,8 @@ class HandSettings:
         approach: Speed towards a surface, m/s.
         touch: Force at which the hand has touched the surface, N; smaller for a light robot (`Robot.force_scale`).
         ramp: Duration of the increase, decrease or change of a force, s.
-        lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
+        lag: Delay T of force sensor and servos together, s. The admittance is 1 / (4 T K), with the stiffness K of the
+            arm's servos at the hand.
         edge: Share of the distance to the edge of the soles by which the ZMP moves for planned forces before the CoM
             moves. A larger share needs less shift of the CoM, and leaves less margin against disturbances.
         help: Share of the missing moment of the feet that pressing hands supply where a stabilizer balances the robot,

@@ -37,8 +37,8 @@ class AdjustmentSettings:
 
     Attributes:
         margin: Distance of the ZMP from the edge of the stance foot, m.
-        backward: Greatest shift of the ZMP towards the heel, m. With a step that comes early the DCM lags behind; the
-            heel would have to push it on, and seldom carries on stones.
+        backward: Greatest shift of the ZMP towards the heel, m. When a step comes early, the DCM lags behind. The CoP
+            would have to move to the heel to push the DCM on, and on stones a heel seldom carries.
         threshold: Change of landing below which the step stays as planned, m.
         max_shift: Greatest distance of a landing from the plan, forward and sideways, m.
     """

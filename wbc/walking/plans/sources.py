@@ -48,9 +48,9 @@ class DriveSettings:
             built-in robots.
         fastest_back: Greatest velocity granted backwards, m/s.
         reach: Ratio of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
-        stretch: Ratio of their length to which the legs stretch of a robot that is driven and whose legs are
-            straighter than 0.95 in half-sitting (`g1`): straight legs take no long steps. A given CoM height comes
-            first.
+        stretch: Share of their length to which the legs are stretched in a driven walk. It counts only for robots
+            whose legs are straighter than 0.95 in half-sitting (`g1`), because straight legs take no long steps. A
+            given CoM height takes precedence.
     """
 
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
