@@ -254,7 +254,7 @@ class WalkingControl:
             lean = balance.leaning
         elif hands is not None:
             outside = hands.update(state.measurement, reference, self._dt)
-            steps = reference.phase is GaitPhase.SINGLE  # from the true CoM, which hands have shifted
+            steps = reference.progress.phase is GaitPhase.SINGLE  # from the CoM that hands have shifted
             if outside is not None and not steps:
                 reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
         self.reference = reference

@@ -196,7 +196,7 @@ def test_a_shift_of_the_weight_begins_where_the_robot_leans_against_a_wrench_on_
     gait.steering.command((0.2, 0.0, 0.0))
     while gait.phase is GaitPhase.STANDING:
         reference = gait.advance(gait.felt.state, LEVEL)
-    assert reference.phase is GaitPhase.DOUBLE and reference.elapsed < DT
+    assert reference.progress.phase is GaitPhase.DOUBLE and reference.progress.elapsed < DT
     offset = np.array((wrench[4], -wrench[3])) / SCALE.weight  # about contacts at the origin
     assert np.linalg.norm(offset) > 0.02
     np.testing.assert_allclose(reference.pendulum.com[:2] - offset, com[:2], atol=1e-9)
