@@ -102,6 +102,7 @@ class PointMass:
             (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
             wrenches,
             gait.steering.heading,  # the pelvis turns with the walk
+            self.scale.mass,
             self._speeds(),
         )
         reference = gait.advance(state, frames)
@@ -177,6 +178,7 @@ def moved(tick: Tick, place: pin.SE3) -> tuple[BodyState, Frames]:
         (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
         s.wrenches,
         s.heading + pin.rpy.matrixToRpy(rotation)[2],
+        s.mass,
         ((rotation @ s.speeds[0]).tolist(), (rotation @ s.speeds[1]).tolist()),
     ), frames
 
@@ -203,6 +205,7 @@ def mirrored_input(tick: Tick) -> tuple[BodyState, Frames]:
         (frames[0].rotation.tolist(), frames[1].rotation.tolist()),
         [(signs * s.wrenches[1]).tolist(), (signs * s.wrenches[0]).tolist()],
         -s.heading,
+        s.mass,
         ((MIRROR @ s.speeds[1]).tolist(), (MIRROR @ s.speeds[0]).tolist()),
     ), frames
 

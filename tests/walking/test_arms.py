@@ -227,8 +227,8 @@ def test_arms_swing_in_a_fast_walk_unless_somebody_has_moved_the_posture() -> No
     ahead = FootMotion.at_rest(pin.SE3(np.eye(3), np.array([0.2, -0.1, 0.0])))
     feet = FootMotion.at_rest(pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0]))), ahead
 
-    def swung(haste: float) -> np.ndarray:
-        arms.update(feet, 0.0, haste)
+    def swung(fast_share: float) -> np.ndarray:
+        arms.update(feet, 0.0, fast_share)
         return np.array(posture.target - rest)
 
     assert not swung(0.0).any()

@@ -116,11 +116,11 @@ def test_steps_take_longer_about_the_speed_at_which_a_walk_becomes_fast(settings
     for speed in (0.0, 0.5 * quick, quick, 1.5 * quick, 2.0 * quick):
         for way in (1.0, -1.0):
             steering.velocity = (way * speed, 0.0)
-            found.append((steering.step_time / settings.step_time, steering.haste))
+            found.append((steering.step_time / settings.step_time, steering.fast_share))
     assert found[::2] == found[1::2], "forward and back"
-    times, hastes = zip(*found[::2], strict=True)
+    times, shares = zip(*found[::2], strict=True)
     assert times[0] == times[4] == 1.0 and times[2] == max(times) > 1.05 and times[1] == times[3] < 1.01
-    assert hastes == pytest.approx((0.0, 0.0, 0.0, 0.5, 1.0))
+    assert shares == pytest.approx((0.0, 0.0, 0.0, 0.5, 1.0))
 
 
 # ---- figures --------------------------------------------------------------------------------------------------------
@@ -206,17 +206,17 @@ def test_a_robot_leaves_a_ground_that_ends_before_it_can_stop(settings: Stepping
             (high if ends[axis] > 0.0 else low)[axis] = ends[axis] + off
             extent = (low[0], high[0], low[1], high[1])
             steering = PathSteering(settings, SIZE, CONSTANTS, yaw, DT, extent)
-            assert not steering.leaves((0.0, 0.0)), "it is not asked to walk"
+            assert not steering.overruns((0.0, 0.0)), "it is not asked to walk"
             steering.command((speed, aside, 0.0))
             outwards = (off < 0.0) == (ends[axis] > 0.0)
-            assert steering.leaves((0.0, 0.0)) == outwards, "before it sets off"
+            assert steering.overruns((0.0, 0.0)) == outwards, "before it sets off"
             steering.velocity = speed, aside
-            assert steering.leaves((0.0, 0.0)) == outwards
+            assert steering.overruns((0.0, 0.0)) == outwards
             moved = PathSteering(
                 settings, SIZE, CONSTANTS, yaw, DT, tuple(np.add(extent, [3.0, 3.0, -2.0, -2.0]))
             )
             moved.command((speed, aside, 0.0))
-            assert moved.leaves((3.0, -2.0)) == outwards
+            assert moved.overruns((3.0, -2.0)) == outwards
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.3])

@@ -98,7 +98,7 @@ def test_the_table_of_free_steps_is_in_units_of_the_robot() -> None:
     np.testing.assert_allclose(stance.urgent, [10.0, 10.0, 3.0, 1.0, 1.0, 1.0])
     np.testing.assert_allclose(stance.held, [*[1000.0] * 3, *[8.3 * h**2] * 3])
     np.testing.assert_allclose(stance.firm, [*[1000.0] * 3, *[2780.0 * h**2] * 3])
-    assert (stance.hurled, stance.yielding, table.reaching) == (0.03, 0.1, 0.03)
+    assert (stance.pushed, stance.yielding, table.reaching) == (0.03, 0.1, 0.03)
     for contact in table.contacts:
         wrench = [*[1.1e-3 / SCALE.mass**2] * 3, *[2.0 / (SCALE.mass * h) ** 2] * 3]
         np.testing.assert_allclose(contact.wrench_weight, wrench)

@@ -90,7 +90,7 @@ class Balance:
                 # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
                 return state
             dcm[:2] -= hands.shift  # the plan is that without hands
-        return State(*state[:6], dcm, state.turned)
+        return state._replace(dcm=dcm)
 
     def update(self, reference: Reference, state: State) -> Reference:
         """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""

@@ -240,8 +240,9 @@ class WalkingControl:
             load.update(self._outside, self._dt)
         if balance is not None:
             state = balance.correct(state)
-        self.source.hip_turn = body.hip_turn
-        self.source.hand_wrench = hands.outside if hands is not None and pressing else None
+        if pressing or body.active:
+            wrench = hands.outside if hands is not None and pressing else None
+            state = state._replace(hip_turn=body.hip_turn, hand_wrench=wrench)
         reference = self.source.update(state)
         if reference.progress.phase is GaitPhase.STANDING:
             self.control.observer.inertial.rest()
@@ -258,7 +259,7 @@ class WalkingControl:
             if outside is not None and not steps:
                 reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
         self.reference = reference
-        self.arms.update(reference.feet, reference.progress.heading, self.source.haste)
+        self.arms.update(reference.feet, reference.progress.heading, self.source.fast_share)
         if body.active:
             lean, twist = body.leaned(lean, reference.progress.heading), body.twist
         self.tasks.follow(reference, lean, twist)

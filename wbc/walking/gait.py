@@ -132,7 +132,7 @@ class GaitMachine(ReferenceSource):
     def _reference(
         self,
         pendulum: Pendulum,
-        places: Sequence[pin.SE3],
+        places: list[pin.SE3],
         events: tuple[Event, ...],
         *,
         most_push: float = math.inf,
@@ -142,12 +142,13 @@ class GaitMachine(ReferenceSource):
     ) -> Reference:
         """Return the references of a tick; the swing foot pushes at most so hard, m/s², and the other ones stand.
 
-        The placements of the feet are kept, not copied.
+        The placements of the feet are kept, not copied, and that of the swing foot takes its place among them.
         """
         side, swing = self.air, self.swing
         feet = [FootMotion.at_rest(place) for place in places]
         if side is not None and swing is not None:
             feet[side] = swing.at(self.elapsed, most_push)
+            places[side] = feet[side].placement
         if most_force is None:
             contact, most_force = (side != 0, side != 1), (math.inf, math.inf)
         else:

@@ -144,9 +144,6 @@ class ReferenceSource(ABC):
         ground: Known ground for landings; None for a source that decides no landings.
         steering: Velocity or goal that is asked for; None for a source that cannot be steered.
         planner: Planner of the footsteps; None without one.
-        hip_turn: Turn of the pelvis against the heading that is asked for at present, rad; the control sets it.
-        hand_wrench: Wrench of the surroundings on the hands, [force; moment] at the world origin, shape (6,), N and Nm;
-            None without. The control sets it.
     """
 
     progress = Progress()
@@ -157,8 +154,6 @@ class ReferenceSource(ABC):
     ground: GroundEstimate | None = None
     steering: Steering | None = None
     planner: FootstepSource | None = None
-    hip_turn = 0.0
-    hand_wrench: Array | None = None
 
     @abstractmethod
     def update(self, state: State) -> Reference:
@@ -170,7 +165,7 @@ class ReferenceSource(ABC):
         """
 
     @property
-    def haste(self) -> float:
+    def fast_share(self) -> float:
         """Share from 0 to 1 by which the walk is a fast one, in which arms swing."""
         return 0.0
 

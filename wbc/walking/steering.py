@@ -203,7 +203,7 @@ class PathSteering(Steering):
         return self._pace.time(self.velocity[0], self._slow)
 
     @property
-    def haste(self) -> float:
+    def fast_share(self) -> float:
         """Share from 0 to 1 by which the walk is a fast one: 1 from twice the speed on at which hips decide."""
         return min(max(abs(self.velocity[0]) / self._pace.quick - 1.0, 0.0), 1.0)
 
@@ -255,7 +255,7 @@ class PathSteering(Steering):
         self.goal = None
         return True
 
-    def leaves(self, place: Point) -> bool:
+    def overruns(self, place: Point) -> bool:
         """Return True if a robot at a place, m, could soon stop no more on the ground with the commanded velocity."""
         if self.extent is None or self.target is None:
             return False
@@ -285,7 +285,7 @@ class PathSteering(Steering):
         held = self._held(place, turn)
         self._make_up(held, speed)
         self.goes = self.pending
-        return StepVelocity((held[0] + self._missing, held[1]), self.pending, self.haste * self._missing)
+        return StepVelocity((held[0] + self._missing, held[1]), self.pending, self.fast_share * self._missing)
 
     def _wanted(self, place: Point) -> Velocity:
         """Return the velocity that target or goal ask for, within the limits."""
@@ -331,7 +331,7 @@ class PathSteering(Steering):
         short = asked[0] - cos * speed[0] - sin * speed[1]
         # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
         lag = c.speed_lag * (self._slow / self.step_time) ** 4
-        missing, most = self._missing + short * self._dt / lag, (1.0 + self.haste) * c.speed_bias
+        missing, most = self._missing + short * self._dt / lag, (1.0 + self.fast_share) * c.speed_bias
         self._missing = min(max(missing, -most), most)
 
 

@@ -116,8 +116,8 @@ URGENT = 10.0, 3.0
 """Ratios of the costs of the swing foot's place and of its height while its landing is far from the one that was asked
 for: a trunk that turns meanwhile comes upright again, and a foot that comes late or short does not catch the robot."""
 
-HURLED = 0.03
-"""Ratio of all costs of a swing foot that a push has hurled: the hip that stops a leg turns the trunk, and the leg has
+PUSHED = 0.03
+"""Ratio of all costs of a swing foot that was pushed: the hip that stops a leg turns the trunk, and the leg has
 time to fly."""
 
 PELVIS, PELVIS_YAW = (8.3, 7.35, 5.45), 0.83
@@ -174,7 +174,7 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     torso: GainOptions = {**pelvis, "weight": (TORSO * turn, TORSO * turn, TORSO_YAW * turn)}
     stance = StanceContacts(
         urgent=np.array([URGENT[0], URGENT[0], URGENT[1], 1.0, 1.0, 1.0]),
-        hurled=HURLED,
+        pushed=PUSHED,
         held=_halves(HELD, HELD_TURN * turn),
         firm=_halves(HELD, STANDING_TURN * turn),
         yielding=YIELDING,

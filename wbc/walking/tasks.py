@@ -146,8 +146,8 @@ class WalkTasks:
         if urgency == self._urgency:
             return
         self._urgency = urgency
-        hurled, urgent = law.hurled * np.ones(6), 1.0 + urgency * (law.urgent - 1.0)
-        self._swing_scale = hurled if urgency < 0.0 else urgent
+        pushed, urgent = law.pushed * np.ones(6), 1.0 + urgency * (law.urgent - 1.0)
+        self._swing_scale = pushed if urgency < 0.0 else urgent
         for swing in self._swings:
             if not swing.idle:
                 swing.scale = self._swing_scale
@@ -279,7 +279,7 @@ class StanceContacts:
     """Contacts of feet that steps balance: costs of their motion, boxes of their pressure, forces; in SI units."""
 
     urgent: Array  # ratio of the costs of a swing foot that goes before the trunk, shape (6,)
-    hurled: float  # the same of one that a push has hurled
+    pushed: float  # the same of one that was pushed
     held: Array  # cost of the motion of a foot that stands, shape (6,)
     firm: Array  # the same on both feet
     yielding: float  # ratio of these costs for a foot that is unloaded, or waits to take over

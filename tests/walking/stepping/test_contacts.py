@@ -241,7 +241,7 @@ def in_swing(share: float) -> PointMass:
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
     gait = body.gait
-    while gait.swing is None or gait.elapsed < share * gait.duration or not gait._since_stand:
+    while gait.swing is None or gait.elapsed < share * gait.duration or gait._first:
         body.run(DT)
     return body
 
@@ -249,9 +249,9 @@ def in_swing(share: float) -> PointMass:
 @pytest.mark.parametrize(
     ("speed", "height", "meets"),
     [(0.0, 0.01, True), (6.0, 0.01, False), (0.0, 0.4, False)],
-    ids=["on the ground", "hurled", "high up"],
+    ids=["on the ground", "pushed", "high up"],
 )
-def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
+def test_a_force_on_a_foot_that_is_pushed_or_that_is_high_up_is_no_contact(
     speed: float, height: float, *, meets: bool
 ) -> None:
     body = in_swing(0.7)
@@ -275,11 +275,11 @@ def test_a_force_on_a_foot_that_a_push_hurls_or_that_is_high_up_is_no_contact(
 
 
 @pytest.mark.parametrize("share", [0.9, 1.1])
-def test_whether_a_foot_is_hurled_depends_on_its_speed(share: float) -> None:
+def test_whether_a_foot_is_pushed_depends_on_its_speed(share: float) -> None:
     body = in_swing(0.5)
     gait = body.gait
     tick, swing = body.ticks[-1], 1 - gait.stance
-    speed = share * (gait.constants.hurled + 2.0 * math.hypot(*gait.steering.velocity))
+    speed = share * (gait.constants.pushed_speed + 2.0 * math.hypot(*gait.steering.velocity))
     speeds = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
     speeds[swing] = (0.0, 0.0, speed)
     state = tick.state._replace(speeds=(speeds[0], speeds[1]))

@@ -63,6 +63,7 @@ def gait_on(
         (left.rotation.tolist(), right.rotation.tolist()),
         [half, half] if wrenches is None else wrenches,
         heading,
+        SCALE.mass,
     )
     gait._frames = frames
     return gait
@@ -160,7 +161,8 @@ def test_a_wrench_on_the_hands_moves_the_dcm_by_its_moment_about_the_contact_ove
         ((30.0, 0.0, 0.0), (0.4, 0.1, z + 0.9), (0.9 * 30.0, 0.0)),
         ((0.0, -20.0, 10.0), (x, y + 0.3, z + 1.0), (0.0, -20.0 - 3.0)),
     ):
-        felt.hand_wrench = np.concatenate((force, np.cross(place, force)))
+        wrench = np.concatenate((force, np.cross(place, force)))
+        felt.state = felt.state._replace(hand_wrench=wrench)
         felt.follow()
         moved = felt.dcm.x - alone.x, felt.dcm.y - alone.y
         assert moved == pytest.approx([part / SCALE.weight for part in off], abs=1e-9)
@@ -173,7 +175,7 @@ def test_the_dcm_with_the_offset_of_a_wrench_runs_away_from_the_contact_as_that_
     gait = gait_on(LEVEL, com=tuple(com), speed=tuple(speed))
     felt = gait.felt
     felt.begin(0, 0.0)
-    felt.hand_wrench = wrench
+    felt.state = felt.state._replace(hand_wrench=wrench)
     felt.follow()
     before, contact = felt.dcm, np.array(felt.contact)
     moment = wrench[3:] - np.cross(contact, wrench[:3])
@@ -192,7 +194,7 @@ def test_a_shift_of_the_weight_begins_where_the_robot_leans_against_a_wrench_on_
     com, wrench = (0.03, 0.0, SCALE.height), np.array([-25.0, 4.0, 0.0, 0.0, 0.0, 0.0])
     wrench[3:] = np.cross((0.4, 0.0, 1.0), wrench[:3])
     gait = gait_on(LEVEL, com=com)
-    gait.felt.hand_wrench = wrench
+    gait.felt.state = gait.felt.state._replace(hand_wrench=wrench)
     gait.steering.command((0.2, 0.0, 0.0))
     while gait.phase is GaitPhase.STANDING:
         reference = gait.advance(gait.felt.state, LEVEL)
@@ -223,9 +225,9 @@ def test_a_step_has_the_times_that_the_share_of_a_fast_walk_gives_it(speed: floa
     """It touches down at 0.88 of its time, of a walk of twice the speed at which hips decide at 0.95."""
     gait = gait_on(LEVEL)
     gait.steering.velocity = speed * CONSTANTS.quick, 0.0
-    gait.duration, haste = 0.4, min(max(abs(speed) - 1.0, 0.0), 1.0)
-    share = (1.0 - haste) * CONSTANTS.touch + haste * CONSTANTS.late_touch
-    assert (gait.haste, gait._touch) == pytest.approx((haste, 0.4 * share))
+    gait.duration, fast_share = 0.4, min(max(abs(speed) - 1.0, 0.0), 1.0)
+    share = (1.0 - fast_share) * CONSTANTS.touch + fast_share * CONSTANTS.late_touch
+    assert (gait.fast_share, gait._touch) == pytest.approx((fast_share, 0.4 * share))
     longest = SETTINGS.longest * gait.steering.step_time
     assert gait._longest == pytest.approx(longest)
     gait.met = 0.3
@@ -362,7 +364,7 @@ def test_the_com_is_planned_as_the_pendulum_about_the_commanded_centre_of_pressu
 def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
     """The mean time of steps, and the share of the sole that has held, come to those of the last steps."""
     gait = gait_on(LEVEL)
-    gait._since_stand, gait._pace = 3, 0.9
+    gait._first, gait._pace = False, 0.9
     gait.steering.held = 0.0
     gait.decision.area.aside = [-0.5 * gait.decision.area.widest, 0.5 * gait.decision.area.widest]
     share = min(0.5 * gait.decision.area.widest / CONSTANTS.slow_width, 1.0)
@@ -423,7 +425,7 @@ def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None
         (object(), 1, ahead[:2], False),
         (object(), 1, fixed, False),
     ):
-        gait.ground.sight, gait._since_stand, gait.footsteps = sight, steps, footsteps  # type: ignore[assignment]
+        gait.ground.sight, gait._first, gait.footsteps = sight, not steps, footsteps  # type: ignore[assignment]
         gait._solve(StepVelocity((0.1, 0.0), True))
         longest, look = asked[-1]
         assert longest == pytest.approx(gait._longest)
@@ -447,7 +449,7 @@ def test_steps_are_decided_once_a_period_and_land_harder_on_rough_ground() -> No
         gait.decision.decide = decide  # type: ignore[method-assign]
         assert gait.swing is not None
         left = 0.9 * uneven  # a landing on level ground leaves nine tenths of it
-        harder = min(CONSTANTS.landing_speed + CONSTANTS.haste * left, CONSTANTS.hardest)
+        harder = min(CONSTANTS.landing_speed + CONSTANTS.landing_gain * left, CONSTANTS.hardest)
         assert gait.swing._shape.landing_speed == pytest.approx(harder)
     steps = np.diff(times)
     assert np.median(steps) == gait._period and (steps <= gait._period).all()

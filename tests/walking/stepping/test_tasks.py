@@ -37,9 +37,8 @@ def standing() -> tuple[Controller, WalkTasks, Reference]:
     frames = tuple(robot.placement(sole.frame) for sole in robot.soles)
     wrenches = [[0.0, 0.0, 0.5 * WEIGHT, 0.0, 0.0, 0.0]] * 2
     places, turns = ([getattr(f, name).tolist() for f in frames] for name in ("translation", "rotation"))
-    state = BodyState(
-        robot.com.tolist(), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), tuple(places), tuple(turns), wrenches, 0.0
-    )
+    rest = (0.0, 0.0, 0.0)
+    state = BodyState(robot.com.tolist(), rest, rest, tuple(places), tuple(turns), wrenches, 0.0, robot.mass)
     return controller, tasks, gait.advance(state, frames)
 
 
@@ -85,8 +84,8 @@ def test_any_state_of_the_feet_may_follow_any_other() -> None:
 def test_an_urgent_swing_foot_is_moved_at_the_cost_of_the_trunk() -> None:
     controller, tasks, reference = standing()
     contact, most, stance, side = (False, True), (0.0, MOST), 1, 0
-    hurled = reference.feet[side]._replace(acceleration=np.array([60.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    feet = (hurled, reference.feet[1])
+    pushed = reference.feet[side]._replace(acceleration=np.array([60.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    feet = (pushed, reference.feet[1])
     progress = Progress(GaitPhase.SINGLE, stance, side, contact, reference.progress.heading)
     single = reference._replace(progress=progress, most_force=most, feet=feet)
     missed, tilted = [], []
@@ -102,7 +101,7 @@ def test_an_urgent_swing_foot_is_moved_at_the_cost_of_the_trunk() -> None:
         missed.append(60.0 - foot.linear[0])
         tilted.append(float(np.linalg.norm(solution.accelerations[3:5])))
     assert missed[0] > missed[1] > missed[2] and tilted[0] < tilted[2]
-    assert missed[3] > missed[0] and tilted[3] < tilted[0], "one that a push has hurled goes after the trunk"
+    assert missed[3] > missed[0] and tilted[3] < tilted[0], "one that was pushed goes after the trunk"
     assert missed[4] == pytest.approx(missed[0], rel=1e-6), "the costs come back"
 
 

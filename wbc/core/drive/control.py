@@ -71,6 +71,9 @@ class State(NamedTuple):
         dcm: Divergent component of motion minus its estimated bias, shape (3,), m. None if the control does not
             estimate the bias, and while hands grip an object.
         turned: Angle by which the feet have turned about the vertical in the last period, rad; see `InertialFilter`.
+        hip_turn: Turn of the pelvis against the heading of a walk that is asked for, rad.
+        hand_wrench: Wrench of the surroundings on the hands, [force; moment] at the world origin, shape (6,), N and Nm;
+            None without.
     """
 
     robot: Robot
@@ -81,6 +84,8 @@ class State(NamedTuple):
     time: float = 0.0
     dcm: Array | None = None
     turned: float = 0.0
+    hip_turn: float = 0.0
+    hand_wrench: Array | None = None
 
 
 @settings

@@ -84,13 +84,13 @@ class Arms:
         """
         self._frames.place(name, where, velocity)
 
-    def update(self, feet: Sequence[FootMotion], yaw: float, haste: float = 0.0) -> None:
+    def update(self, feet: Sequence[FootMotion], yaw: float, fast_share: float = 0.0) -> None:
         """Move all references by one tick.
 
         Args:
             feet: Motions of left and right sole.
             yaw: Heading, rad.
-            haste: Share from 0 to 1 by which the walk is a fast one.
+            fast_share: Share from 0 to 1 by which the walk is a fast one.
         """
         active = tuple(hand for hand in self._hands.values() if hand.active)
         if active or self._spared:
@@ -100,7 +100,7 @@ class Arms:
                 hand.update()
             self._spare(active)
         s = self.settings
-        swing = s.swing + haste * (max(s.fast_swing, s.swing) - s.swing)
+        swing = s.swing + fast_share * (max(s.fast_swing, s.swing) - s.swing)
         if swing > 0.0 or self._swung > 0.0:
             self._swung = swing
             self._swing(feet, yaw, swing)

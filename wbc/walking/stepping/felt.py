@@ -37,8 +37,10 @@ class BodyState(NamedTuple):
     turns: tuple[Rotation, Rotation]  # rotations of the soles, row by row
     wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
     heading: float  # heading of the pelvis less what it is to be turned against that of the walk, rad
+    mass: float  # mass of the robot with the load that it holds, kg
     speeds: tuple[Vector, Vector] = (ORIGIN, ORIGIN)  # velocities of the soles in the world, m/s
     rates: tuple[Vector, Vector] = (ORIGIN, ORIGIN)  # their angular velocities in the world, rad/s
+    hand_wrench: Array | None = None  # wrench of the surroundings on the hands; see `State.hand_wrench`
 
     def on_sole(self, side: int, x: float, y: float) -> Vector:
         """Return a point of a sole in the world, m."""
@@ -75,8 +77,8 @@ class BodyReader:
         self._turns = self.frames[0].rotation, self.frames[1].rotation
         self._pelvis = robot.placement(robot.base_frame).rotation
 
-    def read(self, state: State, hip_turn: float) -> BodyState:
-        """Return the state, with a pelvis that is turned against the heading by an angle, rad."""
+    def read(self, state: State) -> BodyState:
+        """Return the state of a tick."""
         robot = self.robot
         left, right = (pin.getFrameVelocity(robot.model, robot.data, sole, WORLD) for sole in self._soles)
         return BodyState(
@@ -86,9 +88,11 @@ class BodyReader:
             (self._places[0].tolist(), self._places[1].tolist()),
             (self._turns[0].tolist(), self._turns[1].tolist()),
             state.measurement.wrenches.tolist(),
-            heading(self._pelvis) - hip_turn,
+            heading(self._pelvis) - state.hip_turn,
+            robot.mass,
             (left.linear.tolist(), right.linear.tolist()),
             (left.angular.tolist(), right.angular.tolist()),
+            state.hand_wrench,
         )
 
 
@@ -101,20 +105,15 @@ class Felt:
             hands moves it by the offset δ = (M_y, −M_x) / mg of their moment M about that point: ξ + δ runs away from
             the contact as ξ does of a robot without hands.
         offset: That offset δ, m; zero without a wrench.
-        mass: Mass of the robot with the load that it holds, kg.
-        hand_wrench: Wrench of the surroundings on the hands, [force; moment] at the world origin, shape (6,), N and Nm;
-            None without.
     """
 
     state: BodyState
     dcm: Divergent
-    hand_wrench: Array | None = None
     offset: Point = 0.0, 0.0
 
     def __init__(self, scale: RobotSize, constants: SteppingConstants, dt: float) -> None:
         """Begin on both feet."""
         self._scale, self._c, self._gain = scale, constants, lag_gain(dt, constants.cop_lag)
-        self.mass = scale.mass
         self.begin(None, 0.0)
 
     def begin(self, stance: int | None, ahead: float) -> None:
@@ -143,12 +142,12 @@ class Felt:
             self.dcm = self.own_dcm(contact[2])
         else:
             self.dcm = divergent_component(
-                state.com, state.velocity, state.spin, contact, self.mass, 0.5 * scale.height
+                state.com, state.velocity, state.spin, contact, state.mass, 0.5 * scale.height
             )
         self.offset = 0.0, 0.0
-        if self.hand_wrench is not None:
-            dcm, weight = self.dcm, self.mass * GRAVITY
-            self.offset = u, v = tuple(zmp_offset(self.hand_wrench, np.array(contact), weight).tolist())
+        if state.hand_wrench is not None:
+            dcm, weight = self.dcm, state.mass * GRAVITY
+            self.offset = u, v = tuple(zmp_offset(state.hand_wrench, np.array(contact), weight).tolist())
             self.dcm = dcm._replace(x=dcm.x + u, y=dcm.y + v)
 
     def own_dcm(self, ground: float) -> Divergent:

@@ -73,7 +73,7 @@ class SteppingWalk(StandingWalk):
         swing, touch = 1 - self.stance, self.touch
         if self.swing is not None:
             paced, speed = self.duration / self.steering.step_time, math.hypot(*self.steering.velocity)
-            touch.fly(swing, self.time, self.decision.urgency, paced, speed)
+            touch.fly(swing, self.elapsed, self.decision.urgency, paced, speed)
         self._follow_ground()
         steps = self._steer()
         self._decide(steps)
@@ -88,9 +88,7 @@ class SteppingWalk(StandingWalk):
             self._decide(steps)
         state = self.felt.state
         self._level += self._level_gain * (self._support() - self._level)
-        most = touch.most_forces(
-            self.stance, self.elapsed, met=self.met is not None, stepped=self._since_stand > 0
-        )
+        most = touch.most_forces(self.stance, self.elapsed, met=self.met is not None, stepped=not self._first)
         ahead, aside = self.decision.cop
         zmp = state.on_sole(self.stance, self.constants.carrying + ahead, aside)
         return self._references(events, most, self.course.fall(state, zmp), self._level)
@@ -102,7 +100,7 @@ class SteppingWalk(StandingWalk):
 
     def _now(self, steps: StepVelocity) -> SwingStep:
         """Return the step of this tick."""
-        c, haste = self.constants, self.haste
+        c, fast_share = self.constants, self.fast_share
         patience = c.patience_of_plans if self.footsteps else c.patience
         return SwingStep(
             self.stance,
@@ -112,8 +110,8 @@ class SteppingWalk(StandingWalk):
             self.duration,
             self._touch,
             max(self._longest, self._waits),
-            haste,
-            patience + haste * (1.0 - patience),  # a fast walk needs all of its time
+            fast_share,
+            patience + fast_share * (1.0 - patience),  # a fast walk needs all of its time
         )
 
     def _follow_ground(self) -> None:
@@ -170,7 +168,7 @@ class SteppingWalk(StandingWalk):
         shortest = min(s.shortest, self.decision.end) if self.decision.closes else s.shortest
         wanted = min(max(self.decision.end, shortest), longest)
         if swing is None:
-            self.duration = min(wanted, c.later * nominal) if self._since_stand else nominal
+            self.duration = nominal if self._first else min(wanted, c.later * nominal)
         elif self.decision.closes:
             self.duration = wanted
         else:
@@ -188,7 +186,7 @@ class SteppingWalk(StandingWalk):
         if swing is None:
             self.ground.lift(self.stance, frames[self.stance])
             landing = self._seen(landing)
-            speed = min(c.landing_speed + c.haste * self.ground.uneven, c.hardest)
+            speed = min(c.landing_speed + c.landing_gain * self.ground.uneven, c.hardest)
             shape = self._shape._replace(landing_speed=speed)
             if self.steering.climbs:
                 shape = shape._replace(**STAIR)
@@ -212,7 +210,7 @@ class SteppingWalk(StandingWalk):
         c = self.constants
         if self.footsteps:
             return c.touch_of_plans
-        return c.touch + self.haste * (c.late_touch - c.touch)
+        return c.touch + self.fast_share * (c.late_touch - c.touch)
 
     @property
     def _touch(self) -> float:
@@ -233,7 +231,7 @@ class SteppingWalk(StandingWalk):
         """Decide the step by what stands now."""
         c, footsteps, stance = self.constants, self.footsteps, self._step_state(steps)
         self.course.decide()
-        stays = self.ground.sight is None or self.swing is None or self._since_stand == 0
+        stays = self.ground.sight is None or self.swing is None or self._first
         if footsteps:
             wish = steps_of_plan(footsteps, c.carrying, self.settings.width, stance)
             self._planned = Orbit.of_wish(wish.places, wish.offsets)
@@ -242,7 +240,7 @@ class SteppingWalk(StandingWalk):
         else:
             forward, left = steps.velocity
             time = self.steering.step_time
-            forward = (forward - steps.made_up) * (1.0 + self.haste * (self._pace / time - 1.0))
+            forward = (forward - steps.made_up) * (1.0 + self.fast_share * (self._pace / time - 1.0))
             wish = steps_of_velocity((forward, left), self._width(steps), stance)
         look = None if stays else self._touch - self.elapsed
         self.decision.decide(
@@ -290,11 +288,11 @@ class SteppingWalk(StandingWalk):
         if self.swing is None:
             return ()
         if self.met is None:
-            if self._touches(self.touch.meets(self._now(steps), self.swing.landing, self.time)):
+            if self._touches(self.touch.meets(self._now(steps), self.swing.landing)):
                 self.met = self.elapsed
                 soon = 0.05 * self.settings.step_time
                 return (touch_down(self.elapsed - self._touch, soon, soon),)
-        elif self.touch.loses(self.stance, self.elapsed - self.met, self.time):
+        elif self.touch.loses(self.stance, self.elapsed - self.met, self.elapsed):
             self.met = None
             self.swing.resume(self.elapsed, self._frames[1 - self.stance])
         return ()
@@ -315,7 +313,7 @@ class SteppingWalk(StandingWalk):
         # Stairs are rough ground only where they are not as planned.
         self.ground.land(unexpected, unexpected if self.steering.climbs else left[2] - right[2])
         self.steps_done += 1
-        self._since_stand += 1
+        self._first = False
         slow = math.hypot(*self.steering.velocity) < c.stop_speed
         if (
             not go
@@ -348,4 +346,3 @@ class SteppingWalk(StandingWalk):
             self.ground.height = self.footsteps[0].z
         self._planned = None
         self._stood, self._tilt = self.felt.state.places[self.stance][2], (0.0, 0.0)
-        self.touch.begin()

@@ -176,10 +176,10 @@ class SteppingConstants:
     lift_speed: Annotated[float, "hω"] = 0.206
     # Greatest acceleration upwards: hips lack torque for more in a short step.
     lift: Annotated[float, "g"] = 4.0
-    # Speed of a landing: soft on level ground, quicker by `haste` for each height between the feet in the last steps,
-    # and at most as the third one says.
+    # Speed of a landing: soft on level ground, quicker by `landing_gain` for each height between the feet in the last
+    # steps, and at most as the third one says.
     landing_speed: Annotated[float, "hω"] = 0.103
-    haste: Annotated[float, "ω"] = 4.3
+    landing_gain: Annotated[float, "ω"] = 4.3
     hardest: Annotated[float, "hω"] = 0.25
     # Depth of the search for the ground, at which a leg is still not straight, and its time.
     search: Annotated[float, "h"] = 0.20
@@ -189,10 +189,10 @@ class SteppingConstants:
     # ---- Contact of the foot in the air.
     # Part of the step before which a force is that of a foot that rubs.
     early: float = 0.5
-    # Speed of a swing foot, beside twice the velocity of the walk, from which on a push has hurled it; time for which
+    # Speed of a swing foot, beside twice the velocity of the walk, from which on it is a pushed foot; time for which
     # its force is no contact then, and for which it goes after the trunk.
-    hurled: Annotated[float, "hω"] = 1.2
-    hurled_time: Annotated[float, "1/ω"] = 0.4
+    pushed_speed: Annotated[float, "hω"] = 1.2
+    pushed_time: Annotated[float, "1/ω"] = 0.4
     # Speed of a foot without load in a stand from which on it has been kicked away.
     kicked: Annotated[float, "hω"] = 0.2
     # Time since a landing up to which a robot on both feet is on its way, where the gait begins anew.

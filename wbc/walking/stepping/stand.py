@@ -101,7 +101,7 @@ class StandingWalk(GaitMachine):
         self.footsteps: Sequence[Footstep] = ()
         self._idle = False  # while the planner asks for a stand
         self._next = 0.0  # time of the next question to a planner in a stand, s
-        self._since_stand = 0  # steps
+        self._first = True  # in the step that begins in a stand
         self._planned: Orbit | None = None  # offsets of ξ in this step, along footsteps
         self._pace = self.steering.step_time  # mean time of the last steps, s
         self._tilt = (0.0, 0.0)  # pitch and roll of the landing as seen, rad
@@ -136,9 +136,9 @@ class StandingWalk(GaitMachine):
         return stood and (self.planner is None or self._idle) and not self.steering.pending
 
     @property
-    def haste(self) -> float:
+    def fast_share(self) -> float:
         """Share from 0 to 1 by which the walk is a fast one."""
-        return 0.0 if self.footsteps else self.steering.haste
+        return 0.0 if self.footsteps else self.steering.fast_share
 
     @property
     def granted(self) -> Velocity:
@@ -175,8 +175,7 @@ class StandingWalk(GaitMachine):
         """Decide the step, and return where it leaves the robot."""
         if self._reader is None or self._reader.robot is not state.robot:  # in the first tick
             self._reader = BodyReader(state.robot)
-        self.felt.mass, self.felt.hand_wrench = state.robot.mass, self.hand_wrench
-        return self.advance(self._reader.read(state, self.hip_turn), self._reader.frames)
+        return self.advance(self._reader.read(state), self._reader.frames)
 
     @property
     def standing_box(self) -> Point:
@@ -246,7 +245,7 @@ class StandingWalk(GaitMachine):
 
     def _stay_on_ground(self) -> None:
         """Come to a stand where the velocity would lead beyond the ground."""
-        if self._extent is not None and self.steering.leaves(self._middle()):
+        if self._extent is not None and self.steering.overruns(self._middle()):
             self.steering.command(None)
             self.reason = f"the velocity leads beyond the ground, which {over(self._extent)}"
             logger.warning("%s; the robot comes to a stand", self.reason)
@@ -258,7 +257,7 @@ class StandingWalk(GaitMachine):
         if kicked is not None:
             self.stance = 1 - kicked
             events = self._begin()
-            self.touch.hurl(self.time)
+            self.touch.push(self.elapsed)
             return events
         if self.felt.outside(dcm, 1.0) <= 0.0:
             return ()
@@ -281,7 +280,7 @@ class StandingWalk(GaitMachine):
             return self._step_out()
         self.stance = up.index(False) if any(up) else int(landed[1] < landed[0])
         events = self._begin()
-        self._since_stand = 1  # the step takes the time that the DCM leaves it
+        self._first = False  # the step takes the time that the DCM leaves it
         # A foot may land in the second half of its step.
         self.elapsed = min(max(air), 0.5 * self.steering.step_time)
         return events
@@ -289,7 +288,7 @@ class StandingWalk(GaitMachine):
     def _begin(self) -> tuple[Event, ...]:
         """Begin to step from a stand."""
         self._level = self.ground.height = self.felt.state.places[self.stance][2]
-        self._since_stand, self._pace = 0, self.steering.step_time
+        self._first, self._pace = True, self.steering.step_time
         self.steering.rest(self._middle())
         self._lift()
         return (Event.LIFT_OFF,)
@@ -338,6 +337,7 @@ class StandingWalk(GaitMachine):
         stance = self.stance if phase is GaitPhase.SINGLE else None
         self.felt.begin(stance, 0.0 if phase is GaitPhase.STANDING else self.constants.carrying)
         self.decision.begin()
+        self.touch.begin()
 
     def _ahead(self) -> tuple[float, tuple[Footstep, ...], float]:
         landings = () if self.swing is None else (self.swing.landing,)
@@ -367,7 +367,7 @@ class StandingWalk(GaitMachine):
         level: float,
     ) -> Reference:
         """Return the references of a tick, from the motion of the CoM over feet at a level, m."""
-        laden = self.felt.mass / self.scale.mass  # by what it holds
+        laden = self.felt.state.mass / self.scale.mass  # by what it holds
         high, speed = self.course.rise(self.felt.state.com[2] - level)
         pendulum = self.course.pendulum(motion, (high + level, speed), self.felt.contact[2])
         flies = None if self.swing is None else self.air
@@ -379,5 +379,5 @@ class StandingWalk(GaitMachine):
             most_push=self.constants.swing_push,
             most_force=(laden * most_force[0], laden * most_force[1]),
             cop=self.decision.cop,
-            urgency=-1.0 if self.touch.is_hurled(self.time) else self.decision.urgency,
+            urgency=-1.0 if self.touch.is_pushed(self.elapsed) else self.decision.urgency,
         )

@@ -1,4 +1,4 @@
-"""Contact of the foot in the air: whether it has met the ground, is to carry, or is hurled by a push."""
+"""Contact of the foot in the air: whether it has met the ground, is to carry, or is pushed."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from wbc.walking.stepping.law import Orbit, takes_over, viability
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
 from wbc.walking.swing import SwingFoot
 
-CALM, UNHURRIED = 0.5, 0.8
-"""Urgency of the swing foot up to which a push may have hurled it, and time of the step over T from which on."""
+MOST_URGENCY, LEAST_TIME = 0.5, 0.8
+"""Urgency of the swing foot up to which its speed is a sign of a push, and time of the step over T from which on."""
 
 
 class SwingStep(NamedTuple):
@@ -29,7 +29,7 @@ class SwingStep(NamedTuple):
         duration: Time of the step, s.
         touch: Time at which the foot meets the expected ground, s.
         longest: Time since lift-off from which on a foot in contact waits no longer, s.
-        haste: Share from 0 to 1 by which the walk is a fast one.
+        fast_share: Share from 0 to 1 by which the walk is a fast one.
         patience: Offset of ξ over that of the orbit up to which the foot in contact takes over.
     """
 
@@ -40,7 +40,7 @@ class SwingStep(NamedTuple):
     duration: float
     touch: float
     longest: float
-    haste: float
+    fast_share: float
     patience: float
 
     @property
@@ -72,39 +72,42 @@ class SwingTouch:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a step: no push has hurled its foot."""
-        self._hurled = -math.inf  # when a push hurled the swing foot, s
+        """Begin a step: its foot has not been pushed."""
+        self._pushed = -math.inf  # time since lift-off when the swing foot was pushed last, s
         # Time for which the foot that stands has carried nothing and the other one does, s.
         self._unloaded = 0.0
 
-    def hurl(self, time: float) -> None:
-        """Take note of a push that has hurled the swing foot at a time, s."""
-        self._hurled = time
+    def push(self, elapsed: float) -> None:
+        """Take note of a push on the swing foot, at a time since lift-off, s."""
+        self._pushed = elapsed
 
-    def is_hurled(self, time: float) -> bool:
-        """Return True for a swing foot that was hurled: a force on it is that of a push, or of its inertia."""
-        return time - self._hurled < self._c.hurled_time
+    def is_pushed(self, elapsed: float) -> bool:
+        """Return True for a swing foot that was pushed a moment before a time since lift-off, s.
 
-    def fly(self, side: int, time: float, urgency: float, paced: float, speed: float) -> None:
-        """Find whether a push hurls the swing foot.
+        A force on it is that of the push, or of its inertia.
+        """
+        return elapsed - self._pushed < self._c.pushed_time
+
+    def fly(self, side: int, elapsed: float, urgency: float, paced: float, speed: float) -> None:
+        """Find whether the swing foot is pushed.
 
         It is faster then, in the world and past the CoM, than any step without hurry: the ground stops a foot, and only
-        a push makes it faster. It is hurled once in a step: a foot that comes back is as fast, and meets the ground.
+        a push makes it faster. It is pushed once in a step: a foot that comes back is as fast, and meets the ground.
 
         Args:
             side: Foot that swings: 0 left, 1 right.
-            time: Time now, s.
+            elapsed: Time since lift-off, s.
             urgency: Share by which the swing foot goes before the trunk.
             paced: Time of this step over T.
             speed: Speed of the steps, m/s.
         """
-        calm = urgency < CALM and paced > UNHURRIED
-        if not calm or not (self.is_hurled(time) or self._hurled == -math.inf):
+        hurries = urgency >= MOST_URGENCY or paced <= LEAST_TIME
+        if hurries or not (self.is_pushed(elapsed) or self._pushed == -math.inf):
             return
         state = self._felt.state
         moved = state.speeds[side]
-        if min(math.hypot(*moved), math.dist(moved, state.velocity)) > self._c.hurled + 2.0 * speed:
-            self._hurled = time
+        if min(math.hypot(*moved), math.dist(moved, state.velocity)) > self._c.pushed_speed + 2.0 * speed:
+            self._pushed = elapsed
 
     def thrown(self, side: int, swing: SwingFoot, time: float) -> Vector | None:
         """Return the velocity of a swing foot so far off its motion that legs cannot bring it back, m/s, else None.
@@ -120,19 +123,19 @@ class SwingTouch:
         )
         return moved if math.hypot(*asked) > self._c.swing_push else None
 
-    def meets(self, step: SwingStep, landing: Footstep, time: float) -> bool:
+    def meets(self, step: SwingStep, landing: Footstep) -> bool:
         """Return True if the swing foot bears the load of a contact in this tick."""
         c, side = self._c, 1 - step.stance
-        may = step.elapsed > c.early * step.duration and not self.is_hurled(time)
+        may = step.elapsed > c.early * step.duration and not self.is_pushed(step.elapsed)
         if not (may and self._felt.state.wrenches[side][2] > c.met and self._is_low(step.stance)):
             return False
         return not self.rubs(step, landing)
 
-    def loses(self, stance: int, since: float, time: float) -> bool:
-        """Return True if a foot that has been in contact since some time, s, has lost the ground again."""
+    def loses(self, stance: int, since: float, elapsed: float) -> bool:
+        """Return True if a foot that has been in contact for a time, s, has lost the ground again."""
         c, loads = self._c, self._felt.state.wrenches
         lost = loads[1 - stance][2] < c.lost and since > c.lost_time and loads[stance][2] > c.held
-        return lost or self.is_hurled(time)
+        return lost or self.is_pushed(elapsed)
 
     def rubs(self, step: SwingStep, landing: Footstep) -> bool:
         """Return True if the swing foot is to go on over what it has met: waiting would not help there.
@@ -173,7 +176,7 @@ class SwingTouch:
         loads, dcm = felt.state.wrenches, felt.dcm
         unloaded = loads[step.stance][2] < c.held < loads[1 - step.stance][2]
         self._unloaded = self._unloaded + self._dt if unloaded else 0.0
-        if self._unloaded > step.haste * c.lost_time:
+        if self._unloaded > step.fast_share * c.lost_time:
             return True  # it has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long
         if step.elapsed > step.longest:
             return True
