@@ -22,7 +22,7 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.lipm.walk import LipmWalk
 
-HOOKS = {"Recorder": "recording", "WatchWalk": "live view"}
+HOOKS = {"Recorder": "recording", "MeshcatView": "live view"}
 """Names of hooks that the commands use; another one is called after its class."""
 
 Timed = tuple[str, object, tuple[str, ...]]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import wbc
-from wbc.app import MeshcatView, WatchWalk
+from wbc.app import MeshcatView
 from wbc.sim import MujocoLoop, TrueFallDetector
 from wbc.tasks import Program
 
@@ -39,9 +39,9 @@ class Options(argparse.Namespace):
             view.wait_for_page(BROWSER_TIME)
             yield view
 
-    def hooks(self) -> list[WatchWalk]:
+    def hooks(self) -> list[MeshcatView]:
         """The same for walks that `walk` runs."""
-        return [WatchWalk(port=self.port, wait=BROWSER_TIME)] if self.view else []
+        return [MeshcatView(port=self.port, speed=1.0, wait=BROWSER_TIME)] if self.view else []
 
 
 class NoView:

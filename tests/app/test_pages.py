@@ -16,13 +16,12 @@ import wbc
 from wbc.app import MeshcatView
 from wbc.app.replay import player
 from wbc.app.replay.player import Player
-from wbc.app.view import base, meshcat_view, workbench
+from wbc.app.view import base, meshcat_view
 from wbc.app.view.base import CATCH_UP_TIME, FIRST_PORT, MAX_STEP, PORTS, View, free_port
 from wbc.app.view.controls import (
     LiveControls,
 )
 from wbc.app.view.marks import DCM_COLOUR, Mark, Picture
-from wbc.app.view.walk_hook import WatchWalk
 from wbc.base.errors import InputError
 from wbc.core.signals import Command
 
@@ -177,95 +176,70 @@ def test_the_first_free_port_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
 # ---- the hook -------------------------------------------------------------------------------------------------------
 
 
-class Shown:
+class Shown(base.View):
     """A page that notes what it is asked."""
 
-    def __init__(self, *what: Any, **options: Any) -> None:
-        self.opened, self.options, self.closed = [what], options, False
-        self.waits: list[float] = []
-        self.updates: list[Any] = []
+    pages = 1
 
-    def show(self, *what: Any) -> None:
-        self.opened.append(what)
+    def _open(self, port: int) -> None:
+        self.asked: list[Any] = [port]
 
-    def wait_for_page(self, seconds: float) -> None:
-        self.waits.append(seconds)
+    def _build(self) -> None:
+        self.asked.append(self.stage.title)
 
-    def update(self, *state: Any, **measured: Any) -> None:
-        self.updates.append(state)
+    def _send(self, picture: Picture) -> None:
+        self.asked.append(round(picture.time, 3))
 
-    def ended(self, how: str) -> bool:
-        return how == "again"
-
-    def close(self) -> None:
-        self.closed = True
+    def _end(self) -> None:
+        self.asked.append("end")
 
 
-@pytest.fixture
-def pages(monkeypatch: pytest.MonkeyPatch) -> list[Shown]:
-    made: list[Shown] = []
-
-    def make(*what: Any, **options: Any) -> Shown:
-        made.append(Shown(*what, **options))
-        return made[-1]
-
-    monkeypatch.setattr(meshcat_view, "MeshcatView", make)
-    monkeypatch.setattr(workbench, "Workbench", make)
-    return made
+def trial_of(plant: Any, control: Any = None) -> Any:
+    return SimpleNamespace(plant=plant, control=control)
 
 
-def trial_of(plant: Any) -> Any:
-    return SimpleNamespace(plant=plant, control="walking")
+def test_a_view_is_a_hook_that_opens_with_its_trial_and_ends_with_it() -> None:
+    trial = trial_of(wbc.Plant(HRP4))
+    view = Shown(wait=0.5)
+    view.close()
+    assert not view.closed and view.controls is None and view.url == "", "it is not open"
+    view.start(trial)
+    assert view.asked[1:] == ["hrp4_class", 0.0] and view.frames == 1
+    trial.plant.step(trial.plant.hold())
+    view.tick(SimpleNamespace(plant=trial.plant))  # type: ignore[arg-type]
+    assert view.asked[3:] == [0.005]
+    view.end(None)
+    assert view.closed and view.asked[-1] == "end"
+    with pytest.raises(base.ViewError, match="closed"):
+        view.show_trial(trial)
 
 
-def test_a_hook_opens_one_page_waits_for_it_and_ends_it(pages: list[Shown]) -> None:
-    plant = wbc.Plant(HRP4)
-    hook = WatchWalk(wait=3.0, speed=2.0, port=0)
-    assert hook.controls is None and not hook.restarted("again")
-    hook.close()
-    hook.start(trial_of(plant))
-    hook.start(trial_of(plant))
-    (page,) = pages
-    assert (
-        page.opened == [(plant, "walking")]
-        and page.waits == [3.0, 3.0]
-        and page.options == {"port": 0, "speed": 2.0}
-    )
-    assert hook.controls is None, "MeshCat's page has none"
-    hook.tick(SimpleNamespace(plant=plant))  # type: ignore[arg-type]
-    assert page.updates == [()]
-    assert hook.restarted("again") and not hook.restarted("enough")
-    hook.end(None)
-    assert page.closed and not hook.restarted("again")
-    hook.start(trial_of(plant))
-    assert len(pages) == 2, "a closed page is not opened again"
-    quiet = WatchWalk()
-    quiet.start(trial_of(plant))
-    assert pages[-1].waits == []
+def test_a_view_that_stays_shows_the_next_trial_and_each_of_them_once() -> None:
+    view, trials = Shown(), [trial_of(wbc.Plant(name)) for name in (HRP4, "g1")]
+    view.stays = True
+    for trial in trials:
+        view.show_trial(trial)
+        view.start(trial)
+        view.end(None)
+    assert view.asked[1:] == ["hrp4_class", 0.0, "g1", 0.0] and not view.closed
 
 
-def test_a_page_that_stays_shows_the_next_trial(pages: list[Shown]) -> None:
-    plant = wbc.Plant(HRP4)
-    hook = WatchWalk("workbench", stay=True)
-    hook.open(trial_of(plant))
-    hook.start(trial_of(plant))
-    hook.end(None)
-    pages[0].controls = "controls"  # type: ignore[attr-defined]
-    assert hook.controls == "controls" and not pages[0].closed
-    hook.open(trial_of(plant))
-    assert len(pages) == 1 and pages[0].opened == [(plant, "walking")] * 2
-    hook.close()
-    hook.open(trial_of(plant))
-    assert len(pages) == 2
+def test_a_trial_waits_for_a_page_as_long_as_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    waits: list[float] = []
+    monkeypatch.setattr(base.View, "wait_for_page", lambda view, seconds: waits.append(seconds))
+    for wait in (0.0, 3.0):
+        Shown(wait=wait).start(trial_of(wbc.Plant(HRP4)))
+    assert waits == [0.0, 3.0]
 
 
-def test_of_a_loop_without_a_model_the_robot_is_shown_alone(pages: list[Shown]) -> None:
-    loop: Any = SimpleNamespace(description=HRP4, truth=lambda: SimpleNamespace(q="state"))
-    hook = WatchWalk()
-    hook.tick(SimpleNamespace(plant=loop, measurement=None))  # type: ignore[arg-type]
-    hook.start(trial_of(loop))
-    hook.tick(SimpleNamespace(plant=loop, measurement=None))  # type: ignore[arg-type]
-    assert pages[0].opened == [(HRP4, None)] and pages[0].updates == [("state",)]
+def test_of_a_loop_without_a_model_the_robot_is_shown_alone() -> None:
+    q = HRP4.robot().half_sitting
+    loop: Any = SimpleNamespace(description=HRP4, truth=lambda: SimpleNamespace(q=q))
+    view = Shown()
+    view.start(trial_of(loop))
+    assert view.asked[1:] == ["hrp4_class"], "its state is not known yet"
+    view.tick(SimpleNamespace(plant=loop, measurement=None))  # type: ignore[arg-type]
+    assert view.asked[2:] == [0.0]
 
 
 # ---- MeshCat --------------------------------------------------------------------------------------------------------

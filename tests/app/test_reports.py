@@ -219,14 +219,14 @@ def test_a_run_without_a_page_runs_once_and_one_with_a_page_as_often_as_it_asks(
     made: list[Any] = []
     asks = [True, True, False]
 
-    class Hook:
-        def __init__(self, viewer: str, **options: Any) -> None:
-            self.viewer, self.options, self.opened, self.closed = viewer, options, [], False
+    class Page:
+        def __init__(self, **options: Any) -> None:
+            self.options, self.opened, self.closed, self.stays = options, [], False, False
 
-        def open(self, trial: Any) -> None:
+        def show_trial(self, trial: Any) -> None:
             self.opened.append(trial)
 
-        def restarted(self, how: str) -> bool:
+        def ended(self, how: str) -> bool:
             assert how == "ended 7"
             return asks.pop(0)
 
@@ -237,16 +237,16 @@ def test_a_run_without_a_page_runs_once_and_one_with_a_page_as_often_as_it_asks(
         made.append(SimpleNamespace(hooks=[], stop=lambda: None))
         return made[-1]
 
-    monkeypatch.setattr("wbc.app.view.walk_hook.WatchWalk", Hook)
+    monkeypatch.setattr("wbc.app.view.workbench.Workbench", Page)
 
     def run(options: LiveView) -> Any:
         return options.run(make, lambda trial, hooks: 7, lambda ended: f"ended {ended}")  # type: ignore[arg-type]
 
     result, trial, hooks = run(LiveView())
     assert (result, trial, hooks, len(made)) == (7, made[0], [], 1)
-    result, trial, (hook,) = run(LiveView(view="workbench", port=0))
-    assert len(made) == 4 and trial is made[3] and hook.opened == made[1:] and hook.closed and not asks
-    assert hook.viewer == "workbench" and hook.options["port"] == 0
+    result, trial, (page,) = run(LiveView(view="workbench", port=0))
+    assert len(made) == 4 and trial is made[3] and page.opened == made[1:] and page.closed and not asks
+    assert page.stays and page.options["port"] == 0 and page.options["speed"] == 1.0
 
 
 def test_changes_from_the_page_and_the_end_by_ctrl_c_stand_in_the_result() -> None:

@@ -7,5 +7,6 @@ from .replay.film import render_video as render_video
 from .replay.player import Player as Player
 from .replay.replay import Replay as Replay
 from .view.meshcat_view import MeshcatView as MeshcatView
-from .view.walk_hook import WatchWalk as WatchWalk
+from .view.mujoco_view import MujocoView as MujocoView
+from .view.rerun_view import RerunView as RerunView
 from .view.workbench import Workbench as Workbench

@@ -6,20 +6,21 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import Field
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from wbc.app.output import progress_console
-from wbc.app.view import Viewer
+from wbc.app.view import VIEWERS, Viewer
 from wbc.base.errors import InputError
 from wbc.base.settings import settings
 from wbc.sim.trial.trial import TrialHook
 
 if TYPE_CHECKING:
     from wbc.app.repeat import RepeatWalk
-    from wbc.app.view.walk_hook import WatchWalk
+    from wbc.app.view.base import View
     from wbc.sim.trial.trial import Trial, TrialTick
 
 TrialT = TypeVar("TrialT", bound="Trial")
@@ -61,30 +62,32 @@ class LiveView:
     def run(
         self,
         make: Callable[[], TrialT],
-        simulate: Callable[[TrialT, list[WatchWalk]], ResultT],
+        simulate: Callable[[TrialT, list[View]], ResultT],
         outcome: Callable[[ResultT], str],
-    ) -> tuple[ResultT, TrialT, list[WatchWalk]]:
+    ) -> tuple[ResultT, TrialT, list[View]]:
         """Simulate a trial, and another one as often as a workbench asks for it; Ctrl-C ends one as other ends do.
 
-        `simulate` gets hooks that show it, none without a page; `outcome` says in a few words how it has ended. Return
-        the result of the last trial, the trial, and its hooks.
+        `simulate` gets the views that show it, none without a page; `outcome` says in a few words how it has ended.
+        Return the result of the last trial, the trial, and its views.
         """
         with ExitStack() as stack:
-            hooks: list[WatchWalk] = []
+            views: list[View] = []
             if self.viewer is not None:
-                from wbc.app.view.walk_hook import WatchWalk as Hook  # noqa: PLC0415 - most runs are not watched
-
-                hook = Hook(self.viewer, port=self.port, wait=BROWSER_TIME, stay=True)
-                stack.callback(hook.close)
-                hooks.append(hook)
+                module, name = VIEWERS[self.viewer]  # most runs are not watched
+                view: View = getattr(import_module(module), name)(
+                    port=self.port, speed=1.0, wait=BROWSER_TIME
+                )
+                view.stays = True
+                stack.callback(view.close)
+                views.append(view)
             while True:
                 trial = make()
-                for hook in hooks:
-                    hook.open(trial)
-                with ended_by_interrupt(trial), shown_progress(trial, watched=bool(hooks)):
-                    result = simulate(trial, hooks)
-                if not any(hook.restarted(outcome(result)) for hook in hooks):
-                    return result, trial, hooks
+                for view in views:
+                    view.show_trial(trial)
+                with ended_by_interrupt(trial), shown_progress(trial, watched=bool(views)):
+                    result = simulate(trial, views)
+                if not any(not view.closed and view.ended(outcome(result)) for view in views):
+                    return result, trial, views
 
 
 @settings(kw_only=True)
@@ -111,7 +114,7 @@ class LiveDrive(LiveView):
 
 
 def with_changes(
-    hooks: Sequence[WatchWalk | RepeatWalk], trial: Trial, result: dict[str, Any], text: str
+    hooks: Sequence[View | RepeatWalk], trial: Trial, result: dict[str, Any], text: str
 ) -> tuple[dict[str, Any], str]:
     """Return result and text with changes and end by Ctrl-C of a run, which then is not that of its options."""
     changes = [

@@ -120,6 +120,7 @@ IN_PLACE_OF = {
     "TrialLoop": "Simulation",
     "StandPushSpec": "wbc.sim.balance.push_recovery.recovers(StandSpec(...), WalkPush(...))",
     "push_standing": "wbc.sim.balance.push_recovery.recovers(StandSpec(...), WalkPush(...))",
+    "WatchWalk": "a view as a hook, such as MeshcatView(speed=1.0)",
     "PushTableSpec": "a study with trials stand_push_limit",
     "push_table": "a study with trials stand_push_limit",
     # settings

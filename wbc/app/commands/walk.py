@@ -36,7 +36,7 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 
 if TYPE_CHECKING:
-    from wbc.app.view.walk_hook import WatchWalk
+    from wbc.app.view.base import View
     from wbc.sim.walks.result import WalkResult
 
 CHANGE = "what was changed from the page since the tick before, and an end by Ctrl-C, JSON"
@@ -122,11 +122,11 @@ def walk(
         spec, changes = recorded_walk(original)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         spec.ground().clears(spec.gait.full.swing_height)
-    acting: list[WatchWalk | RepeatWalk] = []
+    acting: list[View | RepeatWalk] = []
     record: Recorder | None = None
     difference: str | None = None
 
-    def simulate(trial: WalkTrial, watching: list[WatchWalk]) -> WalkResult:
+    def simulate(trial: WalkTrial, watching: list[View]) -> WalkResult:
         nonlocal acting, record, difference
         hooks: list[TrialHook] = []
         acting = [*([] if original is None else [RepeatWalk(changes)]), *watching]
@@ -165,7 +165,7 @@ def walk(
     return output.report(data, text, lost)
 
 
-def _news(acting: Sequence[WatchWalk | RepeatWalk], trial: WalkTrial) -> str:
+def _news(acting: Sequence[View | RepeatWalk], trial: WalkTrial) -> str:
     """Return the changes since the tick before, and an end by Ctrl-C, as JSON; empty text for nothing."""
     texts = [hook.controls.news() for hook in acting if hook.controls is not None]
     entries = [entry for text in texts if text for entry in json.loads(text)] + ending(trial)

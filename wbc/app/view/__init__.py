@@ -6,7 +6,7 @@
             view.update()
 
     with Workbench(plant, control) as view:  # the same, with controls of everything that the run has
-    walk(spec, hooks=[WatchWalk("rerun")])  # a simulated walk, with its footsteps, in one of the `VIEWERS`
+    walk(spec, hooks=[RerunView(speed=1.0)])  # a simulated walk, with its footsteps: a view is a hook
 
 Robot, feet, ground and things are the geoms of one MuJoCo model (`meshes`); everything else is a mark (`marks`,
 `walk_marks`). A new control of a run goes into `controls`; a new viewer is a `View` and a line in `VIEWERS`.

@@ -27,12 +27,15 @@ from wbc.policy.control import PolicyControl
 from wbc.policy.guard import PolicyGuard
 from wbc.robots import RobotDescription
 from wbc.sim.plant.mujoco_robot import MujocoRobot
+from wbc.sim.trial.trial import TrialHook
 from wbc.tasks.behaviours import Program
 from wbc.walking.control import WalkingControl
 
 if TYPE_CHECKING:
+    from wbc.app.view.controls import LiveControls
     from wbc.core.robot import Robot
     from wbc.core.signals import Measurement
+    from wbc.sim.trial.trial import Trial, TrialTick
 
 LOCAL = "127.0.0.1"
 """Address of all pages: they are reached from this machine alone, from another one through `ssh -L`."""
@@ -53,6 +56,9 @@ CATCH_UP_TIME, MAX_STEP = 0.2, 1.0
 """A run that is further behind the clock does not catch up, nor one whose time has gone on by more, or back, s."""
 
 
+CLOSED = "the live view has been closed; open another one"
+
+
 class ViewError(WbcError):
     """A live view cannot be started."""
 
@@ -61,8 +67,12 @@ class PortError(ViewError, InputError):
     """A port is in use."""
 
 
-class View(ABC):
-    """A page in the browser, or a window, that shows a robot as it moves.
+class View(TrialHook, ABC):
+    """A page in the browser, or a window, that shows a robot as it moves; as a hook it shows a trial.
+
+        wbc.walk(hooks=[MeshcatView(speed=1.0)])
+
+    The result of a trial is the same as without the view, unless a user of a workbench changes the run.
 
     Robot, feet, ground and things are those of the simulation's model. Marks: contact forces (an arrow as long as the
     centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon; of a walk
@@ -77,31 +87,37 @@ class View(ABC):
         url: Address of the page; empty for a window.
         closed: True after `close`.
         speed: Multiple of real time that the run is held back to; None never waits.
+        stays: True for a hook that does not close at the end of its trial, so that it can show another one.
+        controls: Controls of the run, with the changes made so far; None for a view without controls.
     """
 
-    url: str
+    url: str = ""
+    controls: LiveControls | None = None
 
     @checked
     def __init__(
         self,
-        source: MujocoRobot | RobotDescription,
+        source: MujocoRobot | RobotDescription | None = None,
         control: Any = None,
         *,
         program: Program | None = None,
         port: int | None = None,
         rate: Annotated[Positive, "1/s"] = RATE,
         speed: Positive | None = None,
+        wait: Annotated[NonNegative, "s"] = 0.0,
     ) -> None:
         """Open the view; the address of a page goes to the standard error.
 
         Args:
-            source: A plant or a `MujocoLoop`; or the description of a robot whose states are given to `update`.
+            source: A plant or a `MujocoLoop`; or the description of a robot whose states are given to `update`. When
+                None, the view opens with the trial whose hook it is.
             control: A walk, whose footsteps and references are shown, only with a simulation; a control of drives or a
                 `Controller`, whose tasks a workbench shows; that of the program, or none, when None.
             program: Program whose state is shown.
             port: Port of the page; when None, the first free port from 7000 on.
             rate: Largest rate of pictures, 1/s.
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
+            wait: Longest time that a trial waits for a page to be opened, s.
 
         Raises:
             PortError: The port is in use.
@@ -111,19 +127,57 @@ class View(ABC):
         self.speed = speed
         self._due = self._time = 0.0  # clock and simulated time of the last tick
         self._next, self.frames, self.closed = -math.inf, 0, False
-        self._set_source(source, control, program)
-        self._open(free_port(port))
-        self._begin()
-        if self.url:
-            told = f"live view: {self.url} (of this machine alone; from another: ssh -L)"
-            print(told, file=sys.stderr, flush=True)
+        self._port, self._wait, self._opened, self.stays = port, wait, False, False
+        self._trial: Trial | None = None
+        if source is not None:
+            self.show(source, control, program)
 
     def show(
         self, source: MujocoRobot | RobotDescription, control: Any = None, program: Program | None = None
     ) -> None:
-        """Show another run in the same view, for example after `ended`."""
+        """Show a run, another one in the same view for example after `ended`."""
+        if self.closed:
+            raise ViewError(CLOSED)
         self._set_source(source, control, program)
+        if opens := not self._opened:
+            self._open(free_port(self._port))
+            self._opened = True
         self._begin()
+        if opens and self.url:
+            told = f"live view: {self.url} (of this machine alone; from another: ssh -L)"
+            print(told, file=sys.stderr, flush=True)
+
+    # ---- as a hook of a trial ---------------------------------------------------------------------------------------
+
+    def show_trial(self, trial: Trial) -> None:
+        """Show a trial before it starts, to learn early whether the port is free.
+
+        Of a simulation without a model of MuJoCo's the robot alone is shown.
+        """
+        self._trial, plant = trial, trial.plant
+        if isinstance(plant, MujocoRobot):
+            self.show(plant, trial.control)
+        else:
+            self.show(plant.description)
+
+    def start(self, trial: Trial) -> None:
+        """See `TrialHook`."""
+        if self._trial is not trial:
+            self.show_trial(trial)
+        self.wait_for_page(self._wait)
+
+    def tick(self, tick: TrialTick) -> None:
+        """See `TrialHook`."""
+        if isinstance(tick.plant, MujocoRobot):
+            self.update()
+        else:
+            self.update(tick.plant.truth().q, measurement=tick.measurement)
+
+    def end(self, result: object) -> None:
+        """See `TrialHook`."""
+        del result
+        if not self.stays:
+            self.close()
 
     def _set_source(
         self, source: MujocoRobot | RobotDescription, control: Any, program: Program | None
@@ -193,7 +247,7 @@ class View(ABC):
             ViewError: The view has been closed.
         """
         if self.closed:
-            raise ViewError("the live view has been closed; open another one")
+            raise ViewError(CLOSED)
         stage = self.stage
         if isinstance(stage, SimulatedStage) is not (state is None):
             raise InputError(
@@ -257,7 +311,7 @@ class View(ABC):
 
     def close(self) -> None:
         """Show the last state of a simulation and end the view; the page keeps its picture."""
-        if not self.closed:
+        if self._opened and not self.closed:
             self.closed = True
             self._show_last()
             self._end()

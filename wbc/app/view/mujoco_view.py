@@ -25,7 +25,6 @@ TOP = mujoco.mjtGridPos.mjGRID_TOPLEFT
 class MujocoView(View):
     """Window of MuJoCo's viewer; `View` lists its contents, of which the legend is left out."""
 
-    url = ""
     _window: Any = None
 
     def _open(self, port: int) -> None:

@@ -39,10 +39,9 @@ class Workbench(View):
     Each task has a folder with a gizmo at its target, its weight and its gains. A robot that can be steered is driven
     by sliders or keys. Orders are carried out at the next tick and stored in `controls.interventions`, each with its
     simulated time (s). Anyone who can open the page on this machine can change the run.
-
-    Attributes:
-        controls: Controls of the page, with the changes made so far.
     """
+
+    controls: LiveControls
 
     def _open(self, port: int) -> None:
         self._page = ViserPage(port, self.stage.title)
