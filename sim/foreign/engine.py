@@ -150,31 +150,6 @@ class EngineLoop(Simulation):
     def contacts(self) -> EngineContacts:
         """Return the contacts of the physics step that has just ended."""
 
-    @property
-    def com_height(self) -> float:
-        """Height of the true centre of mass, m."""
-        return float(pin.centerOfMass(self._model, self._data, self._q)[2])
-
-    @property
-    def base_pose(self) -> tuple[float, ...]:
-        """True pose of the base: position x, y, z (m) and quaternion x, y, z, w."""
-        return tuple(self._q[:7].tolist())
-
-    @property
-    def joint_position(self) -> Array:
-        """True positions of the actuated joints now, shape (na,), rad."""
-        return self._q[7:]
-
-    @property
-    def joint_velocity(self) -> Array:
-        """True velocities of the actuated joints now, shape (na,), rad/s."""
-        return self._v[6:]
-
-    @property
-    def joint_torque(self) -> Array:
-        """Torques of the drives in the last physics step, shape (na,), Nm."""
-        return self._torque
-
     @checked
     def sole_pose(self, side: SoleIndex) -> tuple[Array, Array]:
         """See `Simulation`."""

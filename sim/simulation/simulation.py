@@ -133,29 +133,29 @@ class Simulation(ABC):
         return self.ticks * self.control_period
 
     @property
-    @abstractmethod
     def com_height(self) -> float:
         """Height of the true centre of mass in the world, m."""
+        return float(self.truth().com[2])
 
     @property
-    @abstractmethod
     def base_pose(self) -> tuple[float, ...]:
         """True pose of the base: position x, y, z (m) and quaternion x, y, z, w."""
+        return tuple(self.truth().q[:7].tolist())
 
     @property
-    @abstractmethod
     def joint_position(self) -> Array:
         """True positions of the actuated joints now, shape (na,), rad."""
+        return self.truth().q[7:]
 
     @property
-    @abstractmethod
     def joint_velocity(self) -> Array:
         """True velocities of the actuated joints now, shape (na,), rad/s."""
+        return self.truth().v[6:]
 
     @property
-    @abstractmethod
     def joint_torque(self) -> Array:
         """Torques of the drives in the last physics step, shape (na,), Nm."""
+        return self.truth().joint_torque
 
     @abstractmethod
     @checked
