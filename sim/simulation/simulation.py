@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +23,6 @@ from wbc.core.robot import Robot, checked_configuration
 from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
-from wbc.sim.simulation.delay import DelayLine
 from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
 from wbc.sim.simulation.pushes import Pushes
 from wbc.sim.simulation.sensors import NOISE_PRESETS, SensorChain, SensorNoise, SensorVector
@@ -67,6 +68,30 @@ class GroundTruth:
     def other_force(self) -> Array:
         """Force of the surroundings on all but the soles, in the world, shape (3,), N."""
         return np.asarray(self.contact_force[self.contact_sole < 0].sum(axis=0))
+
+
+class DelayLine:
+    """Orders to the drives that act some physics steps after they were given."""
+
+    def __init__(self, steps: int) -> None:
+        self._delay, self._now = steps, 0
+        self._waiting: deque[tuple[int, Any]] = deque()
+
+    def clear(self) -> None:
+        """Forget all orders."""
+        self._waiting.clear()
+
+    def push(self, order: Any) -> None:
+        """Put an order in before the coming physics step; a copy, as arrays of a controller may change."""
+        self._waiting.append((self._now + self._delay, copy.deepcopy(order)))
+
+    def advance(self) -> Any:
+        """Return the newest order that is due at the coming physics step or None. Called at each step."""
+        due = None
+        while self._waiting and self._waiting[0][0] <= self._now:
+            due = self._waiting.popleft()[1]
+        self._now += 1
+        return due
 
 
 class Simulation(ABC):

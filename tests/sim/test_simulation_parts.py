@@ -10,9 +10,9 @@ import wbc.sim
 from wbc import Plant
 from wbc.base.errors import InputError
 from wbc.core.signals import Command
-from wbc.sim.simulation.delay import DelayLine
 from wbc.sim.simulation.machine import steps_per_tick, whole_steps
 from wbc.sim.simulation.pushes import Pushes
+from wbc.sim.simulation.simulation import DelayLine
 
 
 def test_a_push_acts_for_its_time_and_with_a_share_of_its_force_in_its_last_step() -> None:

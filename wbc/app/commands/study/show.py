@@ -70,7 +70,7 @@ class PartOptions(ShownPartOptions):
 
 @settings(kw_only=True)
 class ResultOptions:
-    """Part of the results in a journal.
+    """Part of the results in a journal, and the file that they are written to.
 
     Attributes:
         journal: File that `wbc study run` has written.
@@ -79,12 +79,15 @@ class ResultOptions:
         completed: Only walks that were completed.
         by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
             several times.
+        out: File to write. Of a table: a row for each trial, with units in the heads of the columns (.csv), or the
+            result (.json). Of a figure: .png, .pdf, .svg or .jpg, the name of the journal with .png when not given.
     """
 
     journal: Path
     metric: str | None = None
     completed: bool = False
     by: tuple[str, ...] = ()
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
 
     def table(self, study: Study, entries: Mapping[str, Entry]) -> StudyTable:
         """Return the table of a study; what the entries of the journal cannot give is refused by its name."""
@@ -92,28 +95,6 @@ class ResultOptions:
             return study_table(study, entries, metric=self.metric, completed_only=self.completed, by=self.by)
         except InputError as error:
             raise InputError(f"{self.journal}: {error}") from error
-
-
-@settings(kw_only=True)
-class TableOptions(ResultOptions):
-    """Options of a table of a journal.
-
-    Attributes:
-        out: File to write: a row for each trial, with units in the heads of the columns (.csv), or the result (.json).
-    """
-
-    out: Annotated[Path | None, Parameter(alias="-o")] = None
-
-
-@settings(kw_only=True)
-class FigureOptions(ResultOptions):
-    """Options of a figure of a journal.
-
-    Attributes:
-        out: File to write, ending in .png, .pdf, .svg or .jpg. The name of the journal with .png when not given.
-    """
-
-    out: Annotated[Path | None, Parameter(alias="-o")] = None
 
 
 @reports
@@ -146,7 +127,7 @@ def table(
     study: StudyFile,
     /,
     *,
-    options: TableOptions,
+    options: ResultOptions,
     part: PartOptions,
     output: Output,
 ) -> Report:
@@ -176,7 +157,7 @@ def plot(
     study: StudyFile,
     /,
     *,
-    options: FigureOptions,
+    options: ResultOptions,
     part: PartOptions,
     output: Output,
 ) -> Report:
