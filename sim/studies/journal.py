@@ -34,7 +34,7 @@ from types import TracebackType
 from typing import Any
 
 from pydantic import BaseModel
-from pydantic_core import from_json
+from pydantic_core import from_json, to_jsonable_python
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, check_parts, shown_path
@@ -151,25 +151,8 @@ def _by_content(spec: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def canonical(data: Any) -> str:
     """Return JSON that is equal for equal values: keys sorted, no spaces, NaN and infinity as null."""
-    try:
-        return _encode(data)
-    except (TypeError, ValueError):  # mappings that are no dict, NaN
-        return _encode(_finite(to_json(data)))
-
-
-_encode = json.JSONEncoder(
-    sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False, default=plain
-).encode
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    values = to_jsonable_python(to_json(data), inf_nan_mode="null", fallback=plain)
+    return json.dumps(values, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
 @checked
