@@ -14,8 +14,9 @@ from _hands import LOW, connect, grip, hand_options, report, stand
 from wbc.sim import make_scene
 from wbc.walking import FootstepPlan, turn_in_place, walk_distance
 
-WAY = ((-0.25, 0.6, 0.1), (0.45, 0.4, -0.1), (0.65, 0.35, 0.0), (0.65, 0.35, 0.4), (0.3, 0.5, 0.0))
-"""Way of the left hand, which pushes the leaf on when the right one has opened it; both end there (`Hands.point`)."""
+WAY, REST = ((-0.25, 0.6, 0.1), (0.45, 0.4, -0.1), (0.65, 0.35, 0.0), (0.65, 0.35, 0.4)), (0.3, 0.5, 0.0)
+"""Way of the left hand, which pushes the leaf on when the right one has opened it, and holds it off the robot that walks
+through; place of the right hand then (`Hands.point`)."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -25,6 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     hands, arms, robot = walking.hands, walking.arms, walking.controller.robot
     pelvis, (x, _, z) = robot.placement(robot.base_frame), hands.point("left_hand", 0.62, 0.42)
     way = [pelvis.actInv(hands.point("left_hand", *place)) for place in WAY]
+    rest = pelvis.actInv(hands.point("right_hand", *REST))
     leaf, released, forces, touches = x + 0.06, math.nan, [0.0], [0.0]  # its hinge is on the left
     trial = connect(options, walking, make_scene("door", distance=leaf, handle=z))
     plant, angle = trial.plant, trial.plant.data.joint("scene/door hinge").qpos
@@ -41,7 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         plant.let_go("right_hand")
         hands.release("right_hand")
         trial.advance(1.0, bump)
-        arms["right_hand"].reach(way[-1] * [1.0, -1.0, 1.0], "pelvis")
+        arms["right_hand"].reach(rest, "pelvis")
         for point in way[1:]:
             arms["left_hand"].reach(point, "pelvis")
             trial.advance(1.5, bump)
