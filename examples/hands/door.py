@@ -15,8 +15,8 @@ from wbc.sim import make_scene
 from wbc.walking import FootstepPlan, turn_in_place, walk_distance
 
 WAY, REST = ((-0.25, 0.6, 0.1), (0.45, 0.4, -0.1), (0.65, 0.35, 0.0), (0.65, 0.35, 0.4)), (0.3, 0.5, 0.0)
-"""Way of the left hand, which pushes the leaf on when the right one has opened it, and holds it off the robot that walks
-through; place of the right hand then (`Hands.point`)."""
+"""Way of the left hand, which pushes the leaf on when the right one has opened it, and keeps it off the robot that
+walks through; place of the right hand meanwhile (`Hands.point`)."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
