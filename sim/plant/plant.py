@@ -44,7 +44,7 @@ from wbc.sim.plant.signals import Imu
 from wbc.sim.scenes.base import Scene
 from wbc.sim.simulation.machine import Machine, SoleIndex, Step, steps_per_tick, whole_steps
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
-from wbc.sim.terrain.giving import surfaces
+from wbc.sim.terrain.giving import GivingFloor, surfaces
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 
@@ -195,6 +195,9 @@ class Plant(MujocoRobot):
         self._set_state(q, v)
         self._loads.clear()
         self._drives.reset(q[7:], data.ctrl)
+        for surface in self._surfaces:  # which a run before may have left elsewhere
+            mujoco.mj_forward(self.model, data)
+            surface.adapt(self.model, data)
         self._late_feet.clear()
 
     def _begin(self) -> None:
@@ -214,15 +217,15 @@ class Plant(MujocoRobot):
         return self._seeds()[0]
 
     def on_ground(self, configuration: ArrayLike) -> Array:
-        """Return a configuration moved up or down until its lowest sole point touches the ground.
+        """Return a configuration moved up or down until its soles rest on the ground.
 
         Args:
             configuration: Shape (nq,).
 
         Returns:
-            Configuration, shape (nq,), in which the robot is pressed into the ground by a micrometre. The soles are
-            compared with the ground at points some 13 mm apart, so higher peaks of a rough ground between these points
-            are missed.
+            Configuration, shape (nq,), in which the robot is pressed into the ground by a micrometre, or into a floor
+            that gives as deep as its weight presses soles without hinges. The soles are compared with the ground at
+            points some 13 mm apart, so higher peaks of a rough ground between these points are missed.
         """
         q = checked_configuration("configuration", configuration, self.robot.nq)
         data = mujoco.MjData(self.model)
@@ -238,6 +241,12 @@ class Plant(MujocoRobot):
             points = data.site_xpos[site][:, None] + data.site_xmat[site].reshape(3, 3) @ local
             lift = max(lift, float(np.max(self.terrain.height(points[0], points[1]) - points[2])))
         q[2] += lift - INITIAL_PRESS
+        for surface in self._surfaces:
+            if isinstance(surface, GivingFloor):
+                self.places.set_configuration(q, data.qpos)
+                mujoco.mj_kinematics(self.model, data)
+                mass = self.model.body_subtreemass[self.places.root]
+                q[2] -= surface.depth(self.model, data, mass * self.physics.gravity)
         return q
 
     @checked

@@ -95,7 +95,7 @@ class GivingFloor:
         self._own = np.flatnonzero(area)
         self._area = area[self._own]
         self._floor = ground.floor_stiffness or 0.0, ground.own_damping
-        self._areas = ground.surface_areas
+        self._areas, self._height = ground.surface_areas, ground.height
         self._rigid = model.geom_solref[self._own].copy(), model.geom_solimp[self._own, :2].copy()
         self._inverse = model.body_invweight0[model.geom_bodyid, 0]
         stiffness = max([self._floor[0], *(area.value for area in self._areas if area.name == "stiffness")])
@@ -122,6 +122,21 @@ class GivingFloor:
             data.efc_R[rows] * (1.0 + step * (b + step * s) / IMPEDANCE) * (IMPEDANCE / (1.0 - IMPEDANCE))
         )
         self._write(model, data.geom_xpos[self._own])
+
+    def depth(self, model: mujoco.MjModel, data: mujoco.MjData, weight: float) -> float:
+        """Return how far soles that are where the data say must sink to bear a weight, N, at rest, m.
+
+        A point that the sole has over the gap g to the floor bears K (depth − g), K = k A. The sum over the points that
+        touch is the weight; among all sets of the nearest points these need the least depth. A sole with hinges sinks
+        as one without, and stops where a point meets a rigid floor.
+        """
+        places = data.geom_xpos[self._own]
+        gaps = places[:, 2] - model.geom_size[self._own, 0] - self._height(places[:, 0], places[:, 1])
+        springs = self._area * at_places(self._areas, "stiffness", places, self._floor[0])
+        gives = springs > 0.0
+        order = np.flatnonzero(gives)[np.argsort(gaps[gives])]
+        needed = (weight + np.cumsum(springs[order] * gaps[order])) / np.cumsum(springs[order])
+        return float(np.concatenate([needed, gaps[~gives]]).min())
 
     def _write(self, model: mujoco.MjModel, places: Array) -> None:
         """Write the parameters of all points, which are at some places, shape (n, 3), m, into the model."""

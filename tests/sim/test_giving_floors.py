@@ -265,6 +265,58 @@ def test_a_standing_robot_sinks_by_its_weight_whatever_its_drives_do(mode: str) 
     assert -np.mean(heights) == pytest.approx(weight / (STIFFNESS * area), rel=0.01)
 
 
+@pytest.mark.parametrize("name", ["flat", "rigid"])
+@pytest.mark.parametrize("stiffness", [1e6, 1e7])
+def test_a_robot_starts_as_deep_as_it_rests(name: str, stiffness: float) -> None:
+    """Its weight over stiffness and area of both soles; it then sinks as little as on a rigid floor, by its servos."""
+    moved = {}
+    for floor in (None, stiffness):
+        plant = wbc.Plant("g1", foot=name, terrain=terrain("flat", floor_stiffness=floor))
+        start, height = float(plant.sole_pose(0)[0][2]), plant.base_pose[2]
+        while plant.time < 0.3:
+            plant.step(plant.hold())
+        moved[floor] = plant.base_pose[2] - height
+    area = sum(built.fit.sole.length * built.fit.sole.width for built in plant.feet)
+    depth = float(plant.model.body_mass.sum()) * GRAVITY / (stiffness * area)
+    assert -start == pytest.approx(depth, rel=1e-3)
+    assert moved[stiffness] == pytest.approx(moved[None], abs=0.03 * depth + 1e-4)
+
+
+@pytest.mark.parametrize("name", ["rigid", "soft"])
+def test_a_robot_on_stones_under_a_soft_layer_starts_with_its_weight_on_them(name: str) -> None:
+    """Its points touch at different heights: the sum of their springs is the weight."""
+    ground = terrain("stones", amplitude=0.02, seed=3, ramp=0.0, start=-1.0, floor_stiffness=3e6)
+    plant = wbc.Plant("g1", foot=name, terrain=ground)
+    force = 0.0
+    for built in plant.feet:
+        geoms = np.array([plant.model.geom(point).id for point in built.contact_geoms])
+        places, sole = plant.data.geom_xpos[geoms], plant.data.site(built.wrench_site)
+        size = built.fit.sole
+        areas = point_areas(((places - sole.xpos) @ sole.xmat.reshape(3, 3))[:, :2], size.length * size.width)
+        depth = ground.height(places[:, 0], places[:, 1]) + plant.model.geom_size[geoms, 0] - places[:, 2]
+        force += 3e6 * float(areas @ np.maximum(depth, 0.0))
+    assert force == pytest.approx(float(plant.model.body_mass.sum()) * GRAVITY, rel=1e-6)
+
+
+def test_a_robot_with_one_point_on_rigid_ground_starts_on_it() -> None:
+    beside = (None, None, 0.0, None, "stiffness", 1e6)  # under the left foot alone
+    plant = wbc.Plant("g1", terrain=terrain("flat", areas=beside))
+    assert plant.sole_pose(0)[0][2] == pytest.approx(0.0, abs=2e-6)
+
+
+@pytest.mark.parametrize(
+    "area", [("speed", 0.1), ("friction", 0.1), ("stiffness", 3e6)], ids=lambda area: area[0]
+)
+def test_a_plant_begins_anew_as_at_first_on_any_area(area: tuple[str, float]) -> None:
+    plant, runs = wbc.Plant("g1", terrain=terrain("flat", areas=(0.05, None, None, None, *area))), []
+    for _ in range(2):
+        plant.reset()
+        while plant.time < 0.1:
+            plant.step(plant.hold())
+        runs.append(plant.data.qpos.copy())
+    np.testing.assert_allclose(runs[1], runs[0], rtol=0.0, atol=1e-9)
+
+
 def test_areas_of_points_are_those_of_rules_of_integration() -> None:
     x, y = np.meshgrid([0.0, 0.1, 0.2], [-0.03, 0.03], indexing="ij")
     grid = np.column_stack([x.ravel(), y.ravel()])
