@@ -16,8 +16,7 @@ import pinocchio as pin
 from scipy.optimize import linprog
 
 from wbc.base.numbers import Array
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.problem import Problem

@@ -12,15 +12,11 @@ from wbc.base.errors import missing_from
 from wbc.core.qp.kinds import SelectionTask, VariableTask
 from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
-from wbc.tasks.force.admittance import AdmittanceTask
-from wbc.tasks.force.compliance import ComplianceTask
-from wbc.tasks.force.impedance import ImpedanceTask
-from wbc.tasks.force.torque import JointTorqueTask
-from wbc.tasks.force.wrench import WrenchTask
-from wbc.tasks.motion.com import CoMOverFeetTask, CoMTask
+from wbc.tasks.force.compliance import AdmittanceTask, ComplianceTask, ImpedanceTask
+from wbc.tasks.force.wrench import JointTorqueTask, WrenchTask
+from wbc.tasks.motion.com import CoMOverFeetTask, CoMTask, MomentumTask
 from wbc.tasks.motion.direction import LookAtTask, VectorOrientationTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask, RelativeFrameTask
-from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relations import (
     DistanceTask,

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from wbc.base.checked import checked
 from wbc.base.settings import Period, Positive, settings
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solver import SolverSettings

@@ -67,13 +67,17 @@ def check_rows(
         raise InputError(
             f"rows along the axes of '{frame}' must come in threes, '{item.name}' has {item.dim}"
         )
+    if isinstance(item, Contact) and (item.cone.ndim != 2 or item.cone.shape[1] != item.dim):
+        raise InputError(
+            f"cone of contact '{item.name}' must have shape (rows, {item.dim}), got {item.cone.shape}"
+        )
     item = copy.deepcopy(item)  # its filters and integrators stay as they are
     q, v = _random_state(robot, random)
     robot.update(q, v)
     item.bind(robot)
-    jacobian, error, drift = _rows(item)
+    jacobian, error, drift = item.evaluated()
     robot.update(q, np.zeros(robot.nv))
-    at_rest = _rows(item)[1]
+    at_rest = item.evaluated()[1]
     if _close(at_rest, error):
         _check_jacobian(item, robot, q, v, partial=partial)
     else:
@@ -84,32 +88,12 @@ def check_rows(
     ends = []
     for step in (STEP, -STEP):
         robot.update(pin.integrate(robot.model, q, step * v), v)
-        velocity = _rows(item)[0] @ v
+        velocity = item.evaluated()[0] @ v
         if frame is not None and turns is not None:  # along the axes as they were
             change = turns.T @ robot.placement(frame).rotation
             velocity = (velocity.reshape(-1, 3) @ change.T).reshape(-1)
         ends.append(velocity)
     _compare(item, "drift", drift, (ends[0] - ends[1]) / (2.0 * STEP))
-
-
-def _rows(item: Task | Contact) -> tuple[Array, Array, Array]:
-    """Return Jacobian, error and drift at the present state, which are finite."""
-    if isinstance(item, Task):
-        return item.evaluated()
-    if item.cone.ndim != 2 or item.cone.shape[1] != item.dim:
-        raise InputError(
-            f"cone of contact '{item.name}' must have shape (rows, {item.dim}), got {item.cone.shape}"
-        )
-    rows = np.full((item.dim, item.robot.nv), np.nan), np.full(item.dim, np.nan), np.full(item.dim, np.nan)
-    item.evaluate(*rows)
-    for what, values in zip(("Jacobian", "error", "drift"), rows, strict=True):
-        if not np.isfinite(values).all():
-            raise InputError(
-                f"{what} of contact '{item.name}' must be filled with finite numbers, got {values}"
-            )
-    if not rows[0].any():
-        raise InputError(f"contact '{item.name}' must move with some joint, its Jacobian is zero")
-    return rows
 
 
 def _check_limit(limit: Limit, robot: Robot, dt: float, random: np.random.Generator) -> None:
@@ -136,7 +120,7 @@ def _check_limit(limit: Limit, robot: Robot, dt: float, random: np.random.Genera
 def _check_jacobian(item: Task | Contact, robot: Robot, q: Array, v: Array, *, partial: bool) -> None:
     """Compare the Jacobian with the derivative of the error, column by column."""
     robot.update(q, v)
-    jacobian, error, _ = _rows(item)
+    jacobian, error, _ = item.evaluated()
     hint = "" if _close(error, np.zeros_like(error)) else "; its target is not where the robot is: give none"
     axes = ("x", "y", "z", "roll", "pitch", "yaw") if robot.floating else ()
     names = [f"{axis} of the base" for axis in axes]
@@ -147,7 +131,7 @@ def _check_jacobian(item: Task | Contact, robot: Robot, q: Array, v: Array, *, p
         for step in (STEP, -STEP):
             move[column] = step
             robot.update(pin.integrate(robot.model, q, move), v)
-            ends.append(_rows(item)[1])
+            ends.append(item.evaluated()[1])
         _compare(item, f"Jacobian by {name}", jacobian[:, column], (ends[1] - ends[0]) / (2.0 * STEP), hint)
 
 

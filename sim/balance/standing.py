@@ -13,9 +13,8 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
 from wbc.core.drive.control import DriveControl, Mode
-from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
-from wbc.core.drive.torque import TorqueControl
+from wbc.core.drive.torque import HybridControl, TorqueControl
 from wbc.core.estimation.falls import FallReason
 from wbc.sim.simulation.simulation import GroundTruth
 from wbc.sim.trial.spec import TrialResult, TrialSpec

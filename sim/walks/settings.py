@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import field, replace
 from typing import Literal
 
-from wbc.base.changes import Changes, changed, normal_changes
 from wbc.base.errors import InputError, choose
-from wbc.base.settings import settings
+from wbc.base.settings import Changes, changed, normal_changes, settings
 from wbc.core.drive.control import Mode
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.feet.sensing.range_sensor import RangeSensor

@@ -9,10 +9,20 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import PlainValidator
 
-from wbc.base.changes import Changes, as_changes, changed, normal_changes
 from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, file_hash
-from wbc.base.settings import Angle, NonNegative, Number, Seed, json_object, settings
+from wbc.base.settings import (
+    Angle,
+    Changes,
+    NonNegative,
+    Number,
+    Seed,
+    as_changes,
+    changed,
+    json_object,
+    normal_changes,
+    settings,
+)
 from wbc.core.drive.control import Mode
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from wbc.base.changes import Changes, as_changes
 from wbc.base.errors import InputError, choose
 from wbc.base.files import check_hash, file_hash
 from wbc.base.numbers import finite_scalar
+from wbc.base.settings import Changes, as_changes
 from wbc.feet import Foot
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.feet.stiffness.model import DEFAULT_MODEL

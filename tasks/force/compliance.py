@@ -1,4 +1,4 @@
-"""Base of wrench-driven motion tasks: a frame that yields to the measured wrench.
+"""Wrench-driven motion tasks: a frame that yields to the measured wrench, by an impedance or an admittance.
 
     wrench error  e = low-pass(measured wrench − target wrench)
     compliance    velocity and acceleration from e, the law of each task
@@ -331,3 +331,152 @@ def six(task: str, what: str, value: ArrayLike, *, above_zero: bool = False) -> 
             f"{what} of task '{task}' must be {'above zero' if above_zero else '≥ 0'}, got {gain}"
         )
     return gain
+
+
+IMPEDANCE_SMOOTHING = 0.05
+"""The same of an impedance: cut-off period of mc_rtc's ImpedanceTask."""
+
+IMPEDANCE_BOUND = (1.0, 3.0)
+"""Clamp of the velocity of an impedance; ours: the speed of a hand, beyond what a spring should do."""
+
+SPRING = (1000.0, 100.0)
+"""N/m and Nm/rad; ours: 10 N move the frame by 1 cm, 10 Nm turn it by 0.1 rad."""
+
+MASS = (10.0, 1.0)
+"""kg and kg m²; ours: with the springs, 10 rad/s undamped in all axes."""
+
+
+class ImpedanceTask(ComplianceTask):
+    """Task whose frame yields to the wrench error like a mass on a spring and a damper.
+
+        mass ∘ acceleration + damper ∘ velocity + spring ∘ offset = measured − target wrench
+
+    The offset converges to wrench error / spring, and back to zero when the wrench error ends. Without a mass its time
+    constant is damper / spring. By default the time constant of the low-pass is 0.05 s, and the velocity bound is 1 m/s
+    and 3 rad/s.
+
+    In contact with surroundings of stiffness K the loop through the low-pass is stable if damper > time constant · K (a
+    sufficient condition, by Routh's criterion). For stiff surroundings choose a shorter time constant, more damping, or
+    no mass: without a mass the loop is always stable.
+
+    Source: the law is that of mc_rtc's ImpedanceTask (jrl-umi3218/mc_rtc), without a mass that of its
+    FirstOrderImpedanceTask, integrated implicitly, so that no choice of mass, damper and control period is unstable by
+    itself.
+    """
+
+    __slots__ = ("_damper", "_mass", "_spring")
+    law = "impedance"
+
+    @checked
+    def __init__(
+        self,
+        frame: str,
+        target: pin.SE3 | None = None,
+        *,
+        mass: ArrayLike = MASS,
+        spring: ArrayLike = SPRING,
+        damper: ArrayLike | None = None,
+        **options: Unpack[ComplianceOptions],
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            frame: Frame of the robot, or the name of a sole.
+            target: Pose in the world without an offset; the present pose when None.
+            mass: Mass along the axes of the frame, shape (6,) or a pair (linear, angular), kg and kg m², ≥ 0. With zero
+                the frame yields like a spring and a damper in parallel.
+            spring: Stiffness along the same axes, shape (6,) or a pair, N/m and Nm/rad, ≥ 0.
+            damper: Damping along the same axes, shape (6,) or a pair, Ns/m and Nms/rad, > 0; critical, 2·√(mass ·
+                spring), when None.
+            **options: See `ComplianceOptions`.
+        """
+        options = {"time_constant": IMPEDANCE_SMOOTHING, "velocity_bound": IMPEDANCE_BOUND, **options}
+        super().__init__(frame, target, **options)
+        self.mass, self.spring = mass, spring
+        self.damper = 2.0 * np.sqrt(self._mass * self._spring) if damper is None else damper
+
+    @property
+    def mass(self) -> Array:
+        """Mass, shape (6,), kg and kg m²; assign an array of this shape or a pair (linear, angular)."""
+        return read_only(self._mass)
+
+    @mass.setter
+    def mass(self, value: ArrayLike) -> None:
+        self._mass = six(self.name, "mass (kg, kg m²)", value)
+
+    @property
+    def spring(self) -> Array:
+        """Stiffness, shape (6,), N/m and Nm/rad; assign an array of this shape or a pair (linear, angular)."""
+        return read_only(self._spring)
+
+    @spring.setter
+    def spring(self, value: ArrayLike) -> None:
+        self._spring = six(self.name, "spring (N/m, Nm/rad)", value)
+
+    @property
+    def damper(self) -> Array:
+        """Damping, shape (6,), Ns/m and Nms/rad; assign an array of this shape or a pair (linear, angular)."""
+        return read_only(self._damper)
+
+    @damper.setter
+    def damper(self, value: ArrayLike) -> None:
+        self._damper = six(self.name, "damper (Ns/m, Nms/rad)", value, above_zero=True)
+
+    def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
+        """Solve the law for velocity and offset at the end of the period; see `ComplianceTask.comply`."""
+        mass, spring, damper = self._mass, self._spring, self._damper
+        force = error - spring * self.offset_vector()
+        velocity = (mass * self._velocity + dt * force) / (mass + dt * damper + dt * dt * spring)
+        massless = (rate - spring * velocity) / damper
+        return velocity, np.where(mass > 0.0, (velocity - self._velocity) / dt, massless)
+
+
+class AdmittanceTask(ComplianceTask):
+    """Task whose frame yields at a velocity proportional to the wrench error, and keeps its offset.
+
+        velocity = admittance ∘ (measured − target wrench), which moves the reference pose
+
+    In contact with surroundings of stiffness K, N/m or Nm/rad, the wrench error decays with the rate admittance · K,
+    1/s. There is no overshoot if this rate is at most 1 / (4 · time constant). Without contact the frame moves on at
+    the bounded velocity, and so searches for contact. `offset_bound` can bound the offset.
+
+    Source: the rate form is that of mc_rtc's AdmittanceTask (jrl-umi3218/mc_rtc), with the low-pass as a time
+    constant, and acceleration and velocity of the reference fed forward exactly.
+    """
+
+    __slots__ = ("_admittance",)
+    law = "admittance"
+
+    @checked
+    def __init__(
+        self,
+        frame: str,
+        target: pin.SE3 | None = None,
+        *,
+        admittance: ArrayLike,
+        **options: Unpack[ComplianceOptions],
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            frame: See `ComplianceTask`.
+            target: See `ComplianceTask`.
+            admittance: Velocity per wrench error along the axes of the frame, shape (6,) or a pair (linear, angular),
+                m/(N s) and rad/(Nm s). For example, 1e-4 m/(N s) on ground of 1e5 N/m gives a rate of 10 1/s.
+            **options: See `ComplianceOptions`.
+        """
+        super().__init__(frame, target, **options)
+        self.admittance = admittance
+
+    @property
+    def admittance(self) -> Array:
+        """Velocity per wrench error, shape (6,), m/(N s) and rad/(Nm s); assign this or a pair (linear, angular)."""
+        return read_only(self._admittance)
+
+    @admittance.setter
+    def admittance(self, value: ArrayLike) -> None:
+        self._admittance = six(self.name, "admittance (m/(N s), rad/(Nm s))", value)
+
+    def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
+        """Return admittance ∘ error and its derivative; see `ComplianceTask.comply`."""
+        return self._admittance * error, self._admittance * rate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Unpack
+from typing import Any, ClassVar, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -55,6 +55,7 @@ class FrameTask(Task):
     )  # fmt: skip
     usual = {"stiffness": 30.0}
     reads = "kinematics"
+    _rows: ClassVar[slice] = slice(0, 6)  # of the motion of the frame, [linear; angular], those of the task
 
     def __init__(
         self, frame: str, what: str, rows: tuple[str, ...], target: Any, options: MotionOptions
@@ -88,6 +89,11 @@ class FrameTask(Task):
         """Return a pose after a check, as a copy."""
         return pose(f"target of task '{self.name}'", value)
 
+    def drift(self) -> Array:
+        """Return the acceleration of the frame, in the rows of the task; see `Motion.drift`."""
+        motion = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
+        return np.asarray(motion.vector[self._rows])
+
 
 class PositionTask(FrameTask):
     """Task that brings the origin of a frame to a point of the world.
@@ -96,6 +102,7 @@ class PositionTask(FrameTask):
     """
 
     __slots__ = ()
+    _rows = slice(0, 3)
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; the target is a point in the world, shape (3,), m, the present one when None."""
@@ -114,13 +121,6 @@ class PositionTask(FrameTask):
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[:3]
         np.subtract(self._target.value, self._translation, out=error)
 
-    def drift(self) -> Array:
-        """Return the acceleration of the frame, shape (3,); see `Motion.drift`."""
-        drift: Array = pin.getFrameClassicalAcceleration(
-            self._model, self._data, self._id, self._world
-        ).linear
-        return drift
-
 
 class OrientationTask(FrameTask):
     """Task that turns a frame, such as the pelvis or the torso, to an orientation in the world.
@@ -131,6 +131,7 @@ class OrientationTask(FrameTask):
 
     __slots__ = ()
     unit = "rad"
+    _rows = slice(3, 6)
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; the target is a rotation matrix to the world, shape (3, 3), the present one when None."""
@@ -155,13 +156,6 @@ class OrientationTask(FrameTask):
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[3:]
         error[:] = self._turn(np.dot(self._target.value, self._rotation.T))
 
-    def drift(self) -> Array:
-        """Return the acceleration of the frame, shape (3,); see `Motion.drift`."""
-        drift: Array = pin.getFrameClassicalAcceleration(
-            self._model, self._data, self._id, self._world
-        ).angular
-        return drift
-
 
 class PoseTask(FrameTask):
     """Task that brings a frame to a pose in the world.
@@ -182,13 +176,6 @@ class PoseTask(FrameTask):
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)
         np.subtract(target.translation, self._translation, out=error[:3])
         error[3:] = self._turn(np.dot(target.rotation, self._rotation.T))
-
-    def drift(self) -> Array:
-        """Return the acceleration of the frame, shape (6,); see `Motion.drift`."""
-        drift: Array = pin.getFrameClassicalAcceleration(
-            self._model, self._data, self._id, self._world
-        ).vector
-        return drift
 
 
 class RelativeFrameTask(FrameTask):

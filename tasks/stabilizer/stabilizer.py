@@ -25,8 +25,7 @@ from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
 from wbc.tasks.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.tasks.stabilizer.zmp import MIN_FORCE, level_zmp, zmp_offset
+from wbc.tasks.stabilizer.pendulum import MIN_FORCE, Pendulum, level_zmp, zmp_offset
 
 
 class StabilizerOutput(NamedTuple):

@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 import pytest
 
-from wbc.base.changes import as_changes, changed, normal_changes, read_changes, setting_names
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.settings import (
     Angle,
@@ -19,11 +18,16 @@ from wbc.base.settings import (
     Positive,
     Seed,
     Share,
+    as_changes,
+    changed,
     from_json,
     in_units,
     json_object,
     may_be_none,
     nested_settings,
+    normal_changes,
+    read_changes,
+    setting_names,
     settings,
     to_json,
     unit_and_choices,

@@ -13,10 +13,9 @@ from task_factory import near_half_sitting, standing
 
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.core.drive.control import FailurePolicy
-from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.servos import Servos
-from wbc.core.drive.torque import TorqueControl
+from wbc.core.drive.torque import HybridControl, TorqueControl
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.contact import PointContact

@@ -10,8 +10,7 @@ from properties import by_default
 from task_factory import ROBOTS, integrate, make_robot, standing
 
 from wbc.base.numbers import Array
-from wbc.core.limits.joint import BrakingLaw, JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import BrakingLaw, JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot

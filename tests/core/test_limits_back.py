@@ -15,8 +15,7 @@ from task_factory import integrate, right_hand
 import wbc
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solver import Status

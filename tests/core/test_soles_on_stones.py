@@ -14,7 +14,7 @@ from properties import by_default, examples
 from task_factory import ROBOTS, make_robot, near_half_sitting, random_state
 
 from wbc.base.numbers import Array
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import TorqueLimits
 from wbc.core.qp.contact import Contact, SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.other_solvers import solve_by_qpsolvers

@@ -14,11 +14,9 @@ import numpy as np
 
 from wbc.base.errors import MeasurementError
 from wbc.base.numbers import Array
-from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
-from wbc.core.drive.torque import TorqueControl
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.drive.torque import HybridControl, TorqueControl
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.signals import Command, Measurement
 from wbc.sim import Plant, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.balance.standing import StandSpec, StandTrial

@@ -15,7 +15,7 @@ from task_factory import left_hand, standing
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import TorqueLimits
 from wbc.tasks import (
     Behaviour,
     CoMTask,

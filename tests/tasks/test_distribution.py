@@ -15,7 +15,7 @@ from wbc.tasks.stabilizer.distribution import (
     WrenchDistribution,
     left_foot_ratio,
 )
-from wbc.tasks.stabilizer.zmp import cop
+from wbc.tasks.stabilizer.pendulum import cop
 
 WEIGHT = 62.4 * GRAVITY  # JVRC-1
 SIZES = ((0.22, 0.10), (0.22, 0.10))

@@ -8,8 +8,14 @@ import pytest
 
 from wbc.base.errors import InputError
 from wbc.core.frames import net_wrench
-from wbc.tasks.stabilizer.pendulum import Pendulum, dcm, natural_frequency
-from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, level_zmp
+from wbc.tasks.stabilizer.pendulum import (
+    NoContactForceError,
+    Pendulum,
+    cop,
+    dcm,
+    level_zmp,
+    natural_frequency,
+)
 
 
 def test_natural_frequency_of_a_085_m_pendulum() -> None:

@@ -26,9 +26,8 @@ from wbc.tasks.stabilizer.feedback import (
     wrench_through,
 )
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.pendulum import Pendulum, cop, level_zmp, natural_frequency, zmp_offset
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
-from wbc.tasks.stabilizer.zmp import cop, level_zmp, zmp_offset
 
 MASS = 62.4  # JVRC-1
 HEIGHT = 0.85

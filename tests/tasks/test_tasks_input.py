@@ -12,8 +12,7 @@ from task_factory import make_robot
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
 from wbc.core.limits.com_polygon import CoMPolygonLimit
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import Contact, SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task

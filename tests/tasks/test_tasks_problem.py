@@ -14,9 +14,8 @@ from wbc.base.errors import InputError
 from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.collision import CollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
-from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.limits.obstacles import CollisionSphere
-from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import PointContact, SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item

@@ -14,7 +14,7 @@ from standing_hands import AHEAD, DOWN, held_hand, standing, turned, wrench_at
 
 from wbc.base.errors import InputError
 from wbc.core.frames import heading
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Follower
 from wbc.robots import load
@@ -30,8 +30,7 @@ from wbc.sim import (
     WalkTrial,
     make_scene,
 )
-from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.tasks.stabilizer.zmp import zmp_offset
+from wbc.tasks.stabilizer.pendulum import Pendulum, zmp_offset
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.arm import LEAD

@@ -19,9 +19,8 @@ from typing import Annotated, Any
 import docstring_parser
 from cyclopts import App, ArgumentCollection, Parameter
 
-from wbc.base.changes import read_changes
 from wbc.base.errors import InputError
-from wbc.base.settings import nested_settings, usable_path
+from wbc.base.settings import nested_settings, read_changes, usable_path
 
 
 def prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:

@@ -17,8 +17,7 @@ from pydantic import Field
 from wbc._version import __version__
 from wbc.base.numbers import Array
 from wbc.base.settings import Count, Positive, settings, to_json
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot

@@ -286,6 +286,8 @@ class Robot:
         )
         # Of a single column, Pinocchio makes a vector.
         self.com_jacobian, self.joint_jacobians = com_jacobian.reshape(3, -1), joints.reshape(6, -1)
+        self._base_rotation, self._gravity = data.oMi[1].rotation, np.array(model.gravity.linear)
+        self._still = None if self.floating else model.createData()  # for `com_drift`
         self.q = np.array(self.half_sitting)
         self._quaternion = self.q[3:7]
         self.v, self._no_acceleration = np.zeros(self.nv), np.zeros(self.nv)
@@ -358,6 +360,20 @@ class Robot:
         if self.springs is not None or self.damping is not None:
             self.bias[self.base_dof :] += self.passive_torques(self.q, self.v)
         pin.updateFramePlacements(self.model, self.data)
+
+    def com_drift(self) -> Array:
+        """Return the acceleration of the CoM at no generalised acceleration, in the world, shape (3,), m/s².
+
+        It needs no second pass over the kinematics: the forces on the base rows of the bias, turned into the world,
+        are mass · (drift − gravity). A bolted base has no such rows.
+        """
+        if self._still is not None:
+            pin.centerOfMass(self.model, self._still, self.q, self.v, self._no_acceleration, False)
+            return np.array(self._still.acom[0])
+        drift: Array = self._base_rotation.dot(self.bias[:3])
+        drift /= self._total_mass
+        drift += self._gravity
+        return drift
 
     def spring_torques(self, q: Array) -> Array:
         """Return torques, shape (…, na), Nm, that hold the springs at configurations, shape (…, nq), as in `bias`."""

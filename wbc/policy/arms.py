@@ -22,8 +22,7 @@ from wbc.base.errors import NoSolutionError
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.core.frames import frame_jacobian
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import Contact, ContactOptions
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints

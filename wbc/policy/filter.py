@@ -30,8 +30,7 @@ from wbc.base.errors import InputError, NoSolutionError, names_in
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, Ratio
 from wbc.core.limits.base import Limit
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.released import ReleasedJoints

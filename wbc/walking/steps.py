@@ -8,9 +8,8 @@ import numpy as np
 
 from wbc.base.errors import InputError, shown
 from wbc.core.drive.control import FEET_AS_PLANNED, FEET_STEP, DriveControl
-from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
-from wbc.core.drive.torque import TorqueControl
+from wbc.core.drive.torque import HybridControl, TorqueControl
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller

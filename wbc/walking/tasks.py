@@ -12,8 +12,7 @@ import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.frames import heading
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.options import GainOptions

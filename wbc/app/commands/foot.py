@@ -13,9 +13,8 @@ from pydantic import Field
 from wbc.app.arguments import Fields, attribute_docs
 from wbc.app.commands.terrain import ground_of
 from wbc.app.output import Output, Report, facts_text, reports
-from wbc.base.changes import changed, read_changes, setting_names
 from wbc.base.errors import InputError
-from wbc.base.settings import NonNegative, Positive, settings, to_json
+from wbc.base.settings import NonNegative, Positive, changed, read_changes, setting_names, settings, to_json
 from wbc.feet import Foot, SoftFoot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.catalog import foot_names

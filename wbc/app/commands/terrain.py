@@ -12,9 +12,8 @@ from cyclopts import Parameter
 from wbc.app.arguments import Fields
 from wbc.app.files import check_picture
 from wbc.app.output import Output, Report, facts_text, reports
-from wbc.base.changes import read_changes
 from wbc.base.errors import InputError
-from wbc.base.settings import NonNegative, settings, unit_and_choices
+from wbc.base.settings import NonNegative, read_changes, settings, unit_and_choices
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.scenes.base import scene_kinds
 from wbc.sim.terrain.families.base import Family, make_family, terrain_families

@@ -20,12 +20,11 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.output import Output, Report, reports
 from wbc.app.repeat import RepeatWalk, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
-from wbc.base.changes import full_name, read_changes, setting_names
 from wbc.base.errors import InputError, shown
 from wbc.base.files import check_target, read_toml
 from wbc.base.numbers import finite_scalar
 from wbc.base.registry import allow_code
-from wbc.base.settings import Positive, nested_settings, settings
+from wbc.base.settings import Positive, full_name, nested_settings, read_changes, setting_names, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loops import PLANT
 from wbc.sim.trial.trial import TrialHook

@@ -28,8 +28,7 @@ from wbc.sim.plant.hands import SCENE_PREFIX
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
-from wbc.tasks.stabilizer.pendulum import dcm, natural_frequency
-from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp
+from wbc.tasks.stabilizer.pendulum import NoContactForceError, dcm, level_zmp, natural_frequency
 from wbc.walking.contact import LIFT_OFFS
 from wbc.walking.control import WalkingControl
 

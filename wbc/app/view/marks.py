@@ -20,7 +20,7 @@ from wbc.base.hull import convex_hull
 from wbc.base.numbers import Array
 from wbc.feet.soles.actuator import STIFFEST
 from wbc.robots.source import Colour
-from wbc.tasks.stabilizer.zmp import cop
+from wbc.tasks.stabilizer.pendulum import cop
 
 COM_COLOUR: Colour = (0.95, 0.60, 0.10, 1.0)
 ZMP_COLOUR: Colour = (0.75, 0.15, 0.75, 1.0)

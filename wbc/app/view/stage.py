@@ -18,8 +18,7 @@ from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.spec import terrain
-from wbc.tasks.stabilizer.pendulum import natural_frequency
-from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp
+from wbc.tasks.stabilizer.pendulum import NoContactForceError, level_zmp, natural_frequency
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement

@@ -5,7 +5,7 @@
     command = control.act(state)            QP, drive, gate                      never raises
 
 `command` does both, for targets that come from elsewhere. The modes are in `wbc.core.drive`: `wbc.core.drive.position`
-integrates accelerations to references of the servos, `wbc.core.drive.torque` sends torques, `wbc.core.drive.hybrid`
+integrates accelerations to references of the servos, `wbc.core.drive.torque` sends torques, `wbc.core.drive.torque`
 both.
 """
 

@@ -1,13 +1,22 @@
-"""Torque control: the torques of the solution, by the estimate alone."""
+"""Torque and hybrid control: the torques of the solution by the estimate alone, and soft servos around their motion."""
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import ArrayLike
+
 from wbc.base.checked import checked
-from wbc.base.numbers import Array
+from wbc.base.errors import InputError
+from wbc.base.lag import lag_gain
+from wbc.base.numbers import Array, finite_array, scalar
+from wbc.base.settings import NonNegative, NonNegativeNumbers
 from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solution import Solution
+from wbc.core.robot import BASE_DOF
 from wbc.core.signals import Command
 
 
@@ -51,3 +60,111 @@ class TorqueControl(DriveControl):
 
     def _damp(self, state: State) -> Command:
         return self.gate.pass_on(self._damping(state))
+
+
+class HybridControl(TorqueControl):
+    """Hybrid control: joint position, joint velocity, torque, kp and kd in one command, for drives with soft servos.
+
+    The controller's robot is the estimated one, as in torque control, and the torques of the solution carry it. The
+    references are the joint positions and velocities that these torques should produce by the next command. While the
+    robot moves as its model predicts, the servos therefore add no torque. When it moves otherwise, they damp and hold
+    it, at the high rate of the drives.
+
+    Attributes:
+        kp: Stiffness in the commands, shape (na,), Nm/rad.
+        kd: Damping in the commands, shape (na,), Nms/rad.
+        q: Joint positions of the last references, shape (na,), rad.
+        v: Joint velocities of the last references, shape (na,), rad/s.
+    """
+
+    @checked
+    def __init__(
+        self,
+        controller: Controller,
+        observer: Observer | None = None,
+        policy: FailurePolicy | None = None,
+        *,
+        kp: NonNegativeNumbers | None = None,
+        kd: NonNegativeNumbers | None = None,
+        reference_time: Annotated[NonNegative, "s"] = 0.02,
+        safety: SafetySettings | None = None,
+    ) -> None:
+        """See `DriveControl`.
+
+        Args:
+            controller: The controller.
+            observer: Observer of the same robot model, as in torque control; a new one when None.
+            policy: Reaction to failures.
+            kp: Stiffness in the commands, shape (na,), Nm/rad. When None, it is that of the robot's description; if
+                that was derived and not given, a softer share of it (`Servos.soft`).
+            kd: Damping in the commands, shape (na,), Nms/rad; chosen in the same way when None.
+            reference_time: Time constant with which the position references converge to the estimated positions, s;
+                with 0 they start from the estimate at every tick.
+            safety: Ranges of measurements and commands.
+        """
+        super().__init__(controller, observer, policy, safety=safety)
+        robot = controller.robot
+        if kp is None or kd is None:
+            if robot.servos is None:
+                raise InputError(f"give kp and kd: the gains of the servos of {robot!r} are not known")
+            soft = robot.servos.soft()
+            kp, kd = soft[0] if kp is None else kp, soft[1] if kd is None else kd
+        self.kp, self.kd = _gains("kp", kp, robot.na), _gains("kd", kd, robot.na)
+        self._pull = lag_gain(controller.dt, reference_time)
+        self._dt = scalar(controller.dt)
+        self._off = np.zeros(robot.na)
+        self.q, self.v = np.array(robot.q[7:]), np.zeros(robot.na)
+
+    def reset(self, q: Array | None = None) -> None:
+        """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
+        super().reset(q)
+        self.q[:], self.v[:] = self.controller.robot.q[7:], 0.0
+
+    def resume(self) -> None:
+        """See `TorqueControl.resume`; the references begin where and as fast as the joints are."""
+        super().resume()
+        robot = self.controller.robot
+        self.q[:], self.v[:] = robot.q[7:], robot.v[BASE_DOF:]
+
+    def _follow(self, state: State, solution: Solution) -> Command:
+        robot = self.controller.robot
+        velocity = robot.v[BASE_DOF:]
+        step = solution.accelerations[BASE_DOF:] * self._dt
+        self.q += self._pull * (robot.q[7:] - self.q)
+        self.v += self._pull * (velocity - self.v)
+        self.q += (self.v + 0.5 * step) * self._dt
+        self.v += step
+        if (
+            released := self.controller.released
+        ) is not None:  # their servos are not ours: no torque of them counts in the gate
+            index = released.index
+            self.q[index], self.v[index] = robot.q[7 + index], velocity[index]
+        return self._passed(state, self._torques, (self.kp, self.kd))
+
+    def _hold(self, state: State) -> Command:
+        """Hold references and torques while the servos damp; once stopped, only damp."""
+        if self.stopped:
+            return self._damp(state)
+        self.v[:] = 0.0
+        return self._passed(state, self._torques, (self.kp, self.kd))
+
+    def _damp(self, state: State) -> Command:
+        damping = self.policy.joint_damping * self.controller.robot.torque_limit
+        position, _ = self.plausibility.joints(state.received)
+        self.q[:], self.v[:] = np.where(np.isnan(position), self.q, position), 0.0
+        return self._passed(state, self._off, (self._off, np.maximum(self.kd, damping)))
+
+    def _passed(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
+        """Return the command of the references, within all limits; the references are where it says."""
+        measured = self.plausibility.joints(state.received)
+        command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, measured)
+        if self.gate.faults:
+            assert command.joint_position is not None and command.joint_velocity is not None
+            self.q[:], self.v[:] = command.joint_position, command.joint_velocity
+        return command
+
+
+def _gains(name: str, value: ArrayLike, joints: int) -> Array:
+    gains = finite_array(f"{name} of the servos", value, (joints,))
+    gains.setflags(write=False)
+    return gains

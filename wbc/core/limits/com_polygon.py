@@ -127,8 +127,6 @@ class CoMPolygonLimit(Barrier):
                 f"limit '{self.name}' is of a robot that stands, '{robot.name}' is bolted to the world"
             )
         super().bind(robot)
-        gravity = robot.model.gravity.linear
-        self._gravity = np.array(gravity[:2])
         time_constant, recovery = self._given_time, self._given_recovery
         if time_constant is None:
             heights = [robot.com[2] - robot.placement(sole.frame).translation[2] for sole in robot.soles]
@@ -136,10 +134,9 @@ class CoMPolygonLimit(Barrier):
                 raise InputError(
                     f"limit '{self.name}' needs a time constant: the CoM of {robot!r} is above no sole"
                 )
-            time_constant = math.sqrt(max(heights) / -gravity[2])
+            time_constant = math.sqrt(max(heights) / -robot.model.gravity.linear[2])
         self._time = time_constant
         self._back = 0.5 * self._margin / time_constant**2 if recovery is None else recovery
-        self._base_rotation = robot.data.oMi[1].rotation
         if self._of_soles:
             self.use_soles()
 
@@ -150,12 +147,8 @@ class CoMPolygonLimit(Barrier):
         np.subtract(self._offsets, np.dot(self._normals, self._robot.com[:2]), out=above)
 
     def drift(self) -> Array:
-        """Return the accelerations towards the edges: the force on the base rows of the bias, less weight."""
-        robot = self._robot
-        drift = np.dot(self._base_rotation[:2], robot.bias[:3])
-        drift /= robot.mass
-        drift += self._gravity
-        return np.asarray(self._normals.dot(drift))
+        """Return the accelerations towards the edges; see `Barrier.drift`."""
+        return np.asarray(self._normals.dot(self._robot.com_drift()[:2]))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', edges={np.isfinite(self._offsets).sum()})"

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from wbc.base.errors import UnknownNameError
 from wbc.base.numbers import Array
 from wbc.core.limits.base import Limit
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Block
 from wbc.core.qp.released import ReleasedJoints

@@ -15,8 +15,7 @@ from wbc.base.checked import fixed
 from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import Array
 from wbc.core.limits.base import Limit
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import violated_groups

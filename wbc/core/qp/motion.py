@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import weakref
 from abc import ABC
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, ClassVar, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, WbcError, shown
 from wbc.base.numbers import Array, finite_array, read_only
 from wbc.core.qp.options import Choice
 from wbc.core.robot import Robot
@@ -150,6 +152,40 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
     def drift(self) -> Array:
         """Return the drift of the rows, shape (rows,); `measure` was called before."""
         raise NotImplementedError
+
+    def evaluated(self) -> tuple[Array, Array, Array]:
+        """Return Jacobian, shape (dim, nv), error and drift, shape (dim,), at the present state, checked.
+
+        Rows that cannot be evaluated, move with no joint, or have numbers that are not finite are an `InputError`.
+        """
+        rows = jacobian, error, drift = self._unfilled(), np.zeros(self.dim), np.zeros(self.dim)
+        with self._guarded():
+            Block(self, slice(0, self.dim), *rows).fill()
+        for what, values in zip(("Jacobian", "error", "drift"), rows, strict=True):
+            if not np.isfinite(values).all():
+                raise InputError(f"{what} of {self._kind} '{self.name}' must be finite, got {shown(values)}")
+        if not jacobian.any():
+            raise InputError(
+                f"{self._kind} '{self.name}' must move with some joint, its Jacobian is zero; evaluate writes into the "
+                "array that it is given: jacobian[:] = …"
+            )
+        return jacobian, error, drift
+
+    def _unfilled(self) -> Array:
+        """Return the Jacobian before `evaluate` fills it, shape (dim, nv)."""
+        return np.zeros((self.dim, self.robot.nv))
+
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Make an `InputError` of whatever a task of one's own raises."""
+        try:
+            yield
+        except WbcError:
+            raise
+        except Exception as failure:
+            raise InputError(
+                f"{self._kind} '{self.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
+            ) from failure
 
     @property
     def stiffness(self) -> Array:

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from wbc.base.numbers import Array
 from wbc.base.vectors import largest
 from wbc.core.limits.base import ATTAINABLE, BACK, Attainable, Limit
-from wbc.core.limits.joint import JointLimits
-from wbc.core.limits.torque import TorqueLimits
+from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.kinds import SelectionTask, VariableTask
 from wbc.core.qp.motion import NONE, Block, Motion, RowNumbers

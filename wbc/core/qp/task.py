@@ -12,8 +12,7 @@ bound, so that a distant target does not cause a larger acceleration.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Any, ClassVar, Literal, Unpack
 
 import numpy as np
@@ -21,10 +20,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked as checked_arguments
-from wbc.base.errors import InputError, WbcError, shown, unknown_name
+from wbc.base.errors import InputError, shown, unknown_name
 from wbc.base.numbers import Array, finite_array, read_only
 from wbc.core.frames import FixedPose
-from wbc.core.qp.motion import RATE, Block, Motion, RowNumbers
+from wbc.core.qp.motion import RATE, Motion, RowNumbers
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, Target, coordinates
 from wbc.core.qp.options import Choice, MotionOptions
 from wbc.core.robot import Reads, Robot
@@ -246,40 +245,6 @@ class Task(Motion):
             over = float((abs(error[part]) / bound[part]).max())
             if over > 1.0:
                 error[part] /= over
-
-    def evaluated(self) -> tuple[Array, Array, Array]:
-        """Return Jacobian, shape (dim, nv), error and drift, shape (dim,), at the present state, checked.
-
-        Rows that cannot be evaluated, move with no joint, or have numbers that are not finite are an `InputError`.
-        """
-        rows = jacobian, error, drift = self._unfilled(), np.zeros(self.dim), np.zeros(self.dim)
-        with self._guarded():
-            Block(self, slice(0, self.dim), *rows).fill()
-        for what, values in zip(("Jacobian", "error", "drift"), rows, strict=True):
-            if not np.isfinite(values).all():
-                raise InputError(f"{what} of task '{self.name}' must be finite, got {shown(values)}")
-        if not jacobian.any():
-            raise InputError(
-                f"task '{self.name}' must move with some joint, its Jacobian is zero; evaluate writes into the array "
-                "that it is given: jacobian[:] = …"
-            )
-        return jacobian, error, drift
-
-    def _unfilled(self) -> Array:
-        """Return the Jacobian before `evaluate` fills it, shape (dim, nv)."""
-        return np.zeros((self.dim, self.robot.nv))
-
-    @contextmanager
-    def _guarded(self) -> Iterator[None]:
-        """Make an `InputError` of whatever a task of one's own raises."""
-        try:
-            yield
-        except WbcError:
-            raise
-        except Exception as failure:
-            raise InputError(
-                f"task '{self.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
-            ) from failure
 
     @property
     def error(self) -> Array:

@@ -27,7 +27,7 @@ from wbc.core.qp.move import Move, PoseCoordinates
 from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import Ramp, approach
-from wbc.tasks.force.admittance import AdmittanceTask
+from wbc.tasks.force.compliance import AdmittanceTask
 from wbc.walking.hands.frames import WORLD, Frames, carried
 from wbc.walking.swing import REST
 

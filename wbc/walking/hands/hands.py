@@ -32,8 +32,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.core.trajectories import Follower
-from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.tasks.stabilizer.zmp import zmp_offset
+from wbc.tasks.stabilizer.pendulum import Pendulum, zmp_offset
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, Hand, HandSettings, HandState
 from wbc.walking.hands.reaching import Arms

@@ -15,7 +15,7 @@ from wbc.base.vectors import Point, Rotation, Vector, along, part_way
 from wbc.core.drive.control import State
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
-from wbc.tasks.stabilizer.zmp import zmp_offset
+from wbc.tasks.stabilizer.pendulum import zmp_offset
 from wbc.walking.stepping.law import Divergent, divergent_component
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants
 
