@@ -11,8 +11,8 @@ from ._version import __version__ as __version__
 from .base.errors import InputError as InputError
 from .base.errors import NoSolutionError as NoSolutionError
 from .base.errors import WbcError as WbcError
-from .core.drive.torque import HybridControl as HybridControl
 from .core.drive.position import PositionControl as PositionControl
+from .core.drive.torque import HybridControl as HybridControl
 from .core.drive.torque import TorqueControl as TorqueControl
 from .core.estimation.observer import Observer as Observer
 from .core.kinematics.inverse import InverseKinematics as InverseKinematics
@@ -24,6 +24,7 @@ from .core.limits.frame import AxisConeLimit as AxisConeLimit
 from .core.limits.frame import FramePositionLimit as FramePositionLimit
 from .core.limits.frame import FrameSpeedLimit as FrameSpeedLimit
 from .core.limits.joint import JointLimits as JointLimits
+from .core.limits.joint import TorqueLimits as TorqueLimits
 from .core.limits.obstacles import CollisionBox as CollisionBox
 from .core.limits.obstacles import CollisionCapsule as CollisionCapsule
 from .core.limits.obstacles import CollisionCylinder as CollisionCylinder
@@ -32,7 +33,6 @@ from .core.limits.obstacles import CollisionHeights as CollisionHeights
 from .core.limits.obstacles import CollisionHull as CollisionHull
 from .core.limits.obstacles import CollisionSphere as CollisionSphere
 from .core.limits.obstacles import Obstacle as Obstacle
-from .core.limits.joint import TorqueLimits as TorqueLimits
 from .core.qp.closure import FixedContact as FixedContact
 from .core.qp.closure import LoopClosure as LoopClosure
 from .core.qp.contact import PointContact as PointContact
