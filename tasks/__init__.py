@@ -9,14 +9,20 @@ test. `balance` has the tasks of a robot that stands, `stabilizer` the DCM stabi
 from typing import TYPE_CHECKING
 
 from wbc.base.errors import missing_from
-from wbc.core.qp.kinds import SelectionTask, VariableTask
+from wbc.core.qp.task import SelectionTask, VariableTask
 from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
 from wbc.tasks.force.compliance import AdmittanceTask, ComplianceTask, ImpedanceTask
 from wbc.tasks.force.wrench import JointTorqueTask, WrenchTask
 from wbc.tasks.motion.com import CoMOverFeetTask, CoMTask, MomentumTask
-from wbc.tasks.motion.direction import LookAtTask, VectorOrientationTask
-from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask, RelativeFrameTask
+from wbc.tasks.motion.frame import (
+    LookAtTask,
+    OrientationTask,
+    PoseTask,
+    PositionTask,
+    RelativeFrameTask,
+    VectorOrientationTask,
+)
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relations import (
     DistanceTask,

@@ -81,7 +81,7 @@ class ProfileRecipe:
     Attributes:
         step: Distance of the samples of a profile, m.
         window: Length of a profile, m; None for whole tracks. By default the length scanned in a step of 0.145 m when
-            the stiffness is decided (`wbc.tasks.scheduling.record.StiffnessTiming`).
+            the stiffness is decided (`wbc.tasks.scheduling.stiffness.StiffnessTiming`).
         roughness: Filter.
     """
 

@@ -14,7 +14,7 @@ from wbc.ground.known import GroundSettings
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.trial.falls import FallSettings
-from wbc.tasks.scheduling.record import StiffnessTiming
+from wbc.tasks.scheduling.stiffness import StiffnessTiming
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains

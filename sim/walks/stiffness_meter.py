@@ -11,7 +11,7 @@ from wbc.core.robot import SIDES
 from wbc.feet.sensing.scan import Profile
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.trial import TrialHook, TrialTick
-from wbc.tasks.scheduling.record import StepStiffness
+from wbc.tasks.scheduling.stiffness import StepStiffness
 from wbc.walking.control import WalkingControl
 
 

@@ -24,7 +24,7 @@ from wbc.tasks.scheduling.policies import (
     stiffness_policy,
     stiffness_policy_names,
 )
-from wbc.tasks.scheduling.record import StiffnessTiming
+from wbc.tasks.scheduling.stiffness import StiffnessTiming
 
 ORACLE = "oracle"
 """Policy that knows families and places, for what scheduling can win at most; its parameters are family → Nm/rad."""

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from wbc.base.errors import InputError, unknown_name
 from wbc.base.numbers import Array
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.options import POSE_AXES, TaskOptions
 from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.task import VariableTask
 from wbc.tasks.motion.posture import JointTask, JointValues
 
 

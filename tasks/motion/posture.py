@@ -12,10 +12,9 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
 from wbc.base.settings import NonNegative
-from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.move import USUAL_SPEED, Coordinates
 from wbc.core.qp.options import GainOptions, TaskOptions, distinct_joints, joint_columns
-from wbc.core.qp.task import ERROR_BOUNDS, NEAR, SLOW, Task
+from wbc.core.qp.task import ERROR_BOUNDS, NEAR, SLOW, SelectionTask, Task
 from wbc.core.robot import Robot
 
 JointValues = ArrayLike | Mapping[str, float]

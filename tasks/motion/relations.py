@@ -14,10 +14,9 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import NonNegative, Number
 from wbc.core.frames import frame_jacobian
-from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.options import GainOptions, joint_columns
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import SelectionTask, Task
 from wbc.core.robot import Robot
 
 NEAREST = 1e-3

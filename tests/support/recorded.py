@@ -18,8 +18,7 @@ from wbc.feet import RangeSensor, foot
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.scheduling.policies import StiffnessDecision, SwingScan
-from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
-from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.scheduling.stiffness import StepStiffness, StiffnessScheduler, StiffnessTiming
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait

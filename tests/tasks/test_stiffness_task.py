@@ -25,8 +25,7 @@ from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, StiffnessModel
 from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.tasks.scheduling.policies import FixedPolicy, GroundPolicy, ModelPolicy, SwingScan
-from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
-from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.scheduling.stiffness import StepStiffness, StiffnessScheduler, StiffnessTiming
 
 DT = 0.005
 WINDOW = ProfileRecipe().window

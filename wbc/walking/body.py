@@ -22,8 +22,7 @@ from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.trajectories import approach
-from wbc.tasks.motion.direction import LookAtTask
-from wbc.tasks.motion.frame import PoseTask, PositionTask
+from wbc.tasks.motion.frame import LookAtTask, PoseTask, PositionTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.plans.reach import Leg, vertical_joint

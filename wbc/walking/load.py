@@ -5,7 +5,7 @@ mass, centre of mass, momentum and gravity torques follow, and the pendulum is t
 
     M = m + m_L,   C = (m c + m_L p) / M.
 
-The outside wrench r (`wbc.core.estimation.outside`) shows what the model lacks. Of a load at rest,
+The outside wrench r (`wbc.core.estimation.wrenches`) shows what the model lacks. Of a load at rest,
 
     m_L = −r_Fz / g,   m_L (p − h) = (r_My, −r_Mx) / g   horizontally,
 
@@ -26,7 +26,7 @@ from wbc.base.errors import InputError
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
-from wbc.core.estimation.outside import OutsideWrench, moment_about
+from wbc.core.estimation.wrenches import OutsideWrench, moment_about
 from wbc.core.frames import direction
 from wbc.core.robot import GRAVITY, Robot
 

@@ -30,9 +30,8 @@ from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
-from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.sinking import Sinking
-from wbc.core.estimation.wrenches import WrenchSettings
+from wbc.core.estimation.wrenches import OutsideSettings, OutsideWrench, WrenchSettings
 from wbc.core.frames import net_wrench
 from wbc.core.robot import GRAVITY, Robot, checked_configuration
 from wbc.core.signals import SIGNALS, Measurement

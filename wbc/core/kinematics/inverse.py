@@ -12,16 +12,14 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, NoSolutionError
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Count, NonNegative, Ordinal, Period, Positive, Seed
-from wbc.core.kinematics.assembly import VelocityAssembly
-from wbc.core.kinematics.levels import solve_levels
+from wbc.core.kinematics.assembly import VelocityAssembly, solve_levels
 from wbc.core.kinematics.reach import Search
 from wbc.core.kinematics.solution import ReachResult, VelocitySolution
 from wbc.core.limits.base import Limit
 from wbc.core.qp.diagnosis import held_back, is_far
 from wbc.core.qp.items import Item, Items, ItemT
-from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import Task, VariableTask
 from wbc.core.robot import Robot
 
 SOLVER = SolverSettings(tolerance=1e-9, relaxation=1e6)

@@ -20,9 +20,8 @@ from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import VelocityAssembly
 from wbc.core.kinematics.solution import ReachResult
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.solving.solver import Status
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import SelectionTask, Task
 from wbc.core.robot import Robot, random_joints
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6

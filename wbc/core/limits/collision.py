@@ -19,8 +19,7 @@ from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross
 from wbc.core.limits.base import BACK, Barrier, demands
 from wbc.core.limits.facing import CORNERS, Facing
-from wbc.core.limits.heights import Columns
-from wbc.core.limits.obstacles import ENDLESS, CollisionHeights, Obstacle, Shape, geometry_of
+from wbc.core.limits.obstacles import ENDLESS, CollisionHeights, Columns, Obstacle, Shape, geometry_of
 from wbc.core.limits.pairs import check_separable, pairs_that_touch, srdf_pairs
 from wbc.core.limits.separation import Separation, cross, following, round_radius
 from wbc.core.robot import Robot

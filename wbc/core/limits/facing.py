@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
-from wbc.core.limits.heights import Columns
+from wbc.core.limits.obstacles import Columns
 from wbc.core.limits.separation import following, round_radius
 
 KEPT = 2

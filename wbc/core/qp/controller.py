@@ -19,12 +19,11 @@ from wbc.core.qp.assembly import Assembly
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import held_back, status_table
 from wbc.core.qp.items import Item, Items
-from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution, Timings
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import Drives, Task
+from wbc.core.qp.task import Drives, Task, VariableTask
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 

@@ -9,11 +9,10 @@ import qpsolvers
 
 from wbc.base.numbers import Array
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.qp.store import RowStore
-from wbc.core.qp.task import NEAR, Task
+from wbc.core.qp.task import NEAR, SelectionTask, Task
 from wbc.core.robot import Robot
 
 SLACK_TOLERANCE = 1e-4

@@ -19,9 +19,8 @@ from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import violated_groups
-from wbc.core.qp.kinds import VariableTask
 from wbc.core.qp.store import RowStore
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import Task, VariableTask
 from wbc.core.robot import Robot
 
 Item = Task | Contact | Limit

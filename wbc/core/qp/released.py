@@ -25,8 +25,8 @@ from wbc.base.errors import InputError
 from wbc.base.lag import lag_gain
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Positive
-from wbc.core.qp.kinds import SelectionTask
 from wbc.core.qp.options import distinct_joints, joint_columns
+from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import Robot
 
 WEIGHT = 1e5

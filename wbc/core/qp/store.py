@@ -26,10 +26,9 @@ from wbc.base.vectors import largest
 from wbc.core.limits.base import ATTAINABLE, BACK, Attainable, Limit
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.kinds import SelectionTask, VariableTask
 from wbc.core.qp.motion import NONE, Block, Motion, RowNumbers
 from wbc.core.qp.solving.problem import Problem
-from wbc.core.qp.task import Task
+from wbc.core.qp.task import SelectionTask, Task, VariableTask
 from wbc.core.robot import Robot
 
 NOTHING = np.zeros((0, 0))
