@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
+from pydantic_core import to_jsonable_python
 
 from wbc.base.errors import InputError, shown, unknown_name
 from wbc.base.numbers import Array, finite_array, in_range, plain
@@ -177,25 +178,10 @@ def usable_path(path: Path) -> Path:
 
 FIELDS = "__dataclass_fields__"
 
-_PLAIN = frozenset((str, float, int, bool, type(None)))
-
-
-@functools.cache
-def _field_names(kind: Any) -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(kind))
-
 
 def to_json(value: Any) -> Any:
     """Return settings, or a tuple, list or mapping of them, as plain values for JSON."""
-    if type(value) in _PLAIN:
-        return value
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {name: to_json(getattr(value, name)) for name in _field_names(type(value))}
-    if isinstance(value, (list, tuple)):
-        return [to_json(item) for item in value]
-    if isinstance(value, Mapping):
-        return {key: to_json(item) for key, item in value.items()}
-    return plain(value) if isinstance(value, (np.generic, np.ndarray)) else value
+    return to_jsonable_python(value, fallback=plain, serialize_as_any=True)
 
 
 def json_object(kind: str, data: Any) -> dict[str, Any]:

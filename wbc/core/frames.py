@@ -122,13 +122,11 @@ class FixedPose(pin.SE3):  # type: ignore[misc]  # it has no stubs
         """Return a pose that can be written."""
         return pin.SE3(self)
 
-    def setIdentity(self) -> None:  # noqa: N802 (Pinocchio's name)
-        """Refuse; see `setRandom`."""
-        self.setRandom()
-
-    def setRandom(self) -> None:  # noqa: N802 (Pinocchio's name)
+    def _refuse(self) -> None:
         """Refuse, as an assignment to a part does."""
         raise AttributeError("this pose is read-only: assign another one to its owner, or change a copy()")
+
+    setIdentity = setRandom = _refuse  # Pinocchio's names
 
 
 SoleSide: TypeAlias = Annotated[float, Field(gt=0.0, le=2.0)]

@@ -258,14 +258,8 @@ class Robot:
         for closure in self.closures:
             self.frame_id(closure.frame)
             self.frame_id(closure.other)
-        for name, lower, upper, *others in zip(
-            self.joint_names,
-            self.position_lower.tolist(),
-            self.position_upper.tolist(),
-            self.velocity_limit.tolist(),
-            self.torque_limit.tolist(),
-            strict=True,
-        ):
+        limits = self.position_lower, self.position_upper, self.velocity_limit, self.torque_limit
+        for name, lower, upper, *others in zip(self.joint_names, *(x.tolist() for x in limits), strict=True):
             if not lower <= upper:
                 raise ModelError(
                     f"joint '{name}' needs a lower position limit that is not above its upper one, got {lower}, {upper}"

@@ -81,23 +81,8 @@ class Measurement:
         return self.sole_wrench
 
     def with_wrenches(self, wrenches: Array, source: WrenchSource) -> Measurement:
-        """Return the measurement with other wrenches on the soles, shape (number of soles, 6), and their origin.
-
-        `dataclasses.replace` does the same, and takes five times as long.
-        """
-        return Measurement(
-            self.time,
-            self.joint_position,
-            self.joint_velocity,
-            self.angular_velocity,
-            self.specific_force,
-            wrenches,
-            self.sole_range,
-            self.sole_stiffness,
-            self.joint_torque,
-            source,
-            self.hand_wrenches,
-        )
+        """Return the measurement with other wrenches on the soles, shape (number of soles, 6), and their origin."""
+        return replace(self, sole_wrench=wrenches, wrench_source=source)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,20 +123,9 @@ class Command:
 
     def copy(self) -> Command:
         """Return a copy of the command, with its own arrays."""
-
-        def own(part: Array | None) -> Array | None:
-            return None if part is None else part.copy()
-
-        return Command(
-            self.joint_torque.copy(),
-            own(self.joint_position),
-            own(self.joint_velocity),
-            own(self.sole_stiffness),
-            own(self.kp),
-            own(self.kd),
-            self.released,
-            self.period,
-        )
+        references = (self.joint_position, self.joint_velocity, self.sole_stiffness, self.kp, self.kd)
+        own = (None if part is None else part.copy() for part in references)
+        return Command(self.joint_torque.copy(), *own, self.released, self.period)
 
     def check(self, joint_names: Sequence[str]) -> Command:
         """Return the command with arrays of floats; what no drive must get is an `InputError`.

@@ -102,21 +102,20 @@ class FramePositionLimit(FrameLimit):
             )
         self._axes = axes / lengths[:, None]
         super().__init__(frame, "bounds", len(axes), name, time_constant)
-        self._lower, self._upper = np.full(self.dim, -np.inf), np.full(self.dim, np.inf)
-        self._take(lower, upper)
+        none = np.full(self.dim, np.inf)
+        self._take(-none if lower is None else lower, none if upper is None else upper)
 
-    def _take(self, lower: ArrayLike | None, upper: ArrayLike | None) -> None:
-        """Take bounds that are right; None leaves one as it is."""
-        taken = []
-        for what, bound, before in (("lower", lower, self._lower), ("upper", upper, self._upper)):
+    def _take(self, lower: ArrayLike, upper: ArrayLike) -> None:
+        """Take bounds over that are right."""
+        bounds = []
+        for what, bound in (("lower", lower), ("upper", upper)):
             try:
-                array = before if bound is None else numbers(bound)
+                bounds.append(numbers(bound))
             except (TypeError, ValueError, OverflowError, RecursionError):
                 raise InputError(
                     f"{what} of limit '{self.name}' must be numbers, got {shown(bound)}"
                 ) from None
-            taken.append(array)
-        low, high = taken
+        low, high = bounds
         if low.shape != (self.dim,) or high.shape != (self.dim,) or not (low <= high).all():
             raise InputError(
                 f"limit '{self.name}' needs a lower and an upper bound for each of {self.dim} directions, the lower "
@@ -131,7 +130,7 @@ class FramePositionLimit(FrameLimit):
 
     @lower.setter
     def lower(self, value: ArrayLike) -> None:
-        self._take(value, None)
+        self._take(value, self._upper)
 
     @property
     def upper(self) -> Array:
@@ -140,7 +139,7 @@ class FramePositionLimit(FrameLimit):
 
     @upper.setter
     def upper(self, value: ArrayLike) -> None:
-        self._take(None, value)
+        self._take(self._lower, value)
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill a row for each direction; see `Barrier.measure`."""

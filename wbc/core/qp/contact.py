@@ -20,7 +20,7 @@ from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
-from wbc.core.frames import frame_jacobian, unit_vector
+from wbc.core.frames import frame_jacobian, pose, unit_vector
 from wbc.core.friction import box_wrench_cone, friction_pyramid, rectangle_wrench_cone
 from wbc.core.qp.motion import RATE, Motion
 from wbc.core.robot import GRAVITY, Reads, Robot
@@ -277,10 +277,7 @@ class Contact(Motion):
     @target.setter
     def target(self, value: pin.SE3) -> None:
         _ = self.robot
-        if not isinstance(value, pin.SE3):
-            raise InputError(f"target of contact '{self.name}' must be a pinocchio.SE3, got {value!r}")
-        finite_array(f"target of contact '{self.name}'", value.homogeneous, (4, 4))
-        self._target = pin.SE3(value)
+        self._target = pose(f"target of contact '{self.name}'", value)
 
     @property
     def velocity(self) -> Array:
