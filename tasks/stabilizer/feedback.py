@@ -20,8 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, lag_gain
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair
 from wbc.tasks.stabilizer.pendulum import Pendulum

@@ -16,8 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.checked import checked
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, lag_gain
 from wbc.base.vectors import Vector
 from wbc.core.frames import net_wrench
 from wbc.core.robot import GRAVITY

@@ -92,9 +92,7 @@ class StabilizerTask(CoMTask):
                 f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
             )
         defaults: MotionOptions = {"weight": 100.0, "stiffness": STIFFNESS}
-        self._aim: tuple[Array, Array, Array] | None = (
-            None  # CoM of a robot that stands, velocity, acceleration
-        )
+        self._aim: tuple[Array, Array, Array] | None = None  # CoM, velocity, acceleration of a stand
         super().__init__(target, **(defaults | options))
         self._torque = drives == "torque"
         if self._torque:  # horizontally the feedback gives the acceleration

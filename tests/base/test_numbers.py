@@ -20,10 +20,10 @@ from wbc.base.errors import (
     shown_path,
     unknown_name,
 )
-from wbc.base.lag import lag_gain
 from wbc.base.numbers import (
     finite_array,
     finite_scalar,
+    lag_gain,
     numbers,
     plain,
     read_only,

@@ -89,3 +89,8 @@ def finite_scalar(
     if type(value) is float and math.isfinite(value) and low <= value <= high and above < value:
         return value
     return float(in_range(what, finite_array(what, value, ()), low, above, high))
+
+
+def lag_gain(dt: float, time_constant: float) -> float:
+    """Return the share of the way to its input that a first-order lag goes in dt; 1 without a time constant."""
+    return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)

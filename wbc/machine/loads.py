@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, lag_gain
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.robot import BASE_DOF, GRAVITY

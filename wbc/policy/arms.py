@@ -19,8 +19,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.base.errors import NoSolutionError
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, lag_gain
 from wbc.core.frames import frame_jacobian
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import Contact, ContactOptions

@@ -23,8 +23,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import Positive, settings
 from wbc.core.estimation.wrenches import OutsideWrench, moment_about
 from wbc.core.frames import direction

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, NamedTuple
 
 from wbc.base.errors import InputError
-from wbc.base.lag import lag_gain
+from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Point, along
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other

@@ -23,7 +23,7 @@ from wbc.base.checked import checked
 from wbc.base.drawing import RenderError, opening
 from wbc.base.errors import InputError
 from wbc.base.files import check_target, replacing
-from wbc.base.lag import lag_gain
+from wbc.base.numbers import lag_gain
 from wbc.base.settings import Positive
 
 Pixels = NDArray[np.uint8]

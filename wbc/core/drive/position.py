@@ -14,8 +14,7 @@ import pinocchio as pin
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array, scalar
+from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.settings import Positive
 from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.estimation.observer import Observer

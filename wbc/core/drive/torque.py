@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array, finite_array, scalar
+from wbc.base.numbers import Array, finite_array, lag_gain, scalar
 from wbc.base.settings import NonNegative, NonNegativeNumbers
 from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.estimation.observer import Observer

@@ -15,8 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array, scalar
+from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.vectors import Vector, part_way
 from wbc.core.estimation.legs import LASTING, MEMORY, OFFSET, SMOOTHING, STILL, LegComparison
 from wbc.core.estimation.observer import Observer

@@ -20,8 +20,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array, scalar
+from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.settings import Positive, settings
 from wbc.base.vectors import Vector
 from wbc.core.robot import GRAVITY

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from wbc.base.lag import lag_gain
+from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Vector, part_way
 from wbc.core.robot import GRAVITY
 

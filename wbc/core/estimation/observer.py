@@ -24,8 +24,7 @@ from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError, shown
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor

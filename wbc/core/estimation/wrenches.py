@@ -23,8 +23,7 @@ from pydantic import Field
 from scipy.linalg.lapack import dposv
 
 from wbc.base.errors import InputError
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.base.vectors import Vector, add_cross
 from wbc.core.frames import direction, frame_jacobian, net_wrench

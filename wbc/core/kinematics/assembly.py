@@ -26,11 +26,11 @@ import daqp
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.core.kinematics.solution import holding
 from wbc.core.limits.base import Limit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Block
 from wbc.core.qp.solving.problem import Problem
+from wbc.core.qp.solving.solution import holding
 from wbc.core.qp.solving.solver import RAISED, Status
 from wbc.core.qp.store import RowStore, consecutive, rows_in
 from wbc.core.qp.task import SelectionTask, Task
@@ -162,7 +162,7 @@ class VelocityAssembly(RowStore):
         """Return the names of the limits with multipliers that leave no more than a tolerance of room, each once."""
         p = self.problem
         full = np.where(multipliers > 0.0, p.upper < tolerance, p.lower > -tolerance)
-        return holding(self.names, multipliers * full)
+        return tuple(dict.fromkeys(holding(self.names, multipliers * full)))
 
     def damp(self, damping: float) -> None:
         """Write the cost per squared velocity, or step, of every coordinate, and those of selections."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, overload
 
 import numpy as np
@@ -10,20 +11,69 @@ import pinocchio as pin
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, NoSolutionError
+from wbc.base.html import html_table
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Count, NonNegative, Ordinal, Period, Positive, Seed
 from wbc.core.kinematics.assembly import VelocityAssembly, solve_levels
-from wbc.core.kinematics.reach import Search
-from wbc.core.kinematics.solution import ReachResult, VelocitySolution
+from wbc.core.kinematics.reach import ReachResult, Search
 from wbc.core.limits.base import Limit
 from wbc.core.qp.diagnosis import held_back, is_far
 from wbc.core.qp.items import Item, Items, ItemT
+from wbc.core.qp.solving.solution import holding
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
+from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import Task, VariableTask
 from wbc.core.robot import Robot
 
 SOLVER = SolverSettings(tolerance=1e-9, relaxation=1e6)
 """Settings of the solver: where contacts and hard tasks contradict each other, or limits, each of them gives way."""
+
+
+@dataclass(slots=True, eq=False)
+class VelocitySolution:
+    """Result of one step; owns its arrays.
+
+    Attributes:
+        status: Step of the solver's ladder that succeeded; `RELAXED` where limits, contacts and hard tasks could not
+            all be kept. When `ok` is False the velocities are zero.
+        velocities: Generalised velocities: base (in its own frame), then joints, shape (nv,), m/s and rad/s.
+        values: Velocities of the rows of the QP.
+        targets: Wanted velocities of all rows.
+        multipliers: Multipliers of the inequalities, positive where the upper bound is active.
+        rows: Rows of tasks and limits, with their names.
+    """
+
+    status: Status
+    velocities: Array
+    values: Array
+    targets: Array
+    multipliers: Array
+    rows: RowStore
+
+    def __repr__(self) -> str:
+        return f"VelocitySolution({self.status.name.lower()}, {len(self.active_limits)} active limits)"
+
+    def _repr_html_(self) -> str:
+        residuals = [f"{name}  {np.abs(rows).max(initial=0.0):.3g}" for name, rows in self.residuals.items()]
+        return html_table(
+            "\n".join([f"{self!r}", *residuals, *(f"limit  {name}" for name in self.active_limits)])
+        )
+
+    @property
+    def ok(self) -> bool:
+        """True if the QP was solved."""
+        return self.status.ok
+
+    @property
+    def residuals(self) -> dict[str, Array]:
+        """Task name → achieved minus wanted velocity, shape (dim,), unit of the task per second."""
+        residuals = self.rows.residuals(self.velocities, self.values, self.targets)
+        return {name: residuals[place] for name, place in self.rows.places.items()}
+
+    @property
+    def active_limits(self) -> tuple[str, ...]:
+        """Names of the limits that are active, each once."""
+        return tuple(dict.fromkeys(holding(self.rows.names, self.multipliers)))
 
 
 class InverseKinematics(Items):

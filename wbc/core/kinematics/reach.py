@@ -18,7 +18,6 @@ import pinocchio as pin
 
 from wbc.base.numbers import Array
 from wbc.core.kinematics.assembly import VelocityAssembly
-from wbc.core.kinematics.solution import ReachResult
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.solving.solver import Status
 from wbc.core.qp.task import SelectionTask, Task
@@ -45,6 +44,44 @@ STILL = 1e-10
 
 PULLS = 0.1
 """Share of the greatest gradient that an error can have above which its task pulls on joints that could lessen it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReachResult:
+    """Configuration that a search has found.
+
+    Attributes:
+        configuration: The configuration, shape (nq,).
+        reached: True if every task on a motion, every hard task and every contact is within the tolerance, and no limit
+            is violated. Postures, unless they are hard, choose among configurations and do not count.
+        errors: Name of a task → length of its error, in each unit of it: (m,), (rad,), or (m, rad) for a pose. Tasks on
+            a velocity, such as a momentum, have none: a search does not move.
+        missed: What is beyond the tolerance → by how much, such as "0.12 m, 0.3 rad".
+        held_by: Names of the limits that hold the configuration where it is, or that are violated. Where no limit is
+            either, names of the tasks and contacts that pull against what is missed, or of missed ones that pull
+            against each other. Empty where everything is reached, and where a target is out of reach.
+        iterations: Number of steps of the last start.
+        starts: Number of configurations from which the search began.
+    """
+
+    configuration: Array
+    reached: bool
+    errors: Mapping[str, tuple[float, ...]]
+    missed: Mapping[str, str]
+    held_by: tuple[str, ...]
+    iterations: int
+    starts: int
+
+    def __str__(self) -> str:
+        if self.reached:
+            return f"reached in {self.iterations} steps"
+        missed = ", ".join(f"{name} by {size}" for name, size in self.missed.items())
+        held = (
+            "; held by " + ", ".join(self.held_by)
+            if self.held_by
+            else "; nothing holds it: it is out of reach"
+        )
+        return f"not reached: {missed}{held}"
 
 
 @dataclass(frozen=True, slots=True)

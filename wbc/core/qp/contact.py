@@ -130,9 +130,7 @@ class Contact(Motion):
             self.motion_weight = given["motion_weight"]
         self._active = bool(given["active"])
         self._load = 1.0 if self._active else 0.0  # share of the greatest forces that is allowed now
-        self._carried: Array | None = (
-            None  # greatest forces of a contact that unloads, shape (dim,), N and Nm
-        )
+        self._carried: Array | None = None  # greatest forces of one that unloads, shape (dim,), N and Nm
 
     @property
     def friction(self) -> float:

@@ -72,9 +72,7 @@ class Controller(Items):
         self.measured = robot
         self.drives: Drives | None = None
         self._torques: Array | None = None  # of the last solution
-        self._commanded: Array | None = (
-            None  # in the last tick: the same array, where nothing else was commanded
-        )
+        self._commanded: Array | None = None  # in the last tick: the same array, where nothing else was
         self._before: Array | None = None  # commanded in the tick before
         self._differed = False  # from those of its solution
         self._close_chains()

@@ -84,9 +84,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         ):
             raise InputError(f"{kind.__name__} needs a method `evaluate`, or `measure` and `drift`")
         self.name, self.revision = name, 0
-        self._fed = (
-            False  # the target has had a velocity or an acceleration, which may be another in every tick
-        )
+        self._fed = False  # the target has had a velocity or an acceleration: it may be another in every tick
         self._numbers = RowNumbers.zeros(self.dim)
         self._robot: Robot | None = None
         self._owner = None

@@ -22,8 +22,7 @@ from scipy.linalg.lapack import dposv
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, lag_gain
 from wbc.base.settings import Positive
 from wbc.core.qp.options import distinct_joints, joint_columns
 from wbc.core.qp.task import SelectionTask

@@ -26,8 +26,7 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.qp.closure import FixedContact
 from wbc.core.qp.contact import ContactOptions, PointContact

@@ -24,8 +24,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError, choose
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, lag_gain
 from wbc.base.vectors import along
 from wbc.core.frames import heading, unit_vector
 from wbc.core.qp.controller import Controller

@@ -7,7 +7,7 @@ there than a wrong estimate costs. On ground that has been level in the last ste
 
 from __future__ import annotations
 
-from wbc.base.lag import lag_gain
+from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Point, Vector
 from wbc.walking.stepping.settings import SteppingConstants
 

@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import Array
+from wbc.base.numbers import Array, lag_gain
 from wbc.base.vectors import Point, Vector, along
 from wbc.ground.height_map import Places
 from wbc.walking.ground import LAST_LOOK, GroundEstimate

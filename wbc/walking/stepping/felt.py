@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.lag import lag_gain
-from wbc.base.numbers import ROUNDING, Array
+from wbc.base.numbers import ROUNDING, Array, lag_gain
 from wbc.base.vectors import Point, Rotation, Vector, along, part_way
 from wbc.core.drive.control import State
 from wbc.core.frames import heading

@@ -7,7 +7,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 
-from wbc.base.lag import lag_gain
+from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Point, Vector, along
 from wbc.core.drive.control import State
 from wbc.core.robot import SIDES

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from wbc.base.lag import lag_gain
+from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Point, Vector, along, part_way
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep

@@ -12,6 +12,16 @@ from wbc.base.html import html_table
 from wbc.base.numbers import Array
 from wbc.core.qp.solving.solver import Status
 
+HOLDS = 1e-6
+"""Multiplier, as a share of the greatest or of one, above which a limit holds something."""
+
+
+def holding(names: tuple[str, ...], multipliers: Array) -> tuple[str, ...]:
+    """Return the names of the limits whose multipliers are not zero, in the order of the rows."""
+    sizes = np.abs(multipliers)
+    active = np.flatnonzero(sizes > HOLDS * max(1.0, float(sizes.max(initial=0.0))))
+    return tuple(names[i] for i in active)
+
 
 class Timings(NamedTuple):
     """Wall time of the phases of a tick, s."""
@@ -101,5 +111,4 @@ class Solution:
     @property
     def active_limits(self) -> tuple[str, ...]:
         """Names of the active limits, in the order of the rows."""
-        threshold = 1e-6 * max(1.0, float(np.abs(self.multipliers).max(initial=0.0)))
-        return tuple(self.layout.limits[i] for i in np.flatnonzero(np.abs(self.multipliers) > threshold))
+        return holding(self.layout.limits, self.multipliers)
