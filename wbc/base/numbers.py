@@ -1,4 +1,4 @@
-"""The array type of the library, the rounding that it allows, and checks of numbers.
+"""The array type of the library, the rounding that it allows, checks of numbers, and the lag of first order.
 
 A check returns the value as a float, an integer or an array. Or it raises an `InputError` that names the value and the
 rule.
@@ -92,5 +92,8 @@ def finite_scalar(
 
 
 def lag_gain(dt: float, time_constant: float) -> float:
-    """Return the share of the way to its input that a first-order lag goes in dt; 1 without a time constant."""
+    """Return the share of the way to its input that a first-order lag goes in dt; 1 without a time constant.
+
+    The discretisation is exact: time constants do not depend on the control period.
+    """
     return 1.0 if time_constant <= 0.0 else -math.expm1(-dt / time_constant)
