@@ -21,10 +21,9 @@ import qpsolvers
 from problem_streams import ProblemStream, least_violation
 
 from wbc.base.settings import Count, Seed, Share, settings, to_json
-from wbc.core.qp.solving.other_solvers import standard_form
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solution import Solution
-from wbc.core.qp.solving.solver import SolverSettings
+from wbc.core.qp.solving.solver import SolverSettings, standard_form
 from wbc.robots import load, names
 
 SLOW = 5e-3

@@ -17,7 +17,7 @@ from wbc.base.numbers import Array
 from wbc.core.limits.joint import TorqueLimits
 from wbc.core.qp.contact import Contact, SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.solving.other_solvers import solve_by_qpsolvers
+from wbc.core.qp.solving.solver import solve_by_qpsolvers
 from wbc.core.robot import Robot
 from wbc.tasks import CoMTask, PostureTask
 

@@ -9,9 +9,15 @@ import pytest
 from problem_streams import ProblemStream, least_violation
 
 from wbc.base.errors import UnknownNameError
-from wbc.core.qp.solving.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.solving.problem import Problem
-from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status, solver_names
+from wbc.core.qp.solving.solver import (
+    DaqpSolver,
+    QpSolver,
+    SolverSettings,
+    Status,
+    solve_by_qpsolvers,
+    solver_names,
+)
 from wbc.robots import load
 
 

@@ -19,8 +19,7 @@ from wbc.core.limits.obstacles import CollisionSphere
 from wbc.core.qp.contact import PointContact, SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
-from wbc.core.qp.solving.other_solvers import solve_by_qpsolvers
-from wbc.core.qp.solving.solver import Status
+from wbc.core.qp.solving.solver import Status, solve_by_qpsolvers
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
 from wbc.tasks import (

@@ -22,7 +22,7 @@ origin **in the world** (its angular velocity is in the body frame, as here). Wi
 so that M = Tᵀ M_mujoco T. Joints are matched by name outside and by index arrays here: `joint_qpos[i]` and
 `joint_dof[i]` are the places in MuJoCo's `qpos` and `qvel` of Pinocchio's i-th actuated joint, shape (na,)
 (`model.jnt_qposadr`, `model.jnt_dofadr`); without them the joints follow the base in the same order. MuJoCo's
-base always comes first. Functions write into `out` if it is given: of MuJoCo's arrays other entries, such as those of
+base always comes first. Arrays of MuJoCo are written into `out` if it is given: other entries, such as those of
 compliant feet, are kept.
 
 Sources: Pinocchio `JointModelFreeFlyer`; MuJoCo documentation "Computation / Floating objects", `mjJNT_FREE`.
@@ -61,12 +61,10 @@ def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Arra
     return qpos
 
 
-def configuration_from_mujoco(
-    qpos: Array, joint_qpos: Index | None = None, out: Array | None = None
-) -> Array:
+def configuration_from_mujoco(qpos: Array, joint_qpos: Index | None = None) -> Array:
     """Translate MuJoCo's `qpos`, quaternion wxyz, to a configuration, shape (nq,), xyzw."""
     joints = qpos[7:] if joint_qpos is None else qpos[joint_qpos]
-    q = np.empty(7 + joints.size) if out is None else out
+    q = np.empty(7 + joints.size)
     q[0:3] = qpos[0:3]
     q[3:6] = qpos[4:7]
     q[6] = qpos[3]
@@ -83,12 +81,10 @@ def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: 
     return qvel
 
 
-def velocity_from_mujoco(
-    q: Array, qvel: Array, joint_dof: Index | None = None, out: Array | None = None
-) -> Array:
+def velocity_from_mujoco(q: Array, qvel: Array, joint_dof: Index | None = None) -> Array:
     """Translate MuJoCo's `qvel` at a configuration (ours) to a velocity, shape (nv,), base in the base frame."""
     joints = qvel[6:] if joint_dof is None else qvel[joint_dof]
-    v = np.empty(6 + joints.size) if out is None else out
+    v = np.empty(6 + joints.size)
     v[0:3] = rotation_of(q[3:7]).T @ qvel[0:3]
     v[3:6] = qvel[3:6]
     v[6:] = joints
