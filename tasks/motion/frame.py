@@ -13,7 +13,14 @@ from numpy.typing import ArrayLike
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
-from wbc.core.frames import frame_jacobian, pose, rotation_matrix, unit_vector
+from wbc.core.frames import (
+    frame_jacobian,
+    pose,
+    relative_drift,
+    relative_jacobian,
+    rotation_matrix,
+    unit_vector,
+)
 from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn
 from wbc.core.qp.options import POSE_AXES, POSITION_AXES, ROTATION_AXES, MotionOptions
 from wbc.core.qp.task import Task
@@ -212,42 +219,20 @@ class RelativeFrameTask(FrameTask):
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill Jacobian and error; see `Motion.measure`.
 
-        With d from the reference to the frame, ω the reference's angular velocity and R its rotation, the velocity is
-        Rᵀ(v_f − v_r − ω × d), Rᵀ(ω_f − ω).
+        The velocity is that of `wbc.core.frames.relative_jacobian`, along the axes of the reference.
         """
-        model, data, world = self._model, self._data, self._world
-        rotation = self._reference_placement.rotation
-        back, offset = rotation.T, self._translation - self._reference_placement.translation
-        # [I, [d]×; 0, I] takes the reference's velocity to where the frame is; rotated, into the reference's axes.
-        rows = frame_jacobian(model, data, self._id, world)
-        theirs = frame_jacobian(model, data, self._reference_id, world)
-        rows -= theirs
-        rows[:3] += np.dot(pin.skew(offset), theirs[3:])
+        back = self._reference_placement.rotation.T
+        rows = relative_jacobian(self._model, self._data, self._id, self._reference_id)
         jacobian[:3], jacobian[3:] = np.dot(back, rows[:3]), np.dot(back, rows[3:])
-        target = self._target.value
+        target, offset = self._target.value, self._translation - self._reference_placement.translation
         np.subtract(target.translation, np.dot(back, offset), out=error[:3])
-        error[3:] = self._turn(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))
+        error[3:] = self._turn(np.dot(target.rotation, np.dot(self._rotation.T, back.T)))
 
     def drift(self) -> Array:
-        """Return the acceleration in the reference, shape (6,); see `Motion.drift`.
-
-        Rᵀ(a_f − a_r − α × d − ω × (ω × d) − 2 ω × (v_f − v_r − ω × d)),  Rᵀ(α_f − α_r − ω × ω_f)
-        """
-        model, data, world = self._model, self._data, self._world
-        own, other = self._id, self._reference_id
+        """Return the acceleration in the reference, shape (6,); see `Motion.drift`."""
         back = self._reference_placement.rotation.T
-        offset = self._translation - self._reference_placement.translation
-        velocity = pin.getFrameVelocity(model, data, other, world)
-        moving = pin.getFrameVelocity(model, data, own, world)
-        turn = pin.skew(velocity.angular)
-        carried = np.dot(turn, offset)
-        slip = moving.linear - velocity.linear - carried
-        acceleration = pin.getFrameClassicalAcceleration(model, data, own, world)
-        base = pin.getFrameClassicalAcceleration(model, data, other, world)
-        linear = acceleration.linear - base.linear + np.dot(pin.skew(offset), base.angular)
-        linear -= np.dot(turn, carried + 2.0 * slip)
-        angular = acceleration.angular - base.angular - np.dot(turn, moving.angular)
-        return np.concatenate([np.dot(back, linear), np.dot(back, angular)])
+        parts = relative_drift(self._model, self._data, self._id, self._reference_id)
+        return np.concatenate([np.dot(back, part) for part in parts])
 
 
 NEAREST = 0.05

@@ -91,6 +91,41 @@ def frame_jacobian(model: pin.Model, data: pin.Data, frame: int, axes: pin.Refer
     return jacobian if jacobian.ndim == 2 else jacobian[:, None]
 
 
+def relative_jacobian(model: pin.Model, data: pin.Data, frame: int, reference: int) -> Array:
+    """Return the velocity of a frame against the body of another one, per generalised velocity, shape (6, nv).
+
+    With d from the reference to the frame, the rows are v − v_r − ω_r × d and ω − ω_r, along the world axes.
+    """
+    rows = frame_jacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+    theirs = frame_jacobian(model, data, reference, pin.LOCAL_WORLD_ALIGNED)
+    rows -= theirs
+    rows[:3] += pin.skew(data.oMf[frame].translation - data.oMf[reference].translation).dot(theirs[3:])
+    return rows
+
+
+def relative_drift(model: pin.Model, data: pin.Data, frame: int, reference: int) -> tuple[Vector, Vector]:
+    """Return the acceleration of a frame in another one at no generalised acceleration, along the world axes.
+
+    With d and the speed s = v − v_r − ω_r × d of `relative_jacobian`, the linear and the angular part are
+
+        a − a_r − α_r × d − ω_r × (ω_r × d + 2 s),  α − α_r − ω_r × ω.
+    """
+    world, parts = pin.LOCAL_WORLD_ALIGNED, []
+    for each in (frame, reference):
+        velocity = pin.getFrameVelocity(model, data, each, world).vector.tolist()
+        acceleration = pin.getFrameClassicalAcceleration(model, data, each, world).vector.tolist()
+        parts.append((velocity, acceleration, data.oMf[each].translation.tolist()))
+    ((u, v, w, *spin), (a, b, c, *turning), (x, y, z)), (
+        (ru, rv, rw, *carries), (ra, rb, rc, *bends), (rx, ry, rz),
+    ) = parts  # fmt: skip
+    d, back = (x - rx, y - ry, z - rz), (-carries[0], -carries[1], -carries[2])
+    cx, cy, cz = add_cross((0.0, 0.0, 0.0), carries, d)
+    twice = 2.0 * (u - ru) - cx, 2.0 * (v - rv) - cy, 2.0 * (w - rw) - cz
+    linear = add_cross(add_cross((a - ra, b - rb, c - rc), d, bends), back, twice)
+    changes = turning[0] - bends[0], turning[1] - bends[1], turning[2] - bends[2]
+    return linear, add_cross(changes, back, spin)
+
+
 def net_wrench(wrenches: Sequence[Vector], soles: Sequence[pin.SE3]) -> Array:
     """Return the sum of wrenches in their sole frames, at the world origin in world axes, shape (6,), N and Nm."""
     fx = fy = fz = mx = my = mz = 0.0

@@ -280,6 +280,7 @@ class Robot:
         )
         # Of a single column, Pinocchio makes a vector.
         self.com_jacobian, self.joint_jacobians = com_jacobian.reshape(3, -1), joints.reshape(6, -1)
+        self._base_force = self.bias[:3]
         self._base_rotation, self._gravity = data.oMi[1].rotation, np.array(model.gravity.linear)
         self._still = None if self.floating else model.createData()  # for `com_drift`
         self.q = np.array(self.half_sitting)
@@ -364,7 +365,7 @@ class Robot:
         if self._still is not None:
             pin.centerOfMass(self.model, self._still, self.q, self.v, self._no_acceleration, False)
             return np.array(self._still.acom[0])
-        drift: Array = self._base_rotation.dot(self.bias[:3])
+        drift: Array = self._base_rotation.dot(self._base_force)
         drift /= self._total_mass
         drift += self._gravity
         return drift

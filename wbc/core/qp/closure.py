@@ -14,8 +14,7 @@ import pinocchio as pin
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.base.vectors import add_cross
-from wbc.core.frames import frame_jacobian
+from wbc.core.frames import relative_drift, relative_jacobian
 from wbc.core.qp.contact import NORMAL, USUAL_WEIGHTS, Contact, ContactOptions, HeldFrame
 from wbc.core.qp.motion import RowNumbers
 from wbc.core.robot import GRAVITY, Robot
@@ -180,38 +179,22 @@ class LoopClosure(Contact):
         Rᵀ (v₂ − v₁ − ω₁ × r): the velocity of the second point against the first body, so that the two forces are
         opposite at one point and give the robot no momentum, closed or not.
         """
-        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
         back = self._placement.rotation.T
         self._turn = turn = self._lines.dot(back)
-        reach = self._there.translation - self._placement.translation
-        one = frame_jacobian(model, data, self._id, world)
-        two = frame_jacobian(model, data, self._other_id, world)
-        lever = turn.dot(pin.skew(reach))
-        error[:] = turn.dot(reach)
-        if not self.rotation:
-            jacobian[:] = turn.dot(one[:3] - two[:3]) - lever.dot(one[3:])
-            return
-        self._turn_spin = turn_spin = self._spins.dot(back)
-        error += self._spins.dot(pin.log3(back.dot(self._there.rotation)))
-        jacobian[:] = turn.dot(one[:3] - two[:3]) + (turn_spin - lever).dot(one[3:]) - turn_spin.dot(two[3:])
+        rows = relative_jacobian(self._model, self._data, self._other_id, self._id)
+        error[:] = turn.dot(self._there.translation - self._placement.translation)
+        np.negative(turn.dot(rows[:3]), out=jacobian)
+        if self.rotation:
+            self._turn_spin = turn_spin = self._spins.dot(back)
+            error += self._spins.dot(pin.log3(back.dot(self._there.rotation)))
+            jacobian -= turn_spin.dot(rows[3:])
 
     def drift(self) -> Array:
         """Return the acceleration of the first end against the second, shape (dim,); see `Motion.drift`."""
-        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
-        one, two = self._id, self._other_id
-        ux, uy, uz, *w1 = pin.getFrameVelocity(model, data, one, world).vector.tolist()
-        vx, vy, vz, *w2 = pin.getFrameVelocity(model, data, two, world).vector.tolist()
-        ax, ay, az, *b1 = pin.getFrameClassicalAcceleration(model, data, one, world).vector.tolist()
-        bx, by, bz, *b2 = pin.getFrameClassicalAcceleration(model, data, two, world).vector.tolist()
-        (tx, ty, tz), (x, y, z) = self._there.translation.tolist(), self._placement.translation.tolist()
-        reach = tx - x, ty - y, tz - z
-        # (a₁ + α₁ × r + ω₁ × (ω₁ × r)) − a₂ + 2 ω₁ × (v₂ − v₁ − ω₁ × r)
-        slip = add_cross((2.0 * (vx - ux), 2.0 * (vy - uy), 2.0 * (vz - uz)), reach, w1)
-        bend = add_cross(add_cross((ax - bx, ay - by, az - bz), b1, reach), w1, slip)
-        drift: Array = self._turn.dot(bend)
+        linear, angular = relative_drift(self._model, self._data, self._other_id, self._id)
+        drift: Array = -self._turn.dot(linear)
         if self._turn_spin is not None:
-            turning = [here - there for here, there in zip(b1, b2, strict=True)]
-            drift += self._turn_spin.dot(add_cross(turning, w1, w2))
+            drift -= self._turn_spin.dot(angular)
         return drift
 
 
@@ -225,12 +208,8 @@ def _directions(robot: Robot, frame: int, other: int, rotation: bool) -> Array:
         q[robot.base_nq :] += random.uniform(-SPREAD, SPREAD, robot.na)
         pin.computeJointJacobians(model, data, q)
         pin.updateFramePlacements(model, data)
-        one, two = (frame_jacobian(model, data, end, pin.LOCAL_WORLD_ALIGNED) for end in (frame, other))
-        turn = data.oMf[frame].rotation.T
-        lever = pin.skew(data.oMf[other].translation - data.oMf[frame].translation)
-        rows = np.vstack(
-            [turn @ (one[:3] - lever @ one[3:] - two[:3]), turn @ (one[3:] - two[3:])][: 2 if rotation else 1]
-        )
+        rows = relative_jacobian(model, data, other, frame).reshape(2, 3, -1)[: 2 if rotation else 1]
+        rows = (data.oMf[frame].rotation.T @ rows).reshape(size, -1)
         total += rows @ rows.T
     sizes, axes = np.linalg.eigh(total)
     kept = sizes > FREE**2 * max(float(sizes[-1]), np.finfo(float).tiny)
