@@ -346,8 +346,7 @@ class Robot:
     def update(self, q: Array, v: Array) -> None:
         """Compute all quantities that depend on the state: configuration, shape (nq,), and velocity, shape (nv,)."""
         self._take(q, v)
-        if self._loads.revision != self._carried:
-            self._take_loads()
+        self._take_loads()
         if self.couplings:
             self._compute_coupled()
         else:
@@ -409,8 +408,7 @@ class Robot:
         Jacobians stay as they are.
         """
         self._take(q, v)
-        if self._loads.revision != self._carried:
-            self._take_loads()
+        self._take_loads()
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
         pin.computeCentroidalMomentum(self.model, self.data)
         pin.updateFramePlacements(self.model, self.data)
@@ -425,14 +423,14 @@ class Robot:
 
     def compute_jacobians(self) -> None:
         """Compute the same as `update_jacobians` at the present configuration `q`, which is not checked."""
-        if self._loads.revision != self._carried:
-            self._take_loads()
+        self._take_loads()
         pin.jacobianCenterOfMass(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
 
     def _take_loads(self) -> None:
-        """Take the mass of loads over, which until now was that of the other quantities."""
-        self._carried, self._total_mass[...] = self._loads.revision, self._loads.total_mass
+        """Take the mass of loads over where they have changed; until now it was that of the other quantities."""
+        if self._loads.revision != self._carried:
+            self._carried, self._total_mass[...] = self._loads.revision, self._loads.total_mass
 
     def _take(self, q: Array, v: Array) -> None:
         # A scalar or a shape (1,) would be taken for all coordinates.

@@ -53,7 +53,10 @@ class RotationCoordinates(Coordinates):
 
     def of(self, target: Any, before: Array) -> Array:
         """Return the rotation vector to a rotation, shape (3,): of those that are the same turn, the nearest."""
-        return _nearest_turn(np.asarray(pin.log3(self._check(target) @ self._base.T)), before)
+        return _nearest_turn(self._turn_to(self._check(target)), before)
+
+    def _turn_to(self, target: Array) -> Array:
+        return np.asarray(pin.log3(target @ self._base.T))
 
     def target(self, place: Array, velocity: Array, acceleration: Array) -> tuple[Any, Array, Array]:
         """Return rotation, angular velocity and angular acceleration of a rotation vector that changes."""
@@ -84,25 +87,18 @@ class PoseCoordinates(Coordinates):
         )
 
 
-class DirectionCoordinates(Coordinates):
+class DirectionCoordinates(RotationCoordinates):
     """Directions as the least rotation vectors from the first one, rad."""
 
-    def __init__(self, base: Array, check: Callable[[Any], Array]) -> None:
-        """Begin at a direction, shape (3,); see `Coordinates`."""
-        super().__init__(np.zeros(3), check)
-        self._base = np.array(base)
-
-    def of(self, target: Any, before: Array) -> Array:
-        """Return the rotation vector to a direction, shape (3,): of those that are the same turn, the nearest."""
-        return _nearest_turn(least_turn(self._base, self._check(target)), before)
+    def _turn_to(self, target: Array) -> Array:
+        return least_turn(self._base, target)
 
     def target(self, place: Array, velocity: Array, acceleration: Array) -> tuple[Any, Array, Array]:
         """Return the direction d, d × ḋ and its derivative: the angular velocity ω across d, and how it changes.
 
         With ḋ = ω × d, the part of ω across d is ω − d (d · ω), and its derivative ω̇ − d (d · ω̇) − ḋ (d · ω).
         """
-        direction = pin.exp3(place) @ self._base
-        spin, rate = _turning_rates(place, velocity, acceleration)
+        direction, spin, rate = super().target(place, velocity, acceleration)
         along = float(direction @ spin)
         across = rate - direction * (direction @ rate) - np.cross(spin, direction) * along
         return direction, spin - direction * along, across
