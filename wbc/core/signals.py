@@ -123,9 +123,8 @@ class Command:
 
     def copy(self) -> Command:
         """Return a copy of the command, with its own arrays."""
-        references = (self.joint_position, self.joint_velocity, self.sole_stiffness, self.kp, self.kd)
-        own = (None if part is None else part.copy() for part in references)
-        return Command(self.joint_torque.copy(), *own, self.released, self.period)
+        parts = ("joint_torque", "joint_position", "joint_velocity", "sole_stiffness", "kp", "kd")
+        return replace(self, **{n: part.copy() for n in parts if (part := getattr(self, n)) is not None})
 
     def check(self, joint_names: Sequence[str]) -> Command:
         """Return the command with arrays of floats; what no drive must get is an `InputError`.
