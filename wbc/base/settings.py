@@ -181,7 +181,12 @@ FIELDS = "__dataclass_fields__"
 
 def to_json(value: Any) -> Any:
     """Return settings, or a tuple, list or mapping of them, as plain values for JSON."""
-    return to_jsonable_python(value, fallback=plain, serialize_as_any=True)
+    return to_jsonable_python(value, fallback=_parts_of, serialize_as_any=True)
+
+
+def _parts_of(value: Any) -> Any:
+    """Return what Pydantic does not know: a mapping of another kind, numbers of NumPy."""
+    return dict(value) if isinstance(value, Mapping) else plain(value)
 
 
 def json_object(kind: str, data: Any) -> dict[str, Any]:
