@@ -177,6 +177,10 @@ class SwingFoot:
             np.array((ax, ay, az, *turning)),
         )
 
+    def heading(self, time: float) -> float:
+        """Return the heading at a time from lift-off, s, rad."""
+        return self._c["yaw"].at(time)[0]
+
     def _plan_place(self, now: float, end: float) -> None:
         """Plan place and tilt from now to the landing at `end`, s: the foot travels between rise and descent."""
         shape, landing = self._shape, self.landing

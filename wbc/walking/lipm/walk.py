@@ -199,6 +199,7 @@ class LipmWalk(GaitMachine):
         self._planned_swing: PlannedSwing | None = None
         self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self._places = [foot.placement for foot in self.plan.final]
+        self._yaws = [heading(place.rotation) for place in self._places]
         self._begun: tuple[Event, ...] = ()  # events before the next update
         self.drift_correction = pin.SE3.Identity()
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
@@ -450,13 +451,14 @@ class LipmWalk(GaitMachine):
                 self._replan()
         elif dcm is not None and self._adjuster and swing is not None and not overdue:
             self._adjust(dcm, self._adjuster, swing)
-        if swing is not None and self.ground.news:
-            self._look(swing)
+        if swing is not None:
+            if self.ground.news:
+                self._look(swing)
+            self._yaws[1 - self.stance] = swing.heading(self.elapsed)
         return self._reference(self._pendulum(), self._places, events)
 
     def _ahead(self) -> tuple[float, tuple[Footstep, ...], float]:
-        left, right = (heading(place.rotation) for place in self._places)
-        return mean_heading(left, right), self.plan.steps[self.step :], self.plan.gait.full.cycle
+        return mean_heading(*self._yaws), self.plan.steps[self.step :], self.plan.gait.full.cycle
 
     def _lift(self, places: Sequence[pin.SE3]) -> None:
         """Start a swing from the foot's placement."""
@@ -505,6 +507,7 @@ class LipmWalk(GaitMachine):
         side = SIDES.index(planned.side)
         # A copy: the placement may be the model's own, which moves on with the foot.
         self._places[side] = place = pin.SE3(places[side])
+        self._yaws[side] = heading(place.rotation)
         landed = Footstep.of(planned.side, place)
         self.ground.land(landed.z - planned.z, landed.z - float(places[1 - side].translation[2]))
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
