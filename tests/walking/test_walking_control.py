@@ -331,5 +331,5 @@ def test_the_bias_of_a_robot_in_the_air_is_not_estimated() -> None:
     assert output is not None
     for state in (output._replace(in_air=True), output._replace(measured_zmp=np.full(3, np.nan))):
         walking.balance.output = state
-        found = walking.balance._estimate_bias(bias, walking.control.observer.robot)
+        found = walking.balance._estimate_bias(bias, walking.control.observer.robot, walking.reference)
         np.testing.assert_array_equal(found, before)

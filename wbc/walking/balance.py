@@ -1,7 +1,7 @@
 """Balance by the stabilizer, of planned steps and of sources of one's own, with what is known of the pendulum's errors.
 
-    state = balance.correct(state)                  DCM less its bias and the shift by hands
-    reference = balance.update(reference, state)    hands, stabilizer, lean
+    state = balance.correct(state, last)                  DCM less its bias and the shift by hands
+    reference = balance.update(reference, last, state)    hands, stabilizer, lean
 
 In position control the feet yield to the measured wrenches, the QP moves the commanded robot, and the servos get the
 torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired wrenches
@@ -68,7 +68,6 @@ class Balance:
         self._feedforward = s.mode == "position"
         if self._feedforward:
             self.wrenches = {}
-        self._last: Reference | None = None  # reference of the last tick, which has driven the DCM
         self._bias: Array | None = None
 
     @property
@@ -76,12 +75,12 @@ class Balance:
         """Feedback and admittances."""
         return self._task.stabilizer
 
-    def correct(self, state: State) -> State:
-        """Return the state with the DCM that references are to be compared with."""
+    def correct(self, state: State, last: Reference | None) -> State:
+        """Return the state with the DCM that references are to be compared with; the last ones have driven it."""
         if self.load is not None and self.lean is not None:
             self.lean.set_mass(self._robot.mass)
         robot, hands = state.robot, self.hands
-        self._bias = None if self.bias is None else self._estimate_bias(self.bias, robot)
+        self._bias = None if self.bias is None else self._estimate_bias(self.bias, robot, last)
         dcm = robot.com + robot.com_velocity / self._divisor
         if self._bias is not None:
             dcm[:2] -= self._bias
@@ -92,11 +91,14 @@ class Balance:
             dcm[:2] -= hands.shift  # the plan is that without hands
         return state._replace(dcm=dcm)
 
-    def update(self, reference: Reference, state: State) -> Reference:
-        """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""
+    def update(self, reference: Reference, last: Reference | None, state: State) -> Reference:
+        """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press.
+
+        Feet whose contact is another one than in the last references, None in the first tick, begin anew.
+        """
         measurement, hands, dt = state.measurement, self.hands, self._dt
         contact, heading = reference.progress.contact, reference.progress.heading
-        before, self._last = BOTH if self._last is None else self._last.progress.contact, reference
+        before = BOTH if last is None else last.progress.contact
         for side in (0, 1):
             if contact[side] != before[side]:
                 self.stabilizer.feet.reset(side)
@@ -123,9 +125,9 @@ class Balance:
             self.leaning = self.lean.update((x, y), dt)
         return reference
 
-    def _estimate_bias(self, estimator: BiasEstimator, robot: Robot) -> Array:
+    def _estimate_bias(self, estimator: BiasEstimator, robot: Robot, last: Reference | None) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
-        output, last = self.output, self._last
+        output = self.output
         if output is None or last is None:
             return estimator.bias
         zmp = output.measured_zmp.tolist()

@@ -1,11 +1,14 @@
 """Control of a robot that stands and walks: a measurement in, a command out.
 
-    state = control.estimate(measurement)              plausibility, observer              `wbc.core.drive.control`
-    state = balance.correct(state)                     bias of the DCM                     `wbc.walking.balance`
-    reference = source.update(state)                   pendulum, feet, contacts            `wbc.walking.source`
-    reference = balance.update(reference, state)       desired wrenches, admittances, lean     `wbc.walking.balance`
-    tasks.follow(reference, lean)                      targets of tasks and contacts       `wbc.walking.tasks`
-    command = control.act(state, balance.wrenches)     QP, drive, gate                     `wbc.core.drive.control`
+    state = control.estimate(measurement)               plausibility, observer               `wbc.core.drive.control`
+    state = balance.correct(state, last)                bias of the DCM                      `wbc.walking.balance`
+    reference = source.update(state)                    pendulum, feet, record of the step   `wbc.walking.source`
+    reference = balance.update(reference, last, state)  desired wrenches, admittances, lean  `wbc.walking.balance`
+    tasks.follow(reference, lean)                       targets of tasks and contacts        `wbc.walking.tasks`
+    command = control.act(state, balance.wrenches)      QP, drive, gate                      `wbc.core.drive.control`
+
+What one step is, phase, contacts, heading, landing and times, is one record (`Progress`), made by the source alone; all
+others read it in the references of the tick. `last` are the references of the tick before.
 
 The drives decide how the robot walks. In position control it takes *planned* steps, whose places and times are fixed
 ahead, and a stabilizer balances it on its way. In torque and hybrid control it takes *free* steps: their places and
@@ -239,7 +242,7 @@ class WalkingControl:
         if load is not None and self._outside is not None and not pressing:  # what they press on is no load
             load.update(self._outside, self._dt)
         if balance is not None:
-            state = balance.correct(state)
+            state = balance.correct(state, self.reference)
         if pressing or body.active:
             wrench = hands.outside if hands is not None and pressing else None
             state = state._replace(hip_turn=body.hip_turn, hand_wrench=wrench)
@@ -251,7 +254,7 @@ class WalkingControl:
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
         lean, twist = UPRIGHT, UNTWISTED
         if balance is not None:
-            reference = balance.update(reference, state)
+            reference = balance.update(reference, self.reference, state)
             lean = balance.leaning
         elif hands is not None:
             outside = hands.update(state.measurement, reference, self._dt)

@@ -30,7 +30,7 @@ from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.contact import LIFT_OFFS, TOUCH_DOWNS, Event, GaitPhase, touch_down
+from wbc.walking.contact import Event, GaitPhase, touch_down
 from wbc.walking.gait import REPLAN, GaitMachine
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
@@ -201,6 +201,7 @@ class LipmWalk(GaitMachine):
         self._places = [foot.placement for foot in self.plan.final]
         self._yaws = [heading(place.rotation) for place in self._places]
         self._begun: tuple[Event, ...] = ()  # events before the next update
+        self._face()
         self.drift_correction = pin.SE3.Identity()
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
         self._preview, self._adjuster = self._laws[False]
@@ -327,9 +328,15 @@ class LipmWalk(GaitMachine):
         elif self.phase is GaitPhase.DOUBLE and steps and not waited:
             # Off again before the robot stood: the weight has yet to come over.
             self.duration = self.elapsed + full.initial_double_support
+        self._face()
         self._replan()
         if self.swing is not None:
-            self._plan_swing(self.swing.landing)
+            self._plan_swing()
+
+    def _face(self) -> None:
+        """Stand on the foot beside that of the present step."""
+        steps = self.plan.steps
+        self.stance = 1 - SIDES.index(steps[min(self.step, len(steps) - 1)].side) if steps else 0
 
     # ---- phases -------------------------------------------------------------------------------------------------
 
@@ -364,15 +371,17 @@ class LipmWalk(GaitMachine):
         return (SupportPhase(left, now.feet, max(now.total, left)), *whole[index + 1 :])
 
     def set_landing(self, step: Footstep, *, carry: bool = True) -> None:
-        """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`."""
-        index = self.step if self.phase is GaitPhase.SINGLE else self.step - 1
-        self.plan = self.plan.with_step(index, step, carry=carry)
+        """Set the landing of the foot that swings; see `FootstepPlan.with_step`."""
+        self.plan = self.plan.with_step(self.step, step, carry=carry)
 
-    def _phases(self, loads: Sequence[float]) -> tuple[Event, ...]:
-        """Change the phase where contact, by the normal force on left and right foot, N, and time say so."""
+    def _phases(self, loads: Sequence[float], places: Sequence[pin.SE3]) -> tuple[Event, ...]:
+        """Change the phase where contact, by the normal force on left and right foot, N, and time say so.
+
+        The feet are at their placements when they lift and when they land.
+        """
         weight = self._robot.mass * GRAVITY
         if self.phase is GaitPhase.SINGLE:
-            return self._single(loads[1 - self.stance] / weight)
+            return self._single(loads[1 - self.stance] / weight, places)
         if self.phase is GaitPhase.STANDING or self.elapsed < self.duration - ROUNDING:
             return ()
         if self.step >= len(self.plan):
@@ -383,9 +392,10 @@ class LipmWalk(GaitMachine):
         if not free and self.elapsed < self.duration + s.max_wait - ROUNDING:
             return ()
         self._enter(GaitPhase.SINGLE, self.plan.gait.full.single_support)
+        self._lift(places)
         return (Event.LIFT_OFF if free else Event.FORCED_LIFT_OFF,)
 
-    def _single(self, load: float) -> tuple[Event, ...]:
+    def _single(self, load: float, places: Sequence[pin.SE3]) -> tuple[Event, ...]:
         """End the single support where the swing foot has met the ground, by its load over the weight, or must."""
         s, credit = self.settings.phases, 0.0
         touched = self._touches(load >= s.touch_down)
@@ -400,8 +410,10 @@ class LipmWalk(GaitMachine):
             event = Event.NO_TOUCH_DOWN if s.max_late > 0.0 else Event.TOUCH_DOWN
         else:
             return ()
+        self._land(places)
         self.step += 1
         self.steps_done += 1
+        self._face()
         gait, last = self.plan.gait.full, self.step >= len(self.plan)
         self._enter(GaitPhase.DOUBLE, credit + (gait.final_double_support if last else gait.double_support))
         return (event,)
@@ -435,16 +447,8 @@ class LipmWalk(GaitMachine):
         self.elapsed += self.dt
         if self.phase is not GaitPhase.STANDING:
             self._turned += turned
-        flown, places = self.swing, self._places if soles is None else soles
-        events = self._begun + self._phases(loads)
+        events = self._begun + self._phases(loads, self._places if soles is None else soles)
         self._begun = ()
-        steps = self.plan.steps
-        self.stance = 1 - SIDES.index(steps[min(self.step, len(steps) - 1)].side) if steps else 0
-        for event in events:
-            if event in LIFT_OFFS:
-                self._lift(places)
-            elif event in TOUCH_DOWNS and flown is not None:
-                self._land(places, flown.landing)
         overdue, swing = self.overdue, self.swing
         if events or (overdue and self._since >= 0.5 * HOLD - ROUNDING):
             if self._since > 0.0:  # a swing that begins has planned already
@@ -471,7 +475,7 @@ class LipmWalk(GaitMachine):
         shape = shape._replace(search_depth=shape.search_depth + self.ground.raised)
         self._begin_swing(places, landing, self.duration, shape)
         self._replan()
-        self._plan_swing(landing)
+        self._plan_swing()
 
     def _turn_back(self, stance: pin.SE3) -> None:
         """Turn the landings to come about the foot that stands, against what soles have turned on the ground."""
@@ -502,9 +506,9 @@ class LipmWalk(GaitMachine):
         self.ground.height += seen.z - now.z
         self._retarget(swing, seen, swing.duration, carry=False)
 
-    def _land(self, places: Sequence[pin.SE3], planned: Footstep) -> None:
+    def _land(self, places: Sequence[pin.SE3]) -> None:
         """End a swing: the foot stands at its placement, and the plan goes on from there."""
-        side = SIDES.index(planned.side)
+        planned, side = self.plan.steps[self.step], 1 - self.stance
         # A copy: the placement may be the model's own, which moves on with the foot.
         self._places[side] = place = pin.SE3(places[side])
         self._yaws[side] = heading(place.rotation)
@@ -536,8 +540,9 @@ class LipmWalk(GaitMachine):
         self._off.value += complex(*(before.com - now.com)[:2].tolist())
         self._off.velocity += complex(*(before.com_velocity - now.com_velocity)[:2].tolist())
 
-    def _plan_swing(self, landing: Footstep) -> None:
+    def _plan_swing(self) -> None:
         """Keep the swing as it is planned now: adjustments are made against it."""
+        landing = self.plan.steps[self.step]
         gait, last = self.plan.gait.full, self.step + 1 >= len(self.plan)
         transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
         stance = self.plan.stance(self.step)
