@@ -35,6 +35,7 @@ import tour  # noqa: E402
 from task import DURATION, MovingArms  # noqa: E402
 
 import wbc  # noqa: E402
+from wbc.core.robot import SIDES  # noqa: E402
 from wbc.core.signals import Command  # noqa: E402
 from wbc.policy.contacts import FootContacts  # noqa: E402
 from wbc.sim import Machine, MujocoLoop  # noqa: E402
@@ -67,6 +68,9 @@ FORCE = 500.0, 650.0
 
 HIT = (*model.ARMS, *(joint for joint in model.LEGS_AND_WAIST if "ankle" in joint))
 """Joints that are hit."""
+
+STANDS = "foot that stands"
+"""In place of a joint: the ankle of that foot."""
 
 
 def states(place: Path, run: int) -> list[Row]:
@@ -123,11 +127,13 @@ class Harness:
             walking.control.estimate(loop.measure())
             loop.step(Command(np.array(torque)))
         self._believe(walking)
-        begin, pushed, quiet = loop.time, False, 0.0
+        begin, pushed, quiet, energy = loop.time, False, 0.0, 0.0
         while True:
             time = loop.time - begin - LEAD
             if not pushed and time >= -1e-9:
                 pushed = True
+                if joint == STANDS:
+                    joint = f"{SIDES[walking.source.stance]}_ankle_roll_joint"
                 loop.push(joint, force, DURATION, at=[0.0, 0.0, 0.0])
             measured = walking.control.estimate(loop.measure())
             if loop.time == begin:
@@ -139,16 +145,17 @@ class Harness:
                 loop.joint_position[arms.columns], loop.joint_velocity[arms.columns]
             )
             loop.step(dataclasses.replace(command, joint_torque=torque, released=None))
+            energy += float(np.abs(loop.joint_torque * loop.joint_velocity).sum()) * tour.PERIOD
             pose = loop.base_pose
             if pose[2] < LOW or loop.diverged is not None:
-                return {"held": False, "time": round(time, 3)}
+                return {"held": False, "time": round(time, 3), "energy": round(energy, 1)}
             i, j = pose[3], pose[4]
             tilt = math.hypot(2.0 * i, 2.0 * j)
             if loop.ticks % 10 == 0:
                 speed = float(np.linalg.norm(loop.truth().com_velocity))
                 quiet = quiet + 0.02 if speed < SPEED and tilt < TILT else 0.0
             if time > LATEST or (time > SOONEST and quiet > QUIET):
-                return {"held": True, "time": round(time, 3)}
+                return {"held": True, "time": round(time, 3), "energy": round(energy, 1)}
 
     def _believe(self, walking: WalkingControl) -> None:
         """Let the estimate have the true velocity, where contacts that were unknown at first have misled it."""
@@ -159,12 +166,12 @@ class Harness:
         walking.control.observer.inertial.reset(gauge.placement(imu).rotation, velocity.linear)
 
 
-def drawn(number: int, force: tuple[float, float]) -> tuple[str, np.ndarray]:
-    """Return joint and force (N) of a punch; direction, joint and size are uniform."""
+def drawn(number: int, force: tuple[float, float], joint: str | None) -> tuple[str, np.ndarray]:
+    """Return joint and force (N) of a punch; direction, size and, where none is given, joint are uniform."""
     random = np.random.default_rng(number)
     direction = random.normal(size=3)
-    joint = HIT[random.integers(len(HIT))]
-    return joint, random.uniform(*force) * direction / np.linalg.norm(direction)
+    some = HIT[random.integers(len(HIT))]
+    return joint or some, random.uniform(*force) * direction / np.linalg.norm(direction)
 
 
 def changed(given: list[str]) -> SteppingSettings:
@@ -211,6 +218,7 @@ def main() -> None:
     )
     parser.add_argument("--rule", type=Path, help="Python file that is run first")
     parser.add_argument("--force", type=float, nargs=2, default=FORCE, help="least and greatest force (N)")
+    parser.add_argument("--joint", choices=(*HIT, STANDS), help="joint that is hit; default a random one")
     parser.add_argument("--compare", nargs=2, metavar="VARIANT", help="compare two variants")
     parser.add_argument("--journal", type=Path, default=Path("punches.jsonl"))
     parser.add_argument("--states", type=Path, default=Path("punches.states.jsonl"))
@@ -230,7 +238,7 @@ def main() -> None:
     harness = Harness(changed(given.set))
     for number in wanted:
         state = of_state[_run(number)][number // PUNCHES % STATES]
-        joint, force = drawn(number, tuple(given.force))
+        joint, force = drawn(number, tuple(given.force), given.joint)
         row = {"variant": given.variant, "punch": number, "joint": joint, "force": force.round(1).tolist()}
         row |= {"files": provenance()["files"], "changed": given.set, "rule": rule}
         rows.append(row | harness.punch(state, joint, force))
