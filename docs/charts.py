@@ -153,15 +153,15 @@ def draw_soles(path: Path) -> None:
     save(figure, path)
 
 
-def draw_pairs(path: Path, corner: str, label: str, what: str) -> None:
-    """Two values of a row, without and with something, joined by a line."""
+def draw_pairs(path: Path, corner: str, label: str, legends: tuple[str, str]) -> None:
+    """Two values of a row, each with its legend, joined by a line."""
     rows = table("measured_walks.md", corner)
     figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
     without, with_it = ([numbers(row[k])[0] for row in rows] for k in (1, 2))
     for i, pair in enumerate(zip(without, with_it, strict=True)):
         axis.plot(pair, [i, i], color=GREY, lw=2.0, zorder=0)
-    axis.plot(without, range(len(rows)), "o", color=ORANGE, label=f"without {what}")
-    axis.plot(with_it, range(len(rows)), "o", color=BLUE, label="with it")
+    axis.plot(without, range(len(rows)), "o", color=ORANGE, label=legends[0])
+    axis.plot(with_it, range(len(rows)), "o", color=BLUE, label=legends[1])
     axis.set_yticks(range(len(rows)), [row[0] for row in rows], fontsize=9)
     axis.invert_yaxis()
     axis.set_xlim(0.0)
@@ -172,7 +172,8 @@ def draw_pairs(path: Path, corner: str, label: str, what: str) -> None:
 
 def draw_sinking(path: Path) -> None:
     """Error of the estimated height on floors that give."""
-    draw_pairs(path, "Error of the height at the end, mm", "error of the height (mm)", "the compliance")
+    legends = "observer that takes feet for fixed", "observer that knows the compliance"
+    draw_pairs(path, "Error of the height at the end, mm", "error of the height (mm)", legends)
 
 
 def draw_standing(path: Path) -> None:
@@ -205,7 +206,8 @@ def draw_rules(path: Path) -> None:
 
 def draw_slip(path: Path) -> None:
     """Error of the estimated place after feet have slipped."""
-    draw_pairs(path, "Error of the place at the end, mm", "error of the place (mm)", "the rule")
+    legends = "without the rule", "with it"
+    draw_pairs(path, "Error of the place at the end, mm", "error of the place (mm)", legends)
 
 
 def draw_seeing(path: Path) -> None:

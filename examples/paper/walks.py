@@ -60,7 +60,7 @@ def _row(entry: Entry) -> dict[str, Any]:
         "ramp": spec["terrain_params"].get("ramp", 0.0),  # before version 9 grounds began with an edge
         "sole": sole(spec),
         "foot_changes": spec["foot_changes"],
-        "apex": spec["gait"]["apex"] or StepGait.apex,
+        "apex": spec.get("gait", {}).get("apex") or StepGait.apex,  # free steps have no gait
         "status": entry.status,
         "arrived": result.get("outcome") == "completed",
         "steps": result.get("steps_done"),

@@ -76,6 +76,12 @@ def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
     ):
         assert said in readme
     assert len(arches) == 8 and found["long arch, 5"] == pytest.approx(0.018, abs=0.002)
+    every = corrected(
+        {arm: gain(values, arm, "rigid", "terrain")[1] for arm in values.columns if arm != "rigid"}
+    )
+    assert len(every) == 18 and "Corrected for all 18 soles" in readme and "0.04 and 0.25" in readme
+    assert every["long arch, 5"] == pytest.approx(0.044, abs=0.002)
+    assert every["soft, 5"] == pytest.approx(0.25, abs=0.005)
 
 
 def test_neither_phase_nor_ground_nor_a_scan_has_a_gain() -> None:

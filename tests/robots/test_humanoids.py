@@ -16,12 +16,12 @@ from wbc.robots.readers.compile_mjcf import compiled
 
 PAGE = Path(__file__).parents[2] / "docs" / "measured_walks.md"
 LAWS = {
-    "by both laws": {"LIPM", "stepping"},
-    "planned steps alone": {"LIPM"},
-    "free steps alone": {"stepping"},
-    "by neither": set(),
+    "with both kinds": {"LIPM", "stepping"},
+    "with planned steps alone": {"LIPM"},
+    "with free steps alone": {"stepping"},
+    "with neither": set(),
 }
-"""Rows of the table: laws by which their robots walk."""
+"""Rows of the table → columns of the program whose walks arrive."""
 
 PROGRAM = Path(__file__).parents[2] / "benchmarks" / "robot_table.py"
 
