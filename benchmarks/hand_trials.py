@@ -22,6 +22,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from wbc.sim.trial.trial import StageError
+
 Row = dict[str, Any]
 
 FIRST_SEED = 200
@@ -62,11 +64,15 @@ def journal(path: Path) -> list[Row]:
 
 
 def table(kind: str, rows: list[Row]) -> str:
-    """Return the runs of one kind as a table."""
+    """Return the runs of one kind as a table, and below it those in which a stage did not come to its end."""
     cells: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
+    ended = []
     for row in rows:
         if row["kind"] == kind:
             result = row["result"]
+            if "failures" not in result:
+                ended.append(f"{' '.join(row['spec']['words'])}: {result['stage']}")
+                continue
             force = result["force_N"] if kind == "press" else None  # of a cart or a door it is a result
             cells[result["robot"], result.get("on"), force].append(result)
     head, line = TABLES[kind]
@@ -74,7 +80,7 @@ def table(kind: str, rows: list[Row]) -> str:
     lines = [head, "|" + "---|" * width]
     for (robot, *_), results in cells.items():
         lines.append(f"| `{robot}` | " + line(results) + " |")
-    return "\n".join(lines)
+    return "\n".join([*lines, *ended])
 
 
 def _most(results: list[Row], name: str, signed: bool = False) -> float:
@@ -188,7 +194,11 @@ def main() -> None:
             if options.most <= 0:
                 return
             options.most -= 1
-            line = json.dumps({"kind": options.kind, "spec": spec, "result": run()})
+            try:
+                result = run()
+            except StageError as error:
+                result = {"stage": str(error)}
+            line = json.dumps({"kind": options.kind, "spec": spec, "result": result})
             with options.journal.open("a") as file:
                 file.write(line + "\n")
             print(line, flush=True)
