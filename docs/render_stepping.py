@@ -88,7 +88,7 @@ def steps_of_a_walk(count: int) -> list[Step]:
         elif now.landing is not None:
             assert isinstance(walking.source, SteppingWalk)
             gait = walking.source
-            rows.append((*gait.dcm[:2], *gait.contact[:2], now.landing.x, now.landing.y))
+            rows.append((*gait.felt.dcm[:2], *gait.felt.contact[:2], now.landing.x, now.landing.y))
             planned.append(now.duration)
     return steps
 

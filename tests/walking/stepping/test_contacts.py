@@ -44,7 +44,7 @@ def test_a_step_is_about_the_centre_of_pressure_of_its_stance_foot(
     for _ in range(25):  # five times the lag of the measured pressure
         reference = body.gait.advance(tick.state._replace(wrenches=wrenches), tick.frames)
     assert reference.progress.stance == stance
-    place = tick.frames[stance].actInv(np.array(body.gait.contact))
+    place = tick.frames[stance].actInv(np.array(body.gait.felt.contact))
     assert tuple(place[:2]) == pytest.approx(expected, abs=2e-3)
 
 
@@ -220,7 +220,7 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     steps, landing = gait._steer(), tick.reference.progress.landing
     assert landing is not None
     side = 1.0 if tick.reference.progress.air == 0 else -1.0
-    stance, dcm = tick.frames[tick.reference.progress.stance].translation, gait.dcm
+    stance, dcm = tick.frames[tick.reference.progress.stance].translation, gait.felt.dcm
     behind = list(tick.state.places)
     behind[1 - tick.reference.progress.stance] = (
         stance[0],
@@ -317,7 +317,7 @@ def test_the_commanded_centre_of_pressure_is_compared_with_the_measured_one_behi
         if tick.reference.progress.air is None or tick.reference.progress.elapsed < 0.05:
             return
         told = gait._step_state(gait._steer()).cop_command
-        off.append(math.dist(told[:2], gait.contact[:2]))
+        off.append(math.dist(told[:2], gait.felt.contact[:2]))
         moved.append(math.dist(gait.decision.cop, gait.decision.lagged))
 
     body.run(2.5, compare)

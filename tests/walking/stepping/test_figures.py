@@ -324,7 +324,7 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
             CONSTANTS.carrying,
             side
             * (
-                CONSTANTS.shift * SETTINGS.width / (1.0 + math.exp(gait.dcm.omega * SETTINGS.step_time))
+                CONSTANTS.shift * SETTINGS.width / (1.0 + math.exp(gait.felt.dcm.omega * SETTINGS.step_time))
                 - 0.11
             ),
         )

@@ -319,7 +319,7 @@ class SteppingWalk(StandingWalk):
             not go
             and slow
             and state.apart() < c.stop_length
-            and self.felt.outside(self.dcm, c.stop_box) <= 0.0
+            and self.felt.outside(self.felt.dcm, c.stop_box) <= 0.0
         ):
             self._enter(GaitPhase.STANDING, 0.0)
             self.reason = "" if self.footsteps else self.reason

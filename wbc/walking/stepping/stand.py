@@ -8,7 +8,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 
 from wbc.base.numbers import lag_gain
-from wbc.base.vectors import Point, Vector, along
+from wbc.base.vectors import Point, along
 from wbc.core.drive.control import State
 from wbc.core.robot import SIDES
 from wbc.walking.contact import Event, GaitPhase
@@ -23,7 +23,7 @@ from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.course import Course, Motion, shifted
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan
 from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
-from wbc.walking.stepping.law import Divergent, Orbit
+from wbc.walking.stepping.law import Orbit
 from wbc.walking.stepping.settings import (
     RobotSize,
     SteppingConstants,
@@ -182,16 +182,6 @@ class StandingWalk(GaitMachine):
         """Half of the box of a sole in which the centre of pressure stays in a stand, along and across it, m."""
         length, width = self.constants.standing_box
         return 0.5 * length, 0.5 * width
-
-    @property
-    def contact(self) -> Vector:
-        """Measured centre of pressure of the feet that carry, low-passed, in the world, m."""
-        return self.felt.contact
-
-    @property
-    def dcm(self) -> Divergent:
-        """Divergent component of motion in the last tick, by the angular momentum about the contact."""
-        return self.felt.dcm
 
     def advance(self, state: BodyState, frames: Frames) -> Reference:
         """Stand, shift the weight or step for a tick; feet that stand keep the placements of left and right sole."""
