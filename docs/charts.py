@@ -132,19 +132,19 @@ def draw_floors(path: Path) -> None:
 
 def draw_soles(path: Path) -> None:
     """Share of walks that arrive on the softest floor of the study, by sole, all robots together."""
-    rows = table("measured_walks.md", "Completed of 8:")
+    rows = table("measured_walks.md", "Walks that arrive:")
     soles = ["own flat sole", "rigid", "soft", "variable"]
     figure, axis = plt.subplots(figsize=(8.4, 2.4), layout="constrained")
-    for name, colour, shift in (("depth alone", ORANGE, -0.12), ("depth and rate", BLUE, 0.12)):
-        cells = next(row[1:] for row in rows if row[0] == f"1e6 N/m³, {name}")
+    observers = (("older", "older observer, of 8", 8, ORANGE, -0.12), ("present", "of 20", 20, BLUE, 0.12))
+    for name, row, layouts, colour, shift in observers:
+        cells = next(cells for floor, *cells in rows if floor == f"1e6 N/m³, {row}")
         places = np.arange(len(soles)) + shift
         for place, found in zip(places, map(numbers, cells), strict=True):
-            done, count = int(sum(found)), 8 * len(found)
+            done, count = int(sum(found)), layouts * len(found)
             low, high = share_interval(done, count)
             axis.plot([100.0 * low, 100.0 * high], [place, place], color=colour, lw=1.8)
-            axis.plot(
-                100.0 * done / count, place, "o", color=colour, label=name if place == places[0] else None
-            )
+            label = f"{name} observer" if place == places[0] else None
+            axis.plot(100.0 * done / count, place, "o", color=colour, label=label)
     axis.set_yticks(range(len(soles)), soles, fontsize=9)
     axis.set_ylim(len(soles) - 0.5, -0.5)
     axis.legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
