@@ -25,7 +25,7 @@ from typing import Any
 
 from balance_task import BalanceTask
 
-from wbc.robots.source_of import source_of
+from wbc.robots import load
 
 HERE = Path(__file__).resolve().parent
 TALOS = "cmeel.prefix/share/example-robot-data/robots/talos_data"
@@ -61,15 +61,15 @@ def talos() -> BalanceTask:
     half_sitting = next(state for state in states if state.get("name") == "half_sitting")
     angles = {str(joint.get("name")): str(joint.get("value")).split() for joint in half_sitting.iter("joint")}
     base = angles.pop("root_joint")
-    urdf = source_of((folder / "robots" / "talos_reduced.urdf").read_text("utf-8")).without_geometry()
+    links = load("talos").urdf_without_geometry()
     posture = {
         str(joint.get("name")): middle(joint)
-        for joint in ET.fromstring(urdf).findall("joint")
+        for joint in ET.fromstring(links).findall("joint")
         if moves(joint)
     }
     posture |= {name: float(value[0]) for name, value in angles.items() if name in posture}
     return BalanceTask(
-        urdf=urdf,
+        urdf=links,
         robot="talos",
         posture=posture,
         base_height=float(base[2]),

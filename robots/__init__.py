@@ -4,10 +4,11 @@ Where to start, in the order of the data:
 
 - `description`: a robot as data, and the models that are made from it; `frames`: its soles and other frames.
 - `registry` and `files`: robots by name, and robots from a file of your own and its TOML.
-- `source`: the XML of a robot alone and its Pinocchio model. `source_urdf` leaves a URDF, which `urdf` reads and
-  `tidying` settles, to Pinocchio's reader; `readers/source_mjcf` takes the model from MuJoCo's compiled arrays.
+- `mechanism`: links, joints and shapes, and the Pinocchio model of them. `urdf` makes it of the records of a
+  URDF, which `tidying` settles, and `readers/mechanism_mjcf` of MuJoCo's compiled arrays.
 - `readers/`: an MJCF compiled by MuJoCo: tree, drives, feet, and the forces that the controller does not know.
-- `moving`: the robot as a URDF for other engines.
+- `write_urdf`: the robot as a URDF for other engines; the plant builds its own MuJoCo model of a mechanism.
+- `mesh_files`: meshes of a robot, where they are and their vertices.
 - `derivation/`: values that a file does not have; `complete` has the order, `defaults` the rules.
 - `report`: facts and doubtful values of a description.
 

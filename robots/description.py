@@ -22,19 +22,17 @@ from wbc.base.settings import Positive
 from wbc.core.drive.servos import Servos
 from wbc.core.frames import FrameDescription, Sole
 from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere, Shape
-from wbc.core.model import Closure, Coupling, driven_names, joints_to
+from wbc.core.model import Closure, Coupling, driven_names, is_floating, joints_to
 from wbc.core.robot import Robot
-from wbc.robots import frames, moving, urdf
+from wbc.robots import frames, tidying, urdf, write_urdf
 from wbc.robots.derivation import link_shapes, posture
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoRule, effective_inertia, read_gains
-from wbc.robots.derivation.soles import mesh_folders
+from wbc.robots.mechanism import Mechanism, unlimited
+from wbc.robots.mesh_files import mesh_folders
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.report import doubts, facts, report
-from wbc.robots.source import Source, unlimited
-from wbc.robots.source_of import source_of
-from wbc.robots.source_urdf import Urdf
 
 Base = Literal["floating", "fixed"]
 """Kind of a base."""
@@ -53,12 +51,11 @@ class RobotDescription:
 
     Attributes:
         name: Name of the robot.
-        xml: The robot alone, with all limits, as a URDF or an MJCF; see `wbc.robots.source`.
+        mechanism: Its links and joints, with all limits; see `wbc.robots.mechanism`.
         soles: Left and right sole; empty for a robot without feet, such as an arm or a quadruped.
         half_sitting: Joint → position, for every joint, rad or m.
         armature: Joint → rotor inertia seen at the joint, for every joint, kg m² (kg for prismatic joints).
         imu: Frame of the inertial measurement unit.
-        base: "floating", or "fixed" for a robot that is bolted to the world at its root.
         torso: Link of the chest.
         hands: Role → frame, such as {"left_hand": "l_wrist"}.
         servo: Rule for the servo gains.
@@ -85,7 +82,7 @@ class RobotDescription:
     """
 
     name: str
-    xml: str
+    mechanism: Mechanism
     soles: tuple[Sole, ...]
     half_sitting: Mapping[str, float]
     armature: Mapping[str, float]
@@ -104,16 +101,19 @@ class RobotDescription:
     locked: Mapping[str, float] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
-    base: Base = "floating"
     height: Annotated[Positive, "m"] | None = None
     source: str = "given by the user"
     licence: str = "unknown"
     derived: tuple[str, ...] = ()
 
     def __new__(cls, *_: Any, **values: Any) -> RobotDescription:
-        """Refuse the old name of `xml`."""
-        if "urdf" in values:
-            raise InputError("the URDF or MJCF of a description is called xml, not urdf")
+        """Refuse the old names of `mechanism`."""
+        for old in ("xml", "urdf", "base"):
+            if old in values:
+                raise InputError(
+                    f"a description is not made of its {old}: links and joints are its mechanism, which "
+                    "RobotDescription.from_urdf and from_mjcf read"
+                )
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
@@ -125,7 +125,6 @@ class RobotDescription:
             raise InputError(
                 f"soles must be {frames.SOLE_NAMES}, or none, got {tuple(s.name for s in self.soles)}"
             )
-        choose("base", self.base, BASES)
         if self.soles and self.base == "fixed":
             raise InputError(
                 "a robot with feet is not bolted to the world: base='fixed' is for one without soles"
@@ -186,20 +185,22 @@ class RobotDescription:
         is_file = urdf.is_file(source)
         folder = Path(source).expanduser().resolve().parent if is_file else None
         directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
-        root = urdf.read(source)
-        meshes = (str(mesh.get("filename", "")) for mesh in root.iter("mesh"))
+        fixed, robot = choose("base", base, BASES) == "fixed", urdf.read(source)
+        meshes = (shape.file for shape in robot.shapes if shape.kind == "mesh")
         directories, notes = mesh_folders(meshes, directories, folder)
+        locked, changes = tidying.tidy(robot, fixed, options.get("lock") or {}, options.get("repair", False))
         return cls(
             **complete(
-                Urdf(root),
+                partial(robot.mechanism, fixed),
                 None
                 if left_sole is None or right_sole is None
                 else from_geometry(left_sole, right_sole, sole_size, directories),
                 name=name,
                 source=provenance or (str(source) if is_file else "URDF string"),
-                notes=notes,
+                notes=notes + changes,
                 package_dirs=directories,
-                fixed=choose("base", base, BASES) == "fixed",
+                fixed=fixed,
+                taken={"locked": locked},
                 **options,
             )
         )
@@ -336,11 +337,8 @@ class RobotDescription:
         """
         if rotors and not moving_links:
             raise InputError("rotors become a part of moving links: give moving_links=True as well")
-        if not moving_links and isinstance(self._source, Urdf):
-            return self._source.without_geometry()
-        inertias = self.armature if rotors else {}
-        return moving.moving_links(
-            self._source, self.name, self.base == "fixed", inertias, merged=moving_links
+        return write_urdf.write(
+            self.mechanism, self.name, self.armature if rotors else {}, merged=moving_links
         )
 
     def collision_shapes(self) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
@@ -349,11 +347,11 @@ class RobotDescription:
         A box becomes a capsule along its longest side whose diameter is the second longest side. A mesh counts as its
         bounding box.
         """
-        return link_shapes.capsules(self.xml, self.package_dirs)
+        return link_shapes.capsules(self.mechanism, self.package_dirs)
 
     def collision_hulls(self) -> dict[str, list[Shape]]:
         """Return link → shapes for `CollisionLimit`, from collision or else visual geometry, with meshes as hulls."""
-        return link_shapes.hulls(self.xml, self.package_dirs)
+        return link_shapes.hulls(self.mechanism, self.package_dirs)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
         """Return the moving link that carries a frame, and the placement of the frame in it.
@@ -373,10 +371,15 @@ class RobotDescription:
         """Actuated joints in the order of the velocity vector, length na."""
         return tuple(driven_names(self._model))
 
-    @cached_property
+    @property
     def couplings(self) -> Mapping[str, Coupling]:
         """Joints that are coupled to another joint: joint → its leader, ratio and offset."""
-        return MappingProxyType(self._source.couplings())
+        return MappingProxyType(self.mechanism.couplings)
+
+    @property
+    def base(self) -> Base:
+        """Kind of the base: "floating", or "fixed" for a robot that is bolted to the world at its root."""
+        return "floating" if is_floating(self.mechanism.model) else "fixed"
 
     @cached_property
     def digest(self) -> str:
@@ -386,7 +389,15 @@ class RobotDescription:
             *("torque_ranges", "foot_inertia"),
         )
         values = [sorted(getattr(self, name).items()) for name in names]
-        content = (self.xml, self.soles, self.imu, self.torso, self.servo, self.base, *values)
+        content = (
+            write_urdf.write(self.mechanism, "", {}, shapes=True),
+            self.soles,
+            self.imu,
+            self.torso,
+            self.servo,
+            self.base,
+            *values,
+        )
         content = (*content, self.closures, self.passive)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
@@ -471,27 +482,18 @@ class RobotDescription:
         """Return the doubtful values, one line each: guessed limits, soft servos, different legs and others."""
         return doubts(self)
 
+    xml = renamed("xml", "urdf")
+
     @property
     def urdf(self) -> str:
-        """The robot as a URDF: the one that was read, or one of an MJCF, for other engines."""
-        if isinstance(self._source, Urdf):
-            return self.xml
-        return moving.add_shapes(self.urdf_without_geometry(), self._source)
-
-    @cached_property
-    def _source(self) -> Source:
-        return source_of(self.xml)
+        """The robot as a URDF with its shapes, for other engines, whatever it was read from."""
+        return write_urdf.write(self.mechanism, self.name, {}, shapes=True)
 
     @cached_property
     def _model(self) -> pin.Model:
-        fixed = self.base == "fixed"
-        source = source_of(self.xml)  # which tidying changes
-        changes = source.tidy(fixed, {}, repair=False)[1]
-        model = source.model(self.name, fixed)
-        if changes or unlimited(model):
-            raise ModelError(
-                "the XML of a description must be tidy; use RobotDescription.from_urdf or from_mjcf"
-            )
+        model = self.mechanism.coupled(self.name)
+        if missing := unlimited(model):
+            raise ModelError(f"joints of a mechanism must have torque limits: {', '.join(missing)} have none")
         for description in (*self.soles, self.imu):
             frames.add_frame(model, description)
         for joint, (_, most) in self.torque_ranges.items():

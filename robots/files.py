@@ -26,8 +26,8 @@ from wbc.base.registry import call_checked
 from wbc.base.settings import from_json
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.servo import ServoRule
-from wbc.robots.derivation.soles import PACKAGE_DEPTH, resolve
 from wbc.robots.description import RobotDescription
+from wbc.robots.mesh_files import PACKAGE_DEPTH, resolve
 
 ENDINGS = (".toml", ".xml", ".mjcf", ".urdf", ".sdf")
 """Endings of the files that describe a robot."""

@@ -17,11 +17,14 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import frames
 from wbc.robots.derivation import defaults, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
+from wbc.robots.mechanism import Mechanism, unlimited
 from wbc.robots.options import DescriptionOptions
-from wbc.robots.source import Source, unlimited
 
-SoleFinder = Callable[[Source, pin.Model, float, list[str]], defaults.Soles]
-"""Function of the robot's source, its model, the turn of the root so far (rad) and the notes that returns the soles."""
+Reader = Callable[[float], Mechanism]
+"""Function that reads a robot, with a link above its root that is turned by an angle, rad."""
+
+SoleFinder = Callable[[Mechanism, pin.Model, float, list[str]], defaults.Soles]
+"""Function of a robot, its model, the turn of its root so far (rad) and the notes that returns the soles."""
 
 AHEAD = 0.01
 """Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
@@ -38,11 +41,11 @@ def from_geometry(
     size: tuple[float, float] | None,
     package_dirs: tuple[str, ...],
 ) -> SoleFinder:
-    """Return the finder of given soles from the shapes of a source; see `complete_sole`."""
+    """Return the finder of given soles from the shapes of a robot; see `complete_sole`."""
 
-    def find(source: Source, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
+    def find(robot: Mechanism, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
         one, other = (
-            defaults.complete_sole(source.shapes(), model, name, given, size, package_dirs, notes)
+            defaults.complete_sole(robot.shapes, model, name, given, size, package_dirs, notes)
             for name, given in zip(frames.SOLE_NAMES, (left, right), strict=True)
         )
         return one, other
@@ -51,7 +54,7 @@ def from_geometry(
 
 
 def complete(
-    robot: Source,
+    read: Reader,
     find_soles: SoleFinder | None,
     *,
     name: str | None,
@@ -65,7 +68,7 @@ def complete(
     taken: Mapping[str, Any] | None = None,
     **options: Unpack[DescriptionOptions],
 ) -> dict[str, Any]:
-    """Return the fields of a `RobotDescription` of a source, which is changed.
+    """Return the fields of a `RobotDescription`.
 
     `notes` are the remarks so far, `postures` those of the file (name, joint → position) that may be half-sitting,
     `taken` further fields, taken over as they are. With `feet_found` it was left to `find_soles`, which is None for a
@@ -78,17 +81,15 @@ def complete(
         )
     for option in options:
         choose("option", option, DescriptionOptions.__annotations__)
-    locked, changes = robot.tidy(fixed, options.get("lock") or {}, options.get("repair", False))
-    notes += changes
-    robot.set_limits(
-        options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
-    )
-    name = name or str(robot.root.get("name") or "robot")
+    limits = options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
+    robot = read(0.0)
+    robot.set_limits(*limits)
+    name = name or robot.model.name
     notes += [
         f"joint '{each}' moves with '{coupling.leader}': {coupling.ratio:g} times its position and {coupling.offset:g}"
-        for each, coupling in robot.couplings().items()
+        for each, coupling in robot.couplings.items()
     ]
-    model = robot.model(name, fixed, notes)
+    model = robot.coupled(name, notes)
     remarks: list[str] = []
     soles: defaults.Soles = ()
     turn = 0.0
@@ -96,11 +97,13 @@ def complete(
         soles = _add_soles(robot, model, find_soles, 0.0, remarks)
         turn = heading(model, soles, feet_found) if options.get("turn_root") is not False else 0.0
     if turn and find_soles is not None:
-        turned = robot.turn_root(turn)
+        robot = read(turn)
+        robot.set_limits(*limits)
+        model, remarks = robot.coupled(name), []
         notes.append(
-            f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link '{turned}'"
+            f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link "
+            f"'{frames.carrier_link(model, 1)}'"
         )
-        model, remarks = robot.model(name, fixed), []
         soles = _add_soles(robot, model, find_soles, turn, remarks)
     notes += remarks
     if soles:
@@ -137,9 +140,8 @@ def complete(
     choose("link", torso, frames.link_names(model))
     return {
         "name": name,
-        "xml": robot.text,
+        "mechanism": robot,
         "soles": soles,
-        "base": "fixed" if fixed else "floating",
         "half_sitting": joints,
         "armature": rotors,
         "imu": defaults.complete_imu(model, options.get("imu"), notes),
@@ -154,7 +156,6 @@ def complete(
         "derived": tuple(notes),
         "closures": closures,
         "passive": tuple(options.get("passive") or ()),
-        "locked": locked,
         **(taken or {}),
     }
 
@@ -180,10 +181,10 @@ def check_values(robot: Any, model: pin.Model) -> None:
 
 
 def _add_soles(
-    source: Source, model: pin.Model, find: SoleFinder, turn: float, notes: list[str]
+    robot: Mechanism, model: pin.Model, find: SoleFinder, turn: float, notes: list[str]
 ) -> defaults.Soles:
     """Find the soles, give each a name of its own and add their frames to the model."""
-    left, right = find(source, model, turn, notes)
+    left, right = find(robot, model, turn, notes)
     if left.frame == right.frame and left.link != right.link:
         left, right = (replace(sole, frame=f"{sole.name}_sole") for sole in (left, right))
     named = []

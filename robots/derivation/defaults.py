@@ -31,7 +31,7 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import frames
 from wbc.robots.derivation.soles import UNITS, no_sole, plausible, sole_rectangle
 from wbc.robots.frames import SoleName
-from wbc.robots.source import Geometry
+from wbc.robots.mechanism import Geometry
 
 Soles: TypeAlias = tuple[Sole, ...]
 """Left and right sole; none of a robot without feet."""
@@ -99,14 +99,13 @@ def complete_sole(
         placement = placement * pin.SE3(in_base.rotation.T, np.zeros(3))
         turned = True
         notes.append(f"{name}: axes of '{given}' are not those of the base; the sole takes those of the base")
-    probe = model.copy()
-    frames.add_frame(probe, frames.frame_at("__probe__", link, placement))
-    rectangle = sole_rectangle(shapes, probe, "__probe__", package_dirs)
+    sole = pin.Frame(frame, body.parentJoint, 0, body.placement * placement, pin.FrameType.OP_FRAME)
+    rectangle = sole_rectangle(shapes, model, sole, package_dirs)
     centre, leg = np.zeros(3), float(np.linalg.norm(in_base.translation))
     if rectangle is not None and not plausible(*rectangle[1:], leg):
         notes.append(f"{name}: {no_sole(*rectangle[1:])}")
         units = UNITS.values() if size is not None else ()  # the size says which one
-        scaled = (sole_rectangle(shapes, probe, "__probe__", package_dirs, factor) for factor in units)
+        scaled = (sole_rectangle(shapes, model, sole, package_dirs, factor) for factor in units)
         rectangle = next((each for each in scaled if each is not None and plausible(*each[1:], leg)), None)
     if size is not None:
         length, width = size
@@ -116,7 +115,7 @@ def complete_sole(
         centre, length, width = rectangle
         notes.append(f"{name}: {length * 1e3:.0f} x {width * 1e3:.0f} mm, from the geometry of the foot")
     else:
-        hip = data.oMi[joints_to(probe, "__probe__")[0]].translation[2] if body.parentJoint > 1 else 0.0
+        hip = data.oMi[model.supports[body.parentJoint][2]].translation[2] if body.parentJoint > 1 else 0.0
         hip_height = max(0.1, float(hip - in_base.translation[2]))
         length, width = (ratio * hip_height for ratio in SOLE_RATIO)
         notes.append(

@@ -1,11 +1,11 @@
-"""Simple shapes of a robot's links, from those of its source."""
+"""Simple shapes of a robot's links, from those of its file."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,9 +19,8 @@ from wbc.core.limits.obstacles import (
     CollisionSphere,
     Shape,
 )
-from wbc.robots.derivation.soles import mesh_vertices, resolve
-from wbc.robots.source import Geometry
-from wbc.robots.source_of import source_of
+from wbc.robots.mechanism import Geometry, Mechanism
+from wbc.robots.mesh_files import read_mesh, resolve
 
 CORNERS = 150
 """Directions of which the outermost vertices are the corners of a mesh's hull: it is as good as whole, and quick."""
@@ -33,34 +32,27 @@ Make = Callable[[Geometry, Path | None], Any]
 """Function of a shape and the file of its mesh, if it is one that is found, that returns another shape, or None."""
 
 
-class LinkShape(NamedTuple):
-    """A shape of a link."""
+def link_shapes(robot: Mechanism, package_dirs: tuple[str, ...]) -> tuple[Geometry, ...]:
+    """Return the shapes of all links of a robot: collision shapes where a link has any, visual ones otherwise.
 
-    link: str
-    kind: Literal["box", "sphere", "cylinder", "capsule"]  # a mesh is the box around it
-    size: tuple[float, ...]  # half sizes of a box; radius; radius and half length, m
-    placement: pin.SE3  # in the link
-    corners: Array | None = None  # of the convex hull of a solid mesh, in the link, shape (n, 3), m
-
-
-def link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ...]:
-    """Return the shapes of all links of a robot's XML: collision shapes where a link has any, visual ones otherwise.
-
-    A mesh becomes the least box about its principal axes. What cannot be read is left out.
+    A mesh becomes the least box about its principal axes. What cannot be read is left out. No size is below `SMALLEST`.
     """
-    return tuple(shape for shapes in _made(text, package_dirs, _simple).values() for shape in shapes)
+    return tuple(shape for shapes in _made(robot, package_dirs, _simple).values() for shape in shapes)
 
 
-def hulls(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
+def hulls(robot: Mechanism, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
     """Return link → shapes, as `link_shapes` does, where a mesh is its convex hull."""
-    return _made(text, package_dirs, _hull)
+    return _made(robot, package_dirs, _hull)
 
 
-def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
+def capsules(
+    robot: Mechanism, package_dirs: tuple[str, ...]
+) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
     """Return link → spheres and capsules: a box is a capsule along its longest side, as thick as the second one."""
     found: dict[str, list[CollisionSphere | CollisionCapsule]] = {}
-    for link, kind, size, place, _ in link_shapes(text, package_dirs):
-        if kind == "box":
+    for shape in link_shapes(robot, package_dirs):
+        size, place = shape.size.tolist(), shape.place
+        if shape.kind == "box":
             _, radius, half = sorted(size)
             axis, half = np.eye(3)[int(np.argmax(size))], half - radius
         else:
@@ -69,41 +61,38 @@ def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Collisi
             made: CollisionSphere | CollisionCapsule = CollisionSphere(radius, place.translation)
         else:
             made = CollisionCapsule(radius, place.act(-half * axis), place.act(half * axis))
-        found.setdefault(link, []).append(made)
+        found.setdefault(shape.link, []).append(made)
     return found
 
 
-def _made(text: str, package_dirs: tuple[str, ...], make: Make) -> dict[str, list[Any]]:
+def _made(robot: Mechanism, package_dirs: tuple[str, ...], make: Make) -> dict[str, list[Any]]:
     """Return link → what is made of its collision shapes, or of its visual shapes where that is nothing."""
-    files = {name: resolve(name, package_dirs) for name in _mesh_names(text)}
-    states = {name: (path, path.stat()) for name, path in files.items() if path is not None}
+    names = {shape.file for shape in robot.shapes if shape.kind == "mesh"}
+    files = {name: path for name in sorted(names) if (path := resolve(name, package_dirs)) is not None}
+    states = {name: (path, path.stat()) for name, path in files.items()}
     stamps = tuple((name, path, state.st_mtime_ns, state.st_size) for name, (path, state) in states.items())
-    return {link: list(shapes) for link, shapes in _of_files(text, make, stamps).items()}
+    return {link: list(shapes) for link, shapes in _of_files(robot, make, stamps).items()}
 
 
 @lru_cache(maxsize=16)
-def _mesh_names(text: str) -> tuple[str, ...]:
-    return tuple({shape.file for shape in source_of(text).shapes() if shape.kind == "mesh"})
-
-
-@lru_cache(maxsize=16)
-def _of_files(text: str, make: Make, stamps: tuple[tuple[str, Path, int, int], ...]) -> dict[str, list[Any]]:
+def _of_files(
+    robot: Mechanism, make: Make, stamps: tuple[tuple[str, Path, int, int], ...]
+) -> dict[str, list[Any]]:
     """Return what is made of the shapes of each link, anew when a mesh has changed."""
     found: dict[str, dict[str, list[Any]]] = {}
     files = {name: path for name, path, *_ in stamps}
-    for shape in source_of(text).shapes():
+    for shape in robot.shapes:
         if (made := make(shape, files.get(shape.file))) is not None:
             found.setdefault(shape.link, {}).setdefault(shape.role, []).append(made)
     return {link: roles.get("collision") or roles["visual"] for link, roles in found.items()}
 
 
-def _simple(shape: Geometry, path: Path | None) -> LinkShape | None:
+def _simple(shape: Geometry, path: Path | None) -> Geometry | None:
     if shape.kind != "mesh":
-        return LinkShape(shape.link, shape.kind, _sizes(shape.size), shape.place)  # type: ignore[arg-type]
-    vertices = None if path is None else mesh_vertices(path)
-    if vertices is None or not len(vertices):
+        return shape._replace(size=np.maximum(shape.size, SMALLEST))
+    if path is None or (mesh := read_mesh(path)) is None:
         return None
-    points = vertices * shape.size
+    points = mesh[0] * shape.size
     centre = points.mean(axis=0)
     axes = np.linalg.svd(points - centre, full_matrices=False)[2].T
     axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
@@ -113,15 +102,16 @@ def _simple(shape: Geometry, path: Path | None) -> LinkShape | None:
     corners = points[np.unique(np.argmax(points @ _directions().T, axis=0))]
     flat = np.linalg.matrix_rank(corners - corners.mean(axis=0), tol=1e-4) < 3
     at = None if flat else corners @ shape.place.rotation.T + shape.place.translation
-    return LinkShape(shape.link, "box", _sizes(0.5 * (high - low)), shape.place * middle, at)
+    size = np.maximum(0.5 * (high - low), SMALLEST)
+    return shape._replace(kind="box", size=size, place=shape.place * middle, corners=at)
 
 
 def _hull(shape: Geometry, path: Path | None) -> Shape | None:
-    place = shape.place
+    if (simple := _simple(shape, path)) is None:
+        return None
+    size, place = simple.size.tolist(), shape.place
     if shape.kind == "mesh":
-        found = _simple(shape, path)
-        return None if found is None or found.corners is None else CollisionHull(found.corners.tolist())
-    size = _sizes(shape.size)
+        return None if simple.corners is None else CollisionHull(simple.corners.tolist())
     if shape.kind == "box":
         x, y, z = (2.0 * half for half in size)
         return CollisionBox((x, y, z), place.translation, pin.log3(place.rotation))
@@ -139,7 +129,3 @@ def _directions() -> Array:
     height, turn = 1.0 - 2.0 * place / CORNERS, np.pi * (1.0 + np.sqrt(5.0)) * place
     wide = np.sqrt(1.0 - height**2)
     return np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1)
-
-
-def _sizes(values: Array) -> tuple[float, ...]:
-    return tuple(np.maximum(values, SMALLEST).tolist())

@@ -1,4 +1,4 @@
-"""Readers of robot files other than URDF: each writes the robot as one URDF and says what else the file gives.
+"""Reader of MJCF and SDF: the mechanism of the robot, and what else the file gives.
 
 Modules that end in `_mjcf` import MuJoCo; they are imported when an MJCF is read and not before.
 """

@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from wbc.robots.mechanism import placement_of
 from wbc.robots.readers.actuators_mjcf import equalities_off
-from wbc.robots.readers.source_mjcf import placement_of
 from wbc.robots.readers.tree_mjcf import BALL, Tree
 
 
@@ -41,8 +41,8 @@ def find_chains(tree: Tree) -> list[Chain]:
             continue
         data, weld = model.eq_data[i], kind == kinds.mjEQ_WELD
         if int(model.eq_objtype[i]) == mujoco.mjtObj.mjOBJ_SITE:
-            places = tuple(placement_of(model.site_pos[site], model.site_quat[site]) for site in (one, two))
-            one, two = int(model.site_bodyid[one]), int(model.site_bodyid[two])
+            (one, first), (two, second) = tree.site_place(one), tree.site_place(two)
+            places = first, second
         elif weld:
             places = placement_of(data[3:6], data[6:10]), pin.SE3(np.eye(3), np.array(data[:3]))
         else:

@@ -17,7 +17,7 @@ import numpy as np
 
 from wbc.base.errors import InputError, ModelError, shown, shown_path
 from wbc.base.files import decoding, first_tag, parse_xml, read_xml
-from wbc.robots.derivation.soles import mesh_defect
+from wbc.robots.mesh_files import mesh_defect
 from wbc.robots.readers import sdf_mjcf
 from wbc.robots.urdf import MOST_LINKS, existing
 

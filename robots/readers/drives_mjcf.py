@@ -25,7 +25,6 @@ from wbc.robots.readers.actuators_mjcf import (
     switched_off,
 )
 from wbc.robots.readers.forces_mjcf import pulls, unmodelled
-from wbc.robots.readers.source_mjcf import placement_of
 from wbc.robots.readers.tree_mjcf import Tree
 
 HOME = ("half_sitting", "halfsitting", "half-sitting", "home", "stand", "knees_bent", "walk_pose")
@@ -241,7 +240,6 @@ def sensors(tree: Tree) -> tuple[FrameDescription | None, dict[str, str]]:
 
 def site_frame(tree: Tree, site: int) -> FrameDescription:
     """Return the frame at a site of the robot."""
-    model = tree.model
     name = next((name for name, number in tree.sites().items() if number == site), f"site_{site}")
-    place = placement_of(model.site_pos[site], model.site_quat[site])
-    return frame_at(name, tree.body_name(int(model.site_bodyid[site])), place)
+    body, place = tree.site_place(site)
+    return frame_at(name, tree.body_name(body), place)

@@ -14,11 +14,11 @@ from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
+from wbc.robots.mechanism import Mechanism
 from wbc.robots.options import DescriptionOptions
-from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf, write_mjcf
+from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
 from wbc.robots.report import UNMODELLED, listed
-from wbc.robots.source import Source
 
 NO_DRIVE = 1.0
 """Torque limit of a joint without a drive, Nm: it needs one, and the description has none."""
@@ -59,16 +59,18 @@ def fields(
     drives = drives_mjcf.read_drives(tree)
     name = name or _model_name(model) or tree.body_name(tree.root)
     torque = {joint: max(-low, high) for joint, (low, high) in drives.torque.items()}
-    robot, closures = write_mjcf.write(tree, name, torque | dict.fromkeys(idle, NO_DRIVE), chains)
+    torque |= dict.fromkeys(idle, NO_DRIVE)
+    closures = mechanism_mjcf.closures(tree, chains)
     given_limits = options.get("torque_limits") or {}
     one_sided = {
         joint: (low, high)
         for joint, (low, high) in drives.torque.items()
         if not math.isclose(-low, high) and joint not in given_limits
     }
-    shapes_mjcf.add_shapes(robot, tree, moved)
+    shapes = shapes_mjcf.shapes(tree, moved)
     tree.notes.append(
-        f"velocity limits: an MJCF has none; {write_mjcf.SPEED:g} rad/s (slides {write_mjcf.SLIDE_SPEED:g} m/s)"
+        f"velocity limits: an MJCF has none; {mechanism_mjcf.SPEED:g} rad/s "
+        f"(slides {mechanism_mjcf.SLIDE_SPEED:g} m/s)"
     )
     if use_gains:
         options["gains"] = {**drives.gains, **(options.get("gains") or {})}
@@ -79,7 +81,7 @@ def fields(
     notes = list(tree.notes)
     given = (left_sole, right_sole)
 
-    def find_soles(_: Source, pinocchio: pin.Model, turn: float, remarks: list[str]) -> Soles:
+    def find_soles(_: Mechanism, pinocchio: pin.Model, turn: float, remarks: list[str]) -> Soles:
         tree.notes = remarks
         described = [sole if isinstance(sole, FrameDescription) else None for sole in given]
         names = tuple(sole if isinstance(sole, str) else None for sole in given)
@@ -96,7 +98,7 @@ def fields(
         options["imu"] = found_imu
         notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
     return complete(
-        robot,
+        lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
         find_soles if feet and not fixed else None,
         name=name,
         source=provenance or where,

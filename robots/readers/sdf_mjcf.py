@@ -19,6 +19,7 @@ import pinocchio as pin
 
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
+from wbc.robots.mechanism import placed
 
 STIFF = {"solref": (0.002, 1.0), "solimp": (0.9999, 0.9999, 0.001)}
 """Options of equalities that hardly give."""
@@ -127,10 +128,10 @@ class _Reader:
         onto = self.bodies[near] if near else self.spec.worldbody
         if near and near != "world":
             place = self.places[near].actInv(place)
-        body = onto.add_body(name=name, pos=place.translation, quat=_quaternion(place))
+        body = onto.add_body(name=name, **placed(place))
         middle = self._pose(link, "inertial/pose")
         body.mass, body.explicitinertial = self._number(link, "inertial/mass", 1.0), True
-        body.ipos, body.iquat = middle.translation, _quaternion(middle)
+        body.ipos, body.iquat = placed(middle).values()
         entries = (("ixx", 1.0), ("iyy", 1.0), ("izz", 1.0), ("ixy", 0.0), ("ixz", 0.0), ("iyz", 0.0))
         body.fullinertia = [self._number(link, f"inertial/inertia/{key}", value) for key, value in entries]
         for shape in link.findall("collision"):
@@ -154,7 +155,7 @@ class _Reader:
                 radius, length = (self._number(geometry, f"{tag}/{key}", 1.0) for key in ("radius", "length"))
                 kind, size = long, [radius, 0.5 * length, 0.0]
         if kind is not None:
-            geom = body.add_geom(type=kind, size=size, pos=place.translation, quat=_quaternion(place))
+            geom = body.add_geom(type=kind, size=size, **placed(place))
             geom.mass, geom.conaffinity = 0.0, self.collides
 
     def _joint(self, name: str, joint: ET.Element, near: str, far: str, ends: tuple[str, str]) -> None:
@@ -207,8 +208,3 @@ class _Reader:
         tie.name1, tie.name2 = ends[1], ends[0]
         tie.data[:3] = self._pose(joint).translation
         tie.solref[:2], tie.solimp[:3] = STIFF["solref"], STIFF["solimp"]
-
-
-def _quaternion(place: pin.SE3) -> Array:
-    """Return the quaternion of a placement in MuJoCo's order."""
-    return np.asarray(pin.Quaternion(place.rotation).coeffs()[[3, 0, 1, 2]])

@@ -1,19 +1,17 @@
-"""Shapes of a robot's bodies in a compiled MuJoCo model, as geoms of its MJCF."""
+"""Shapes of a robot's bodies in a compiled MuJoCo model."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.robots.readers.source_mjcf import SHOWN, Mjcf, along, placed, placement_of, text
+from wbc.robots.mechanism import Geometry, along, placement_of
 from wbc.robots.readers.tree_mjcf import Tree
 from wbc.robots.report import listed
-from wbc.robots.source import Element
 
 DRAWN = 3
 """Groups of geoms below this one are drawn; MuJoCo's viewers hide the others."""
@@ -21,8 +19,8 @@ DRAWN = 3
 COLLISIONS = 3
 """Group in which robots by convention have their collision geoms."""
 
-SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
-"""Kind of a shape → how many sizes it has."""
+SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "mesh": 3}
+"""Kind of a shape → how many sizes it has; scales of a mesh."""
 
 
 def mesh_files(model: mujoco.MjModel, moved: Collection[str] = ()) -> dict[int, str]:
@@ -43,34 +41,28 @@ def mesh_files(model: mujoco.MjModel, moved: Collection[str] = ()) -> dict[int, 
     return found
 
 
-def add_shapes(source: Mjcf, tree: Tree, moved: Collection[str] = ()) -> None:
-    """Add the geoms of a robot to the bodies of its MJCF; `tree` gets notes; `moved` see `mesh_files`.
+def shapes(tree: Tree, moved: Collection[str] = ()) -> tuple[Geometry, ...]:
+    """Return the shapes of a robot's bodies; `tree` gets notes; `moved` see `mesh_files`.
 
     What is drawn are the geoms of the groups that viewers show, collisions those that can touch anything; where none of
     a body can, those of the group for collisions, as robots are written whose contacts are explicit pairs.
     """
     model, files = tree.model, mesh_files(tree.model, moved)
-    bodies = {str(body.get("name")): body for body in source.root.iter("body")}
-    assets = ElementTree.SubElement(source.root, "asset")
     paired = {int(geom) for geom in (*model.pair_geom1, *model.pair_geom2)}
     boxed: dict[str, None] = {}
+    found = []
     for body in tree.bodies:
         first, count = int(model.body_geomadr[body]), int(model.body_geomnum[body])
         geoms = list(range(first, first + count)) if count else []
         shown = [geom for geom in geoms if int(model.geom_group[geom]) < DRAWN]
         touching = [g for g in geoms if g in paired or model.geom_contype[g] or model.geom_conaffinity[g]]
         touching = touching or [g for g in geoms if int(model.geom_group[g]) == COLLISIONS]
-        for group, touches, some in ((SHOWN, "0", shown or geoms), (str(COLLISIONS), "1", touching)):
-            for geom in some:
-                if (made := _geom(model, geom, files, boxed)) is not None:
-                    made.attrib.update(group=group, contype=touches, conaffinity=touches)
-                    if (mesh := made.get("mesh")) and assets.find(f"mesh[@name='{mesh}']") is None:
-                        number = int(model.geom_dataid[geom])
-                        scale = text(model.mesh_scale[number])
-                        ElementTree.SubElement(assets, "mesh", name=mesh, file=files[number], scale=scale)
-                    bodies[tree.body_name(body)].append(made)
+        for role, some in (("visual", shown or geoms), ("collision", touching)):
+            made = (_shape(model, geom, tree.body_name(body), role, files, boxed) for geom in some)
+            found += [each for each in made if each is not None]
     if boxed:
         tree.notes.append(f"shapes of MuJoCo alone are the boxes around them: {listed([*boxed])}")
+    return tuple(found)
 
 
 def kind_of(model: mujoco.MjModel, geom: int) -> str:
@@ -84,18 +76,18 @@ def vertices_of(model: mujoco.MjModel, mesh: int) -> Array:
     return np.array(model.mesh_vert[start : start + count], dtype=np.float64)
 
 
-def _geom(
-    model: mujoco.MjModel, geom: int, files: Mapping[int, str], boxed: dict[str, None]
-) -> Element | None:
+def _shape(
+    model: mujoco.MjModel, geom: int, link: str, role: str, files: Mapping[int, str], boxed: dict[str, None]
+) -> Geometry | None:
     """Return a geom as a box, sphere, cylinder, capsule or mesh of a file; None for one that is none of them."""
-    kind, size, mesh = kind_of(model, geom), np.array(model.geom_size[geom]), ""
+    kind, size, file = kind_of(model, geom), np.array(model.geom_size[geom]), ""
     place = placement_of(model.geom_pos[geom], model.geom_quat[geom])
     name = str(model.geom(geom).name) or f"geom_{geom}"
     if kind in ("mesh", "sdf") and (number := int(model.geom_dataid[geom])) >= 0:
         if number in files:
             # The compiler has moved the mesh to its centre of mass and principal axes.
             place = place * placement_of(model.mesh_pos[number], model.mesh_quat[number]).inverse()
-            kind, mesh = "mesh", f"mesh_{number}"
+            kind, file, size = "mesh", files[number], np.array(model.mesh_scale[number])
         else:
             vertices = vertices_of(model, number)
             low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -107,8 +99,6 @@ def _geom(
     elif kind not in SIZES:
         boxed[f"{kind} '{name}', left out"] = None
         return None
-    made = ElementTree.Element("geom", {"type": kind, **placed(place)})
-    made.attrib.update({"mesh": mesh} if mesh else {"size": text(size[: SIZES[kind]])})
     material = int(model.geom_matid[geom])
-    made.set("rgba", text(model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]))
-    return made
+    red, green, blue, opacity = (model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]).tolist()
+    return Geometry(link, role, kind, size[: SIZES[kind]], place, file, (red, green, blue, opacity))

@@ -6,14 +6,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import mujoco
+import pinocchio as pin
 
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.numbers import finite_scalar
 from wbc.core.model import Coupling
 from wbc.robots.frames import SOLE_NAMES
+from wbc.robots.mechanism import placement_of
 from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 
-FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+FREE, BALL, SLIDE = (int(getattr(mujoco.mjtJoint, f"mjJNT_{kind}")) for kind in ("FREE", "BALL", "SLIDE"))
 
 
 @dataclass
@@ -66,6 +68,19 @@ class Tree:
             if int(model.site_bodyid[site]) in self.carrier and (name := str(model.site(site).name)):
                 found[f"{name}_site" if name in taken else name] = site
         return found
+
+    def site_place(self, site: int) -> tuple[int, pin.SE3]:
+        """Return the body of a site, and its place there."""
+        model = self.model
+        return int(model.site_bodyid[site]), placement_of(model.site_pos[site], model.site_quat[site])
+
+    def slides(self, joint: int) -> bool:
+        """Return True for a slide, False for a hinge."""
+        return int(self.model.jnt_type[joint]) == SLIDE
+
+    def reference(self, joint: int) -> float:
+        """Return the position of a joint in which the file shows the robot, rad or m."""
+        return float(self.model.qpos0[self.model.jnt_qposadr[joint]])
 
     def joints_of(self, body: int) -> list[int]:
         """Return the joints of a body; none for a root that floats, whose joints the floating base replaces."""
@@ -126,7 +141,7 @@ def _find_couplings(tree: Tree, known: Mapping[str, int]) -> None:
         if kind != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[i] or poly[1] == 0.0 or poly[2:].any():
             continue
         if ends[0] in names and ends[1] in names:
-            zero = [float(model.qpos0[model.jnt_qposadr[end]]) for end in ends]
+            zero = [tree.reference(end) for end in ends]
             ratio = float(poly[1])
             waiting[i] = (*ends, ratio, zero[0] + float(poly[0]) - ratio * zero[1])
     leading = set(driven) | set(tree.locked)

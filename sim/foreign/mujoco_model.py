@@ -25,7 +25,7 @@ from wbc.robots.registry import as_description
 from wbc.sim.foreign.actuators import JointActuators
 from wbc.sim.foreign.floor import floor_of
 from wbc.sim.foreign.notes import LIMP, drive_notes, model_notes, sensor_notes
-from wbc.sim.plant.hands import check_clear
+from wbc.sim.plant.grips import check_clear
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu

@@ -20,7 +20,7 @@ from wbc.feet import foot as foot_by_name
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 from wbc.sim.foreign.mujoco_model import MujocoLoop
-from wbc.sim.plant.hands import check_clear
+from wbc.sim.plant.grips import check_clear
 from wbc.sim.plant.link_geoms import SHAPE_GROUP, add_stage, add_visuals
 from wbc.sim.plant.model import bare_spec, compiled, equip, furniture, surround
 from wbc.sim.plant.physics import PhysicsSettings

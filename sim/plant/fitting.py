@@ -19,6 +19,7 @@ from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.feet.soles.sole import AnkleSole
 from wbc.robots.description import RobotDescription
+from wbc.robots.frames import carrier
 from wbc.robots.registry import as_description
 from wbc.sim.terrain.render import TERRAIN_GROUP
 
@@ -36,15 +37,10 @@ def ankle_soles(robot: Robot) -> tuple[AnkleSole, ...]:
             raise ModelError(
                 f"sole '{sole.name}' must be on a leg, its frame '{sole.frame}' is on the floating base"
             )
-        link = next(
-            f.name
-            for f in robot.model.frames
-            if f.parentJoint == frame.parentJoint and f.type == pin.FrameType.BODY
-        )
-        place = frame.placement
+        link, place = carrier(robot.model, sole.frame)
         soles.append(
             AnkleSole(
-                str(link),
+                link,
                 tuple(place.translation.tolist()),
                 tuple(pin.Quaternion(place.rotation).normalized().coeffs().tolist()),
                 sole.length,

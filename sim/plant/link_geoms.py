@@ -16,12 +16,11 @@ import pinocchio as pin
 from wbc.base.numbers import Array
 from wbc.core.robot import Robot
 from wbc.feet.soles.common_mjcf import VISUAL_GROUP
-from wbc.robots.derivation.link_shapes import LinkShape, link_shapes
-from wbc.robots.derivation.soles import resolve
+from wbc.robots.derivation.link_shapes import link_shapes
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import carrier_link
-from wbc.robots.source import Colour, Geometry
-from wbc.robots.source_of import source_of
+from wbc.robots.mechanism import Colour, Geometry, along, placed
+from wbc.robots.mesh_files import read_mesh, resolve
 from wbc.sim.scenes.base import GEOMS
 from wbc.sim.terrain.render import FLOOR
 
@@ -51,7 +50,7 @@ def add_visuals(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot
     model = robot.model
     moving = {str(f.name): f.parentJoint for f in model.frames if f.type == pin.FrameType.BODY}
     drawn: set[int] = set()
-    shapes = source_of(description.xml).shapes()
+    shapes = description.mechanism.shapes
     for role in ("visual", "collision"):
         bare = {*moving.values()} - drawn
         for shape in shapes:
@@ -93,7 +92,7 @@ def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: R
     """Let all links but the feet touch things and the ground, not each other; each hand has a site in the model."""
     feet = {description.attachment(sole.frame)[0] for sole in description.soles}
     shaped = set()
-    for shape in link_shapes(description.xml, description.package_dirs):
+    for shape in link_shapes(description.mechanism, description.package_dirs):
         body = spec.body(shape.link)
         if body is None or description.attachment(shape.link)[0] in feet:
             continue
@@ -102,11 +101,11 @@ def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: R
     for role, frame in robot.frames.items():
         if description.attachment(frame)[0] not in shaped:
             site = spec.site(f"{role} site")
-            ball = LinkShape(frame, "sphere", (HAND_RADIUS,), pin.SE3(pin.Quaternion.Identity(), site.pos))
+            ball = Geometry(frame, "collision", "sphere", np.array([HAND_RADIUS]), along(site.pos))
             _add_body_shape(spec, site.parent, ball)
 
 
-def _add_body_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: LinkShape) -> None:
+def _add_body_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: Geometry) -> None:
     """Add a shape that touches things: of a mesh its convex hull, and the box around it where it is flat."""
     options = {"mass": 0.0, "group": SHAPE_GROUP, "rgba": [0.0, 0.0, 0.0, 0.0]}
     options |= {"contype": 0, "conaffinity": 1}  # not with each other
@@ -115,11 +114,8 @@ def _add_body_shape(spec: mujoco.MjSpec, body: mujoco.MjsBody, shape: LinkShape)
         spec.add_mesh(name=name, uservert=shape.corners.ravel(), inertia=SHELL)
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **options)
         return
-    x, y, z, w = pin.Quaternion(shape.placement.rotation).normalized().coeffs()
     size = [*shape.size, *[0.0] * (3 - len(shape.size))]
-    body.add_geom(
-        type=GEOMS[shape.kind], size=size, pos=shape.placement.translation, quat=[w, x, y, z], **options
-    )
+    body.add_geom(type=GEOMS[shape.kind], size=size, **placed(shape.place), **options)
 
 
 def drop_meshes(spec: mujoco.MjSpec) -> bool:
@@ -158,12 +154,10 @@ def add_visual(
     colour: Colour,
 ) -> mujoco.MjsGeom:
     """Add a geom that touches nothing to a body: MuJoCo's kind and half sizes, place in the body, colour."""
-    x, y, z, w = pin.Quaternion(place.rotation).normalized().coeffs()
     return body.add_geom(
         type=kind,
         size=[*size, *[0.0] * (3 - len(size))],
-        pos=place.translation,
-        quat=[w, x, y, z],
+        **placed(place),
         mass=0.0,
         group=VISUAL_GROUP,
         contype=0,
@@ -180,13 +174,15 @@ def _mesh(spec: mujoco.MjSpec, path: Path, scale: Array) -> str | None:
     options = {"scale": scale, "inertia": SHELL}
     if path.suffix.lower() == ".obj" or _binary_stl(path):
         spec.add_mesh(name=name, file=str(path.resolve()), **options)
-        return name
-    try:
-        vertices, faces = read_mesh(path)
-    except (ValueError, RuntimeError) as error:
-        _log.warning("%s is not drawn: %s", path, error)
+    elif (found := read_mesh(path)) is not None:  # a format that MuJoCo does not read
+        vertices, mesh = found
+        faces = [[each[k] for k in range(3)] for each in map(mesh.tri_indices, range(mesh.num_tris))]
+        spec.add_mesh(
+            name=name, uservert=vertices.ravel(), userface=np.ravel(faces).astype(np.int32), **options
+        )
+    else:
+        _log.warning("%s is not drawn: it cannot be read", path)
         return None
-    spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel(), **options)
     return name
 
 
@@ -197,15 +193,6 @@ def _binary_stl(path: Path) -> bool:
     with path.open("rb") as file:
         count = int.from_bytes(file.read(STL_HEADER)[-4:], "little")
     return path.stat().st_size == STL_HEADER + STL_TRIANGLE * count
-
-
-def read_mesh(path: Path) -> tuple[Array, Array]:
-    """Return vertices, shape (n, 3), and triangles, shape (m, 3), of a mesh file of any format that assimp reads."""
-    import coal  # noqa: PLC0415 - for the formats that MuJoCo does not read
-
-    model = coal.MeshLoader().load(str(path), np.ones(3))
-    faces = [[triangle[k] for k in range(3)] for triangle in map(model.tri_indices, range(model.num_tris))]
-    return np.array(model.vertices(), dtype=np.float64), np.array(faces, dtype=np.int32)
 
 
 def _add_sticks(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot, drawn: set[int]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
+from wbc.robots.mechanism import placed, placement_of, principal
 
 CHANGED = ("mass", "ipos", "iquat", "inertia", "subtreemass", "sameframe")
 """Arrays of the bodies of a model that loads change."""
@@ -70,19 +71,15 @@ class Loads:
     def _add(self, body: int) -> None:
         """Add the loads of a body to its inertia in the model."""
         model, kind = self._model, mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-        w, x, y, z = model.body_iquat[body]
-        axes = pin.Quaternion(w, x, y, z).matrix()
+        axes = placement_of(model.body_ipos[body], model.body_iquat[body]).rotation
         about = axes @ np.diag(model.body_inertia[body]) @ axes.T
         total = pin.Inertia(float(model.body_mass[body]), model.body_ipos[body], about)
         for (carrier, point), load in self._loads.items():
             if carrier == body and load.mass > 0.0:
                 total = total + pin.Inertia(load.mass, np.array(point), np.zeros((3, 3)))
-        model.body_inertia[body], axes = np.linalg.eigh(total.inertia)
-        if np.linalg.det(axes) < 0.0:
-            axes[:, 0] *= -1.0
-        x, y, z, w = pin.Quaternion(axes).coeffs()
-        model.body_mass[body], model.body_ipos[body] = total.mass, total.lever
-        model.body_iquat[body] = w, x, y, z
+        model.body_inertia[body], axes = principal(total.inertia)
+        model.body_mass[body] = total.mass
+        model.body_ipos[body], model.body_iquat[body] = placed(pin.SE3(axes, total.lever)).values()
         model.body_sameframe[body] = kind
         model.geom_sameframe[model.geom_bodyid == body] = kind
         model.site_sameframe[model.site_bodyid == body] = kind

@@ -16,10 +16,11 @@ from wbc.base.numbers import ROUNDING
 from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
+from wbc.robots.frames import carrier
+from wbc.robots.mechanism import FARTHEST, WORLD_LINK, Mechanism, placed, principal
 from wbc.robots.readers.compile_mjcf import read_spec, refuse_pipes
-from wbc.robots.source_of import source_of
 from wbc.sim.plant.fitting import ankle_soles
-from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
+from wbc.sim.plant.grips import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.link_geoms import add_body_shapes, add_stage, add_visuals, drop_meshes
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.scenes.base import Scene, make_scene
@@ -127,21 +128,57 @@ def surround(
 
 def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
     """Return the links and joints of a robot with a free base, without drives, feet and sensors."""
-    try:
-        spec = mujoco.MjSpec.from_string(source_of(description.xml).without_geometry())
-    except ValueError as error:
-        raise ModelError(f"MuJoCo cannot read the description of '{description.name}': {error}") from error
-    spec.modelname = description.name
-    # The importer would weld the feet's force sensors into the ankles and drop visual geoms.
-    spec.compiler.fusestatic = False
-    spec.compiler.discardvisual = False
-    for site in list(
-        spec.sites
-    ):  # frames of the description, whose names may be those of the plant's own sites
-        spec.delete(site)
+    robot = description.mechanism
+    model, spec = robot.model, mujoco.MjSpec()
+    spec.modelname, spec.compiler.degree = description.name, False
+    bodies = {0: spec.worldbody}
+    for i, frame in enumerate(model.frames):
+        if frame.type != pin.FrameType.BODY:
+            continue
+        if frame.name == WORLD_LINK and frame.name not in robot.inertias:
+            bodies[i] = spec.worldbody
+            continue
+        above, inside, moving = frame.parentFrame, frame.placement, list[tuple[int, pin.SE3]]()
+        while above not in bodies:  # joints between the link and the one that it hangs on, the last one first
+            if model.frames[above].type == pin.FrameType.JOINT:
+                joint = model.frames[above].parentJoint
+                moving.append((joint, inside.inverse()))
+                inside = model.jointPlacements[joint] * inside
+            above = model.frames[above].parentFrame
+        parent = model.frames[above]
+        place = parent.placement.inverse() * inside if above else inside
+        body = bodies[i] = bodies[above].add_body(name=frame.name, **placed(place))
+        for joint, anchor in reversed(moving):
+            _add_joint(body, robot, joint, anchor)
+        if inertia := robot.inertias.get(frame.name):
+            body.explicitinertial, body.mass = True, inertia.mass
+            body.inertia, axes = principal(inertia.inertia)
+            body.ipos, body.iquat = placed(pin.SE3(axes, inertia.lever)).values()
+    for follower, coupling in robot.couplings.items():
+        tie = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=follower, name2=coupling.leader)
+        tie.objtype = mujoco.mjtObj.mjOBJ_JOINT
+        tie.data[:2] = coupling.offset, coupling.ratio
+        tie.solref[:2], tie.solimp[:3] = COUPLING_SOLREF, COUPLING_SOLIMP
     if not (base := spec.worldbody.first_body()).joints:
         base.add_freejoint()
     return spec
+
+
+def _add_joint(body: mujoco.MjsBody, robot: Mechanism, joint: int, place: pin.SE3) -> None:
+    """Add a joint at a place in a body, with its limits."""
+    model, kinds = robot.model, mujoco.mjtJoint
+    kind = model.joints[joint]
+    if kind.nq > 1:
+        body.add_freejoint()
+        return
+    slides, axis = robot.axis(joint)
+    made = body.add_joint(name=model.names[joint], type=kinds.mjJNT_SLIDE if slides else kinds.mjJNT_HINGE)
+    made.pos, made.axis = place.translation, place.rotation @ axis
+    limits = model.lowerPositionLimit[kind.idx_q], model.upperPositionLimit[kind.idx_q]
+    if np.isfinite(limits).any():
+        made.range = np.clip(limits, -FARTHEST, FARTHEST)
+    if torque := model.upperEffortLimit[kind.idx_v]:
+        made.actfrcrange = [-torque, torque]
 
 
 def equip(
@@ -160,7 +197,7 @@ def equip(
     """
     _add_servos(spec, description)
     feet = _add_feet(spec, robot, foot)
-    _add_imu(spec, robot, spec.worldbody.first_body())
+    _add_imu(spec, robot)
     _add_flaws(spec, description, robot, machine)
     if hands:
         add_hand_sensors(spec, robot)
@@ -231,18 +268,8 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
             f"'{robot.name}' has closed chains ({names}), which a plant made of its links would leave open: "
             "wbc.sim.MujocoLoop takes its own MuJoCo model"
         )
-    joints = {joint.name: joint for joint in spec.joints if joint.type != mujoco.mjtJoint.mjJNT_FREE}
-    described = {
-        *robot.joint_names,
-        *robot.couplings,
-    }  # those that are coupled move by an equality
-    if set(joints) != described:
-        odd = sorted(set(joints) ^ described)
-        raise ModelError(f"Pinocchio and MuJoCo read different joints for '{robot.name}': {', '.join(odd)}")
-    for equality in spec.equalities:  # of coupled joints
-        equality.solref[:2], equality.solimp[:3] = COUPLING_SOLREF, COUPLING_SOLIMP
     for i, name in enumerate(robot.joint_names):
-        joint = joints[name]
+        joint = spec.joint(name)
         joint.armature = robot.armature_array[i]
         # Force = ctrl − kp q − kd q̇ with ctrl = kp q_ref + kd q̇_ref + τ: servo and feed-forward in one actuator
         # that the integrator sees, and a pure torque when the two gains are zero.
@@ -270,11 +297,9 @@ def _add_feet(spec: mujoco.MjSpec, robot: Robot, foot: Foot) -> tuple[FootParts,
     )
 
 
-def _add_imu(spec: mujoco.MjSpec, robot: Robot, base: mujoco.MjsBody) -> None:
-    frame = robot.model.frames[robot.frame_id(robot.imu_frame)]
-    carrier = base if frame.parentJoint < 2 else spec.joint(str(robot.model.names[frame.parentJoint])).parent
-    x, y, z, w = pin.Quaternion(frame.placement.rotation).normalized().coeffs()
-    carrier.add_site(name="imu_site", pos=frame.placement.translation, quat=[w, x, y, z], size=[0.005] * 3)
+def _add_imu(spec: mujoco.MjSpec, robot: Robot) -> None:
+    link, place = carrier(robot.model, robot.imu_frame)
+    spec.body(link).add_site(name="imu_site", size=[0.005] * 3, **placed(place))
     for name, kind in (
         ("gyroscope", mujoco.mjtSensor.mjSENS_GYRO),
         ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),

@@ -16,7 +16,7 @@ from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
 from wbc.sim.plant.contacts import Contacts
-from wbc.sim.plant.hands import Grips, HandSensor
+from wbc.sim.plant.grips import Grips, HandSensor
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu, MujocoSignals
 from wbc.sim.simulation.machine import Machine, SoleIndex, steps_per_tick

@@ -13,6 +13,7 @@ from wbc.base.errors import InputError, ModelError, choose, unknown_name
 from wbc.base.numbers import ROUNDING, Array
 from wbc.core.conventions import Index, configuration_to_mujoco
 from wbc.core.robot import Robot
+from wbc.robots.mechanism import placement_of
 from wbc.robots.readers.actuators_mjcf import switched_off
 
 SAME_PLACE = 2e-3
@@ -81,21 +82,8 @@ class RobotPlaces:
         self.base_qpos, self.base_dof = int(model.jnt_qposadr[free[0]]), int(model.jnt_dofadr[free[0]])
         self.joint_qpos: Index = model.jnt_qposadr[joints].astype(np.intp)
         self.joint_dof: Index = model.jnt_dofadr[joints].astype(np.intp)
-        self._coupled = [  # places of follower and leader, ratio, offset
-            (
-                int(model.jnt_qposadr[every[name]]),
-                int(model.jnt_qposadr[every[coupling.leader]]),
-                coupling.ratio,
-                coupling.offset,
-            )
-            for name, coupling in robot.couplings.items()
-        ]
-        self._velocities = [
-            (
-                int(model.jnt_dofadr[every[name]]),
-                int(model.jnt_dofadr[every[coupling.leader]]),
-                coupling.ratio,
-            )
+        self._coupled = [  # joints: follower, leader; ratio, offset
+            (every[name], every[coupling.leader], coupling.ratio, coupling.offset)
             for name, coupling in robot.couplings.items()
         ]
         held = {
@@ -193,8 +181,9 @@ class RobotPlaces:
     def set_configuration(self, q: Array, qpos: Array) -> None:
         """Write a configuration, shape (nq,), into MuJoCo's `qpos`; the rest of it is kept."""
         configuration_to_mujoco(q, self.joint_qpos - self.base_qpos, out=qpos[self.base_qpos :])
+        places = self.model.jnt_qposadr
         for follower, leader, ratio, offset in self._coupled:
-            qpos[follower] = ratio * qpos[leader] + offset
+            qpos[places[follower]] = ratio * qpos[places[leader]] + offset
         for joint, position in self._locked.items():
             qpos[joint] = position
 
@@ -210,27 +199,27 @@ class RobotPlaces:
 
         Those of a coupled joint count by its ratio to a power: 2 for inertia and damping, 1 for friction.
         """
-        own: Array = np.array(values)
-        for follower, leader, ratio in self._velocities:
-            own[leader] += abs(ratio) ** power * own[follower]
+        own, dofs = np.array(values), self.model.jnt_dofadr
+        for follower, leader, ratio, _ in self._coupled:
+            own[dofs[leader]] += abs(ratio) ** power * own[dofs[follower]]
         return np.asarray(own[self.joint_dof])
 
     def ties(self) -> list[int]:
         """Return the equalities of the model by which coupled joints move with their leaders."""
         model, found = self.model, []
-        pairs = [{follower, leader} for follower, leader, _ in self._velocities]
+        pairs = [{follower, leader} for follower, leader, *_ in self._coupled]
         for i in range(model.neq):
-            if int(model.eq_type[i]) == mujoco.mjtEq.mjEQ_JOINT and int(model.eq_obj2id[i]) >= 0:
-                ends = {int(model.jnt_dofadr[model.eq_obj1id[i]]), int(model.jnt_dofadr[model.eq_obj2id[i]])}
-                if ends in pairs and model.eq_active0[i]:
-                    found.append(i)
+            ends = {int(model.eq_obj1id[i]), int(model.eq_obj2id[i])}
+            if int(model.eq_type[i]) == mujoco.mjtEq.mjEQ_JOINT and ends in pairs and model.eq_active0[i]:
+                found.append(i)
         names = {self.prefix + closure.name for closure in self._robot.closures}
         return found + [i for i in range(model.neq) if (model.equality(i).name or f"equality_{i}") in names]
 
     def couple_velocities(self, qvel: Array) -> None:
         """Write the velocities of coupled joints into MuJoCo's `qvel`, after those of their leaders."""
-        for follower, leader, ratio in self._velocities:
-            qvel[follower] = ratio * qvel[leader]
+        dofs = self.model.jnt_dofadr
+        for follower, leader, ratio, _ in self._coupled:
+            qvel[dofs[follower]] = ratio * qvel[dofs[leader]]
 
     def sensor(self, what: str, kind: mujoco.mjtSensor, name: str | None) -> tuple[int, Array | None] | None:
         """Return a sensor of the IMU: the one named, else the nearest that is fixed to the same body; None if none is.
@@ -263,8 +252,8 @@ class RobotPlaces:
                         f"'{model.body(self.imu_body).name}'; give the description the right `imu`"
                     )
                 continue
-            w, x, y, z = model.site_quat[site].tolist()
-            place = imu.actInv(self._pose(body) * pin.SE3(pin.Quaternion(w, x, y, z), model.site_pos[site]))
+            at = placement_of(model.site_pos[site], model.site_quat[site])
+            place = imu.actInv(self._pose(body) * at)
             distance = float(np.linalg.norm(place.translation))
             if best is None or distance < best[0]:
                 turn = (

@@ -34,7 +34,7 @@ from wbc.sim.plant.drives import Drives, Targets
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.eyes.eyes import Eyes
 from wbc.sim.plant.fitting import FootDevices
-from wbc.sim.plant.hands import HandSensor, check_clear
+from wbc.sim.plant.grips import HandSensor, check_clear
 from wbc.sim.plant.loads import Loads
 from wbc.sim.plant.model import build_model, furniture
 from wbc.sim.plant.mujoco_robot import MujocoRobot

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wbc.base.numbers import Array, scalar
 from wbc.sim.plant.contacts import Contacts
-from wbc.sim.plant.hands import HandSensor
+from wbc.sim.plant.grips import HandSensor
 from wbc.sim.plant.places import RobotPlaces, hanging
 from wbc.sim.simulation.machine import Machine
 from wbc.sim.simulation.sensors import SensorVector

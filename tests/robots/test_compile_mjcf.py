@@ -14,7 +14,6 @@ from wbc.base.errors import InputError, ModelError
 from wbc.core.model import Coupling
 from wbc.robots import RobotDescription
 from wbc.robots.readers.compile_mjcf import MOST_FOLDERS, compiled, one_line
-from wbc.robots.source_of import source_of
 
 ROBOT = """<mujoco><compiler angle="radian"/>{extra}<worldbody><body name="robot">{free}<geom size=".1"/>
 <body name="arm" pos=".2 0 0"><joint name="a" axis="0 1 0" actuatorfrcrange="-9 9" {a}/><geom size=".1"/>{arm}
@@ -48,9 +47,9 @@ def test_a_mesh_that_the_file_moves_is_the_box_around_it(
     description = RobotDescription.from_mjcf(path, base="fixed")
     assert description.source == str(path)
     assert any("mesh 'box'" in line for line in description.derived) == moved
-    kinds = {shape.kind for shape in source_of(description.xml).shapes() if shape.link == "arm"}
+    kinds = {shape.kind for shape in description.mechanism.shapes if shape.link == "arm"}
     assert ("mesh" in kinds) != moved and ("box" in kinds) == moved
-    sizes = [sorted(s.size) for s in source_of(description.xml).shapes() if s.kind == "box"]
+    sizes = [sorted(s.size) for s in description.mechanism.shapes if s.kind == "box"]
     assert sizes == ([pytest.approx([0.1, 0.15, 0.2], abs=1e-6)] if moved else [])
 
 
@@ -164,7 +163,7 @@ def test_geoms_of_a_body_are_drawn_by_their_group_and_collide_by_their_masks() -
         (shown, ["sphere", "box"], ["sphere"]),
         (hidden, ["sphere"], ["sphere"]),
     ):
-        shapes = source_of(RobotDescription.from_mjcf(robot(arm=geoms), base="fixed").xml).shapes()
+        shapes = RobotDescription.from_mjcf(robot(arm=geoms), base="fixed").mechanism.shapes
         own = [shape for shape in shapes if shape.link == "arm"]
         assert [shape.kind for shape in own if shape.role == "visual"] == drawn
         assert [shape.kind for shape in own if shape.role == "collision"] == touching
@@ -175,7 +174,7 @@ def test_geoms_of_a_body_are_drawn_by_their_group_and_collide_by_their_masks() -
         '<geom size=".1"/>\n<body name="tip"', hidden.replace('mass="0"', "") + '<body name="tip"'
     )
     description = RobotDescription.from_mjcf(alone, base="fixed")
-    (box,) = [shape for shape in source_of(description.xml).shapes() if shape.link == "arm"]
+    (box,) = [shape for shape in description.mechanism.shapes if shape.link == "arm"]
     assert (box.kind, box.role) == ("box", "visual") and box.size == pytest.approx([0.1, 0.2, 0.3])
     assert any("ellipsoid 'g'" in line for line in description.derived)
 
@@ -185,7 +184,7 @@ def test_the_colour_of_a_geom_is_that_of_its_material(number: int) -> None:
     assets = '<asset><material name="m0" rgba=".1 .2 .3 1"/><material name="m1" rgba=".4 .5 .6 1"/></asset>'
     geom = f'<geom type="box" size=".1 .1 .1" material="m{number}" rgba=".5 .5 .5 1" mass="0"/>'
     plain = '<geom type="box" size=".2 .1 .1" rgba=".7 .8 .9 1" mass="0"/>'
-    shapes = source_of(RobotDescription.from_mjcf(robot(assets, arm=geom + plain), base="fixed").xml).shapes()
+    shapes = RobotDescription.from_mjcf(robot(assets, arm=geom + plain), base="fixed").mechanism.shapes
     own, other = (shape.colour for shape in shapes if shape.kind == "box" and shape.role == "visual")
     model = mujoco.MjModel.from_xml_string(robot(assets, arm=geom + plain))
     assert own == pytest.approx(model.mat_rgba[number].tolist())
@@ -198,7 +197,7 @@ def test_a_field_of_heights_is_no_shape_of_a_robot() -> None:
         robot(assets, arm='<geom name="hill" type="hfield" hfield="h" mass="0"/>'), base="fixed"
     )
     assert any("hfield 'hill', left out" in line for line in description.derived)
-    assert {shape.kind for shape in source_of(description.xml).shapes()} == {"sphere"}
+    assert {shape.kind for shape in description.mechanism.shapes} == {"sphere"}
 
 
 def test_gains_and_rotors_of_a_file_give_way_to_those_that_are_given() -> None:

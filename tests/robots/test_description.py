@@ -15,9 +15,8 @@ import wbc
 from wbc.base.errors import InputError, ModelError
 from wbc.core.frames import FrameDescription
 from wbc.core.model import Closure
-from wbc.robots import RobotDescription, files, load, registry
+from wbc.robots import RobotDescription, files, load, registry, urdf
 from wbc.robots.derivation.servo import ServoRule
-from wbc.robots.source_of import source_of
 
 
 def own() -> RobotDescription:
@@ -26,6 +25,7 @@ def own() -> RobotDescription:
 
 def test_a_hash_is_of_all_that_models_are_made_from_and_of_nothing_else() -> None:
     description = own()
+    heavier = RobotDescription.from_urdf(biped().replace('mass value="15"', 'mass value="15.5"'), **FEET)
     left, right = description.soles
     tie = Closure("tie", "l_elbow_link", "r_elbow_link", False)
     changes: list[dict[str, Any]] = [
@@ -44,7 +44,7 @@ def test_a_hash_is_of_all_that_models_are_made_from_and_of_nothing_else() -> Non
         {"servo": ServoRule(frequency=9.0)},
         {"closures": (tie,)},
         {"passive": ("l_elbow",)},
-        {"xml": description.xml.replace('mass value="15"', 'mass value="15.5"')},
+        {"mechanism": heavier.mechanism},
     ]
     hashes = [dataclasses.replace(description, **change).digest for change in changes]
     assert len({description.digest, *hashes}) == len(changes) + 1
@@ -57,13 +57,14 @@ def test_a_hash_is_of_all_that_models_are_made_from_and_of_nothing_else() -> Non
     ):
         assert dataclasses.replace(description, **same).digest == description.digest
     bare = RobotDescription.from_urdf(biped())
-    assert dataclasses.replace(bare, base="fixed").digest != bare.digest
+    assert RobotDescription.from_urdf(biped(), base="fixed").digest != bare.digest
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "one sole": ({"soles": 1}, "soles must be"),
-    "bolted feet": ({"base": "fixed"}, "a robot with feet is not bolted"),
-    "a base of its own": ({"base": "welded"}, "welded"),
+    "bolted feet": ({"mechanism": "fixed"}, "a robot with feet is not bolted"),
+    "a base": ({"base": "fixed"}, "not made of its base: .* its mechanism"),
+    "a file": ({"xml": biped()}, "not made of its xml: .* its mechanism"),
     "no knee": ({"half_sitting": {"l_elbow": 0.0}}, "half-sitting must give every joint; missing: l_hip_yaw"),
     "no rotor": ({"armature": {"l_elbow": 0.0}}, "armature must give every joint"),
     "negative rotor": ({"armature": "-"}, "armature of joint 'l_knee'"),
@@ -82,6 +83,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 def test_values_that_cannot_be_are_refused_by_joint(what: str) -> None:
     description = own()
     changes, said = WRONG[what]
+    if "mechanism" in changes:
+        changes = {"mechanism": RobotDescription.from_urdf(biped(), base="fixed").mechanism}
     if changes.get("soles"):
         changes = {"soles": description.soles[:1]}
     if changes.get("armature") == "-":
@@ -92,15 +95,10 @@ def test_values_that_cannot_be_are_refused_by_joint(what: str) -> None:
         dataclasses.replace(description, **changes)
 
 
-def test_xml_with_a_joint_without_torque_limit_or_with_damping_is_not_tidy() -> None:
-    xml = own().xml
-    for wrong in (
-        xml.replace('effort="80"', 'effort="0"', 1),
-        xml.replace('<axis xyz="0 0 1"', '<dynamics damping="0.5" /><axis xyz="0 0 1"', 1),
-    ):
-        assert wrong != xml
-        with pytest.raises(ModelError, match="must be tidy"):
-            dataclasses.replace(own(), xml=wrong)
+def test_a_mechanism_with_a_joint_without_torque_limit_is_refused() -> None:
+    weak = urdf.read(biped().replace('effort="80"', 'effort="0"', 1))
+    with pytest.raises(ModelError, match="must have torque limits: l_hip_yaw have none"):
+        dataclasses.replace(own(), mechanism=weak.mechanism(False))
 
 
 def test_servos_know_what_it_takes_to_stand_and_which_gains_are_the_users() -> None:
@@ -156,7 +154,7 @@ def test_shapes_without_geometry_or_of_another_kind_are_left_out() -> None:
         description = RobotDescription.from_urdf(
             biped(geometry=FOOT_BOX + odd + shape(ball, material)), **FEET
         )
-        shapes = [each for each in source_of(description.xml).shapes() if each.link == "l_ankle_roll_link"]
+        shapes = [each for each in description.mechanism.shapes if each.link == "l_ankle_roll_link"]
         assert [each.kind for each in shapes] == ["box", "sphere"]
         assert shapes[0].size.tolist() == [0.1, 0.045, 0.01] and shapes[1].size.tolist() == [0.1]
         assert shapes[1].colour == colour and shapes[1].place.translation.tolist() == [0.0, 0.0, 0.1]
@@ -171,9 +169,7 @@ def test_a_material_may_be_used_before_the_link_that_defines_it() -> None:
         .replace('<link name="r_elbow_link">', f'<link name="r_elbow_link">{define}')
     )
     shapes = [
-        each
-        for each in source_of(RobotDescription.from_urdf(xml, **FEET).xml).shapes()
-        if each.kind == "sphere"
+        each for each in RobotDescription.from_urdf(xml, **FEET).mechanism.shapes if each.kind == "sphere"
     ]
     assert [each.link for each in shapes] == ["trunk", "r_elbow_link"]
     assert [each.colour for each in shapes] == [(1.0, 0.0, 0.0, 1.0)] * 2

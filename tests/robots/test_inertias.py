@@ -13,8 +13,9 @@ from urdf_biped import FEET, biped
 
 from wbc.base.errors import ModelError
 from wbc.robots import RobotDescription
-from wbc.robots.derivation.inertia import HEAVIEST, second_moments
+from wbc.robots.derivation.inertia import second_moments
 from wbc.robots.derivation.link_shapes import CORNERS, _directions, link_shapes
+from wbc.robots.urdf import HEAVIEST
 
 SMALL = '<mass value="0.5"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>'
 
@@ -168,12 +169,12 @@ def test_a_mesh_is_the_least_box_about_its_principal_axes(tmp_path: Path) -> Non
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
     (tmp_path / "box.obj").write_text(obj(corners @ place.rotation.T + place.translation))
     description = trunk("<mesh filename='box.obj'/>", tmp_path)
-    (found,) = (s for s in link_shapes(description.xml, description.package_dirs) if s.link == "trunk")
+    (found,) = (s for s in link_shapes(description.mechanism, description.package_dirs) if s.link == "trunk")
     assert found.kind == "box" and sorted(found.size) == pytest.approx(half, abs=1e-6)
-    np.testing.assert_allclose(found.placement.translation, place.translation + [0.1, 0.2, 0.3], atol=1e-6)
-    inside = [found.placement.actInv(place.act(corner) + [0.1, 0.2, 0.3]) for corner in corners]
+    np.testing.assert_allclose(found.place.translation, place.translation + [0.1, 0.2, 0.3], atol=1e-6)
+    inside = [found.place.actInv(place.act(corner) + [0.1, 0.2, 0.3]) for corner in corners]
     np.testing.assert_allclose(np.abs(inside), np.tile(found.size, (8, 1)), atol=1e-6)
-    assert np.linalg.det(found.placement.rotation) == pytest.approx(1.0)
+    assert np.linalg.det(found.place.rotation) == pytest.approx(1.0)
     (hull,) = description.collision_hulls()["trunk"]
     points = np.array(sorted(map(tuple, np.round(hull.points, 6))))  # type: ignore[union-attr]
     expected = corners @ place.rotation.T + place.translation + [0.1, 0.2, 0.3]

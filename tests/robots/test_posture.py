@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -15,10 +14,10 @@ from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped
 from wbc.base.errors import InputError, ModelError
 from wbc.core.frames import Sole
 from wbc.core.model import Closure
-from wbc.robots import RobotDescription
+from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation import posture
 from wbc.robots.derivation.complete import heading
-from wbc.robots.source_urdf import Urdf
+from wbc.robots.write_urdf import write
 
 HIP = 'xyz="0 {} 0"/><axis xyz="0 0 1"/>'
 CENTRED = FOOT_BOX.replace('xyz="0.03 0', 'xyz="0 0')
@@ -226,9 +225,8 @@ def test_where_toes_say_nothing_a_robot_looks_to_where_its_knees_go(knee: str, z
         assert posture.knee_direction(model, sole.frame) == pytest.approx([SHIN + ANKLE, 0.0, 0.0], abs=1e-9)
     assert heading(model, soles, False) == 0.0
     for turn in (math.pi, 0.5 * math.pi, -0.5 * math.pi):
-        turned = Urdf(ElementTree.fromstring(xml))
-        turned.turn_root(turn)
-        found = RobotDescription.from_urdf(turned.text, **FEET)
+        turned = write(urdf.read(xml).mechanism(False, turn), "turned", {}, shapes=True)
+        found = RobotDescription.from_urdf(turned, **FEET)
         assert any("new root link" in line for line in found.derived)
         assert dict(found.half_sitting) == pytest.approx(dict(description.half_sitting), abs=1e-6)
 

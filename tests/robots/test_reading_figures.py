@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree
 
 import pytest
 from mjcf_biped import MOTORS, biped
 
 import wbc
 from wbc.base.errors import InputError, ModelError
-from wbc.robots import RobotDescription
+from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation.inertia import _carriers
 from wbc.robots.derivation.servo import read_gains
-from wbc.robots.derivation.soles import resolve
+from wbc.robots.mesh_files import resolve
 from wbc.robots.readers.compile_mjcf import MOST_LINKS
 from wbc.robots.report import listed
 
@@ -44,9 +43,9 @@ def test_links_are_carried_by_the_link_that_moves_or_by_the_root_unless_it_is_bo
         f'<joint name="{parent}{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
         for kind, parent, child in joints
     )
-    root = ElementTree.fromstring(f"<robot>{text}</robot>")
-    assert _carriers(root, False) == {"a": "a", "b": "a", "c": "c", "d": "c"}
-    assert _carriers(root, True) == {"c": "c", "d": "c"}
+    robot = urdf.read(f"<robot>{text}</robot>")
+    assert _carriers(robot, False) == {"a": "a", "b": "a", "c": "c", "d": "c"}
+    assert _carriers(robot, True) == {"c": "c", "d": "c"}
 
 
 def test_an_actuator_without_gear_drives_nothing() -> None:

@@ -13,8 +13,7 @@ from mjcf_biped import biped as mjcf_biped
 
 from wbc.base.errors import ModelError
 from wbc.core.model import Coupling
-from wbc.robots import RobotDescription
-from wbc.robots.source_of import source_of
+from wbc.robots import RobotDescription, urdf
 
 INERTIAL = '<inertial><origin xyz="0.1 0.02 -0.03"/><mass value="{}"/><inertia ixx="0.01" iyy="0.02" izz="0.015" ixy="0" ixz="0" iyz="0"/></inertial>'  # fmt: skip # noqa: E501
 LIMIT = '<limit lower="-1" upper="1" effort="9" velocity="3"/>'
@@ -271,7 +270,7 @@ def test_shapes_and_masses_of_an_mjcf_are_those_of_its_urdf() -> None:
     xml = mjcf_biped().replace('<joint name="waist"', f'{geoms}<joint name="waist"')
     own = RobotDescription.from_mjcf(xml)
     again = RobotDescription.from_urdf(own.urdf, armature=dict(own.armature))
-    shapes = [source_of(each.xml).shapes() for each in (own, again)]
+    shapes = [each.mechanism.shapes for each in (own, again)]
     key = [
         sorted(each, key=lambda s: (s.link, s.role, s.kind, tuple(np.round(s.place.translation, 6))))
         for each in shapes
@@ -291,7 +290,10 @@ def test_shapes_and_masses_of_an_mjcf_are_those_of_its_urdf() -> None:
 
 def test_links_and_sites_without_mass_stay_where_they_are_in_a_urdf_of_all_frames() -> None:
     own = RobotDescription.from_mjcf(mjcf_biped())
-    model, again = own.pinocchio_model(), source_of(own.urdf).model("again", False)
+    model, again = (
+        own.pinocchio_model(),
+        urdf.read(own.urdf).mechanism(False).coupled("again"),
+    )
     data = [each.createData() for each in (model, again)]
     for each, of in zip((model, again), data, strict=True):
         pin.framesForwardKinematics(each, of, pin.neutral(each))

@@ -19,11 +19,10 @@ from wbc.base.registry import Registry
 from wbc.core import conventions
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
-from wbc.robots import RobotDescription, load, names, register, registry
+from wbc.robots import RobotDescription, load, names, register, registry, urdf
 from wbc.robots.derivation.servo import ServoRule, effective_inertia
 from wbc.robots.derivation.soles import sole_rectangle
 from wbc.robots.models import example_robots, hrp4_class
-from wbc.robots.source_of import source_of
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.balance.tracking import TrackSpec
 from wbc.sim.studies.outcomes import Outcome, TrialKind
@@ -56,7 +55,7 @@ def test_moving_links_are_the_same_robot_with_a_joint_and_an_inertia_each(name: 
     description = load(name)
     xml = description.urdf_without_geometry(moving_links=True)
     fixed = description.base == "fixed"
-    own, theirs = description.pinocchio_model(), source_of(xml).model(name, fixed)
+    own, theirs = description.pinocchio_model(), urdf.read(xml).mechanism(fixed).coupled(name)
     assert list(own.names) == list(theirs.names)
     rng = np.random.default_rng(3)
     q, v = pin.integrate(own, pin.neutral(own), rng.normal(size=own.nv)), rng.normal(size=own.nv)
@@ -74,7 +73,7 @@ def test_moving_links_are_the_same_robot_with_a_joint_and_an_inertia_each(name: 
 def test_rotors_of_engines_without_them_are_discs_of_the_links_behind_the_joints() -> None:
     description = load("g1")
     xml = description.urdf_without_geometry(moving_links=True, rotors=True)
-    own, theirs = description.pinocchio_model(), source_of(xml).model("g1", False)
+    own, theirs = description.pinocchio_model(), urdf.read(xml).mechanism(False).coupled("g1")
     own.armature[:] = theirs.armature[:] = 0.0
     q = description.robot().half_sitting
     masses = [np.diag(pin.crba(model, model.createData(), q)) for model in (own, theirs)]
@@ -113,9 +112,11 @@ def test_frames_sit_where_the_attachment_says(name: str) -> None:
 def test_soles_are_the_rectangles_around_what_touches_the_ground(name: str) -> None:
     """To a millimetre, whether given or derived."""
     description = load(name)
-    model, shapes = description.robot().model, source_of(description.xml).shapes()
+    model, shapes = description.robot().model, description.mechanism.shapes
     for sole in description.soles:
-        found = sole_rectangle(shapes, model, sole.frame, description.package_dirs)
+        found = sole_rectangle(
+            shapes, model, model.frames[model.getFrameId(sole.frame)], description.package_dirs
+        )
         assert found is not None
         centre, *size = found
         np.testing.assert_allclose(centre, 0.0, atol=1e-3)

@@ -16,7 +16,7 @@ from mujoco_dynamics import assert_same_dynamics
 from wbc.base.errors import ModelError, UnknownNameError
 from wbc.robots import RobotDescription
 from wbc.robots.derivation.link_shapes import link_shapes
-from wbc.robots.readers.source_mjcf import placement_of
+from wbc.robots.mechanism import placement_of
 from wbc.sim import Plant
 
 
@@ -450,16 +450,16 @@ def test_meshes_are_found_whatever_the_file_names_and_whoever_attaches_it(
     if what == "strippath" and kind in ("attached", "scene"):
         pytest.skip("MuJoCo itself does not strip paths of what is attached")
     description = RobotDescription.from_mjcf(source)
-    chest = next(name for name in ("chest", "r/chest") if f'"{name}"' in description.xml)
+    chest = next(name for name in ("chest", "r/chest") if name in description.mechanism.inertias)
     boxed = what in ("moved", "in the file", "built in")
     assert any("boxes around them: mesh" in line for line in description.derived) == boxed
     (shape,) = (
-        shape for shape in link_shapes(description.xml, description.package_dirs) if shape.link == chest
+        shape for shape in link_shapes(description.mechanism, description.package_dirs) if shape.link == chest
     )
     model = mujoco.MjModel.from_xml_path(str(home / "robot.xml"))
     geom = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0])
     place = placement_of(model.geom_pos[geom], model.geom_quat[geom])
-    inside = [shape.placement.actInv(place.act(np.array(each, dtype=float))) for each in model.mesh_vert]
+    inside = [shape.place.actInv(place.act(np.array(each, dtype=float))) for each in model.mesh_vert]
     np.testing.assert_array_less(np.abs(inside).max(axis=0), np.array(shape.size) + 1e-6)
     assert np.abs(inside).max() == pytest.approx(max(shape.size), abs=1e-6)
 

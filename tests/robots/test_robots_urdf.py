@@ -7,7 +7,6 @@ import pickle
 import re
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -19,10 +18,10 @@ from wbc.base.errors import InputError, ModelError, UnknownNameError
 from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.frames import FrameDescription
 from wbc.core.robot import Robot
-from wbc.robots import RobotDescription
+from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
 from wbc.robots.report import standing_torques
-from wbc.robots.source_urdf import Urdf
+from wbc.robots.write_urdf import write
 
 
 def mujoco_mass_matrix(description: RobotDescription) -> np.ndarray:
@@ -124,9 +123,7 @@ def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
 @pytest.mark.parametrize("turn", [np.pi, 0.5 * np.pi, -0.5 * np.pi])
 def test_a_root_that_looks_elsewhere_is_turned(turn: float) -> None:
     """The same biped seen from a base whose x axis points to the heels, or to a side."""
-    backward = Urdf(ElementTree.fromstring(biped()))
-    backward.turn_root(turn)
-    xml = backward.text
+    xml = write(urdf.read(biped()).mechanism(False, turn), "turned", {}, shapes=True)
     description = RobotDescription.from_urdf(xml, **FEET)
     assert any("new root link" in line for line in description.derived)
     assert_same(description.robot(), RobotDescription.from_urdf(biped(), **FEET).robot())
@@ -440,7 +437,7 @@ def test_joints_that_only_stand_near_their_torque_limit_are_doubted() -> None:
     assert list(shares.values()) == pytest.approx(torque / 80.0, abs=1e-9) and shares["l_knee"] > 0.05
     for share, doubted in ((0.61, True), (0.59, False)):
         limit = torque[robot.joint_index("l_knee")] / share
-        weak = dataclasses.replace(fine, xml=fine.xml.replace('effort="80"', f'effort="{limit}"'))
+        weak = RobotDescription.from_urdf(biped().replace('effort="80"', f'effort="{limit}"'), **FEET)
         line = "standing still takes more than 60% of the torque limit of: l_knee 61%, r_knee 61%"
         assert (line in weak.doubts()) == doubted
 
@@ -559,11 +556,7 @@ def test_colours_of_a_shape_are_its_own_or_those_of_its_named_material() -> None
         description = RobotDescription.from_urdf(
             biped(geometry=FOOT_BOX + box.format(given), before=red), **FEET
         )
-        drawn = [
-            shape.colour
-            for shape in Urdf(ElementTree.fromstring(description.xml)).shapes()
-            if shape.role == "visual"
-        ]
+        drawn = [shape.colour for shape in description.mechanism.shapes if shape.role == "visual"]
         assert len(drawn) == 2 and all(each == pytest.approx(colour) for each in drawn)
 
 

@@ -12,7 +12,8 @@ from urdf_biped import ANKLE, FEET, FOOT_BOX, SHIN, THIGH, biped
 from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription
 from wbc.robots import RobotDescription
-from wbc.robots.derivation.soles import footprint, mesh_defect, no_sole, plausible, points_of
+from wbc.robots.derivation.soles import footprint, no_sole, plausible, points_of
+from wbc.robots.mesh_files import mesh_defect
 
 SIZES = {
     "box": np.array([0.1, 0.05, 0.02]),

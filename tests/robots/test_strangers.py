@@ -16,7 +16,8 @@ from wbc import Plant, RobotDescription
 from wbc.base.errors import InputError, ModelError, UnknownNameError
 from wbc.core.limits.collision import srdf_pairs
 from wbc.robots import files, load
-from wbc.sim.plant.model import furniture
+from wbc.sim.plant.model import drawing_model, furniture
+from wbc.sim.terrain.spec import terrain
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 URDF = (EXAMPLES / "biped.urdf").read_text(encoding="utf-8")
@@ -52,7 +53,7 @@ def test_a_file_is_read_in_the_encoding_that_it_declares(encoding: str, tmp_path
     own = RobotDescription.from_urdf(EXAMPLES / "biped.urdf", **FEET)
     (tmp_path / "robot.urdf").write_bytes(encoded(URDF, encoding))
     assert RobotDescription.from_urdf(tmp_path / "robot.urdf", **FEET).urdf == own.urdf
-    assert files.describe(tmp_path / "robot.urdf", FEET).urdf == own.urdf
+    assert files.describe(tmp_path / "robot.urdf", FEET).digest == own.digest
     corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     (tmp_path / "hat.obj").write_text(corners)
     included = '<mujoco><asset><mesh name="hat" file="hat.obj"/></asset></mujoco>'
@@ -60,7 +61,7 @@ def test_a_file_is_read_in_the_encoding_that_it_declares(encoding: str, tmp_path
     xml = MJCF.replace("<worldbody>", '<include file="hat.xml"/><worldbody>', 1)
     (tmp_path / "robot.xml").write_bytes(encoded(xml, encoding))
     described = RobotDescription.from_mjcf(tmp_path / "robot.xml")
-    assert described.xml == RobotDescription.from_mjcf(EXAMPLES / "biped.xml").xml
+    assert described.digest == RobotDescription.from_mjcf(EXAMPLES / "biped.xml").digest
 
 
 def test_a_file_in_no_such_encoding_is_refused(tmp_path: Path) -> None:
@@ -218,9 +219,12 @@ UNITS = {
 
 
 @pytest.mark.parametrize("what", UNITS)
-def test_meshes_of_all_units_and_scales_have_their_size(what: str, tmp_path: Path) -> None:
+def test_meshes_of_all_units_and_scales_have_their_size_drawn_and_touched(what: str, tmp_path: Path) -> None:
     robot = with_mesh(tmp_path, *UNITS[what])
     np.testing.assert_allclose(size_of_trunk(robot), [0.2, 0.3, 0.4], atol=1e-6)
+    model = drawing_model(robot, robot.robot(), terrain("flat"))
+    drawn = sorted(np.ptp(model.mesh_vert, axis=0).tolist())  # along its principal axes
+    assert drawn == pytest.approx([0.2, 0.3, 0.4], abs=1e-6)
     assert any("scale" in line for line in robot.derived) == ("one scale" in what)
 
 
@@ -376,9 +380,9 @@ def test_an_mjcf_of_any_ending_is_read_with_its_meshes(name: str, tmp_path: Path
     assets = '<asset><include file="assets.MJCF"/></asset><compiler meshdir="meshes"/><worldbody>'
     (tmp_path / name).write_text(MJCF.replace("<worldbody>", assets, 1))
     own = RobotDescription.from_mjcf(EXAMPLES / "biped.xml")
-    assert RobotDescription.from_mjcf(tmp_path / name).xml == own.xml
+    assert RobotDescription.from_mjcf(tmp_path / name).digest == own.digest
     if not name.endswith("txt"):
-        assert load(str(tmp_path / name)).xml.partition(">")[2] == own.xml.partition(">")[2]
+        assert load(str(tmp_path / name)).urdf.partition(">")[2] == own.urdf.partition(">")[2]
 
 
 def test_options_and_joints_that_do_not_exist_are_refused_by_every_reader() -> None:

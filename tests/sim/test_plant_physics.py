@@ -20,8 +20,9 @@ from wbc.core.signals import Command
 from wbc.feet.soles.common_mjcf import VISUAL_GROUP
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
-from wbc.robots import RobotDescription, load
+from wbc.robots import RobotDescription, load, urdf
 from wbc.robots.derivation.link_shapes import link_shapes
+from wbc.robots.models.hrp4_class import FILE
 from wbc.sim import Machine, PhysicsSettings, Plant
 from wbc.sim.plant.link_geoms import SHAPE_GROUP
 from wbc.sim.plant.model import _max_pairs, drawing_model
@@ -361,7 +362,7 @@ def test_coupled_joints_go_where_their_leaders_take_them() -> None:
 def test_a_robot_without_shapes_is_drawn_as_a_stick_figure() -> None:
     """A ball at each joint, a rod from it to each joint below, and each sole as a plate that stands on the ground."""
     description = load("hrp4_class")
-    bare = replace(description, xml=description.urdf_without_geometry())
+    bare = replace(description, mechanism=replace(description.mechanism, shapes=()))
     robot = bare.robot()
     model, kinds = drawing_model(bare, robot, terrain("flat")), mujoco.mjtGeom
     data = mujoco.MjData(model)
@@ -412,7 +413,7 @@ def test_a_stage_has_a_lamp_that_shines_down_from_beside_the_robot_and_tiles_on_
 def test_links_are_drawn_by_their_visuals_else_by_their_collisions_else_as_sticks() -> None:
     """Each geom of the file in its size and colour; a colour may be that of a name, and one without any is plain."""
     description, kinds = load("hrp4_class"), mujoco.mjtGeom
-    root = ElementTree.fromstring(description.urdf)
+    root = ElementTree.parse(FILE).getroot()
     links = {str(link.get("name")): link for link in root.findall("link")}
     for name, tags in (("left_shin", ("visual",)), ("right_shin", ("visual", "collision"))):
         for tag in tags:
@@ -426,7 +427,7 @@ def test_links_are_drawn_by_their_visuals_else_by_their_collisions_else_as_stick
     assert color is not None
     named.remove(color)
     named.set("name", "dark")
-    changed = replace(description, xml=ElementTree.tostring(root, encoding="unicode"))
+    changed = replace(description, mechanism=replace(description.mechanism, shapes=tuple(urdf.shapes(root))))
     model = drawing_model(changed, changed.robot(), terrain("flat"))
     drawn: dict[str, list[int]] = {}
     for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
@@ -519,7 +520,7 @@ def test_all_links_but_the_feet_touch_things() -> None:
         model.body(int(model.geom_bodyid[i])).name for i in np.flatnonzero(model.geom_group == SHAPE_GROUP)
     }
     feet = {description.attachment(sole.frame)[0] for sole in description.soles}
-    links = {shape.link for shape in link_shapes(description.xml, description.package_dirs)}
+    links = {shape.link for shape in link_shapes(description.mechanism, description.package_dirs)}
     assert len(feet) == 2 and feet <= links
     assert {name for name in links if description.attachment(name)[0] in feet}.isdisjoint(shaped)
     assert {name for name in links if description.attachment(name)[0] not in feet} <= shaped

@@ -24,7 +24,7 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.frames import net_wrench
 from wbc.core.qp.solving.solution import Layout, Solution
 from wbc.core.robot import SIDES, Robot
-from wbc.sim.plant.hands import SCENE_PREFIX
+from wbc.sim.plant.grips import SCENE_PREFIX
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection

@@ -18,7 +18,7 @@ from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, mark_mesh
 from wbc.app.view.meshes import Mesh, body_meshes
-from wbc.robots.source import Colour
+from wbc.robots.mechanism import Colour
 
 WORLD = "world"
 """Frame of the ground, of marks and of all places."""

@@ -19,7 +19,7 @@ from wbc.app.view.meshes import Mesh, ball, lathe
 from wbc.base.hull import convex_hull
 from wbc.base.numbers import Array
 from wbc.feet.soles.actuator import STIFFEST
-from wbc.robots.source import Colour
+from wbc.robots.mechanism import Colour
 from wbc.tasks.stabilizer.pendulum import cop
 
 COM_COLOUR: Colour = (0.95, 0.60, 0.10, 1.0)

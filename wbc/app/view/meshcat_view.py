@@ -13,7 +13,7 @@ from wbc.app.view.base import LOCAL, TEXT_PERIOD, View, ViewError
 from wbc.app.view.marks import Mark, Picture, changes, css, legend, mark_mesh
 from wbc.app.view.meshes import Mesh, body_meshes
 from wbc.base.numbers import Array
-from wbc.robots.source import Colour
+from wbc.robots.mechanism import Colour
 
 ROOT = "/meshcat/wbc"
 """Root of all objects in MeshCat's tree."""

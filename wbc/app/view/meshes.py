@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.robots.source import Colour
+from wbc.robots.mechanism import Colour
 
 Faces = np.ndarray[tuple[int, int], np.dtype[np.uint32]]
 """Triangles: indices of their vertices, shape (m, 3)."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from wbc.app.view.marks import Mark, mark_mesh
 from wbc.base.numbers import Array
-from wbc.robots.source import Colour
+from wbc.robots.mechanism import Colour
 
 MOST_MARKS = 10_000
 """Geoms of marks in a picture."""

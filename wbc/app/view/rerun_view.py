@@ -18,7 +18,7 @@ from wbc.app.view.base import LOCAL, View, ViewError, free_port
 from wbc.app.view.marks import Mark, Picture, changes, mark_mesh
 from wbc.app.view.meshes import Mesh, body_meshes, normals
 from wbc.app.view.stage import Stage
-from wbc.robots.source import Colour
+from wbc.robots.mechanism import Colour
 
 START_TIME = 20.0
 """Longest time that Rerun may take to start, s."""

@@ -19,7 +19,7 @@ from wbc.app.view.meshes import body_meshes
 from wbc.app.view.page_guard import PageGuard
 from wbc.app.view.stage import Stage
 from wbc.base.numbers import Array
-from wbc.robots.source import Colour
+from wbc.robots.mechanism import Colour
 
 ROOT = "/wbc"
 """Root of all nodes."""

@@ -1,16 +1,16 @@
-"""A robot as XML, whichever format it has, and its Pinocchio model.
+"""Links and joints of a robot, whichever format they were read from, and the model in which joints are coupled.
 
-There are two sources, a URDF (`wbc.robots.source_urdf`) and an MJCF (`wbc.robots.readers.source_mjcf`). Each reads its
-own format; what follows from a robot that was read, such as coupled joints, is the same for both.
+Two readers make a `Mechanism`: `wbc.robots.urdf` from its records, and `wbc.robots.readers.mechanism_mjcf`
+from MuJoCo's compiled arrays. Two writers turn it into other formats: `wbc.robots.write_urdf` and, for the plant,
+`wbc.sim.plant.model.bare_spec`.
 """
 
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from typing import Any, NamedTuple
-from xml.etree import ElementTree
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -20,10 +20,21 @@ from wbc.base.numbers import Array
 from wbc.core.model import Coupling, driven_joints, driven_names, is_floating
 from wbc.core.robot import GRAVITY, UNLIMITED
 
-Element = ElementTree.Element
-
 MOST_JOINTS = 256
 """Most joints with a coordinate of their own: memory of Pinocchio's data grows with the cube of their number."""
+
+FARTHEST = 1e10
+"""Limit that is written where a joint has none on one side, rad or m."""
+
+WORLD_LINK = "world_link"
+"""Root link of an MJCF's robot that is bolted to the world."""
+
+TURNED = "_forward"
+"""End of the name of a root link that was put above one that looks elsewhere than forward."""
+
+HINGES = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelRevoluteUnaligned
+SLIDES = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ, pin.JointModelPrismaticUnaligned
+"""Pinocchio's joints about x, y, z, and about another axis."""
 
 NARROWER = 1e-6
 """Difference from which on a range is narrower than another, rad or m: above rounding."""
@@ -43,31 +54,35 @@ class Geometry(NamedTuple):
     place: pin.SE3  # place in the link
     file: str = ""  # name of the file of a mesh
     colour: Colour | None = None  # None where the file has none
+    corners: Array | None = (
+        None  # of the convex hull of a solid mesh that became a box, in the link, (n, 3), m
+    )
 
 
-class Source(ABC):
-    """The XML of one robot.
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """Links and joints of one robot.
 
     Attributes:
-        root: Its root element, which some methods change.
+        model: Pinocchio model in which every joint has a coordinate, those that move with another one too. Its root is
+            a free-flyer, or, for a robot that is bolted to the world, the world. Limits that are none are infinite; a
+            torque limit that is not known is zero. Its name is that of the robot in the file.
+        inertias: Link → its own inertia in its frame, without what is fixed to it; links without mass are left out.
+        couplings: Joint that moves with another one → its leader, ratio and offset.
+        shapes: Shapes of all links, in the order of the file; those of an unknown kind are left out.
     """
 
-    def __init__(self, root: Element) -> None:
-        """Take the element of a robot that was read and checked."""
-        self.root = root
+    model: pin.Model
+    inertias: Mapping[str, pin.Inertia]
+    couplings: Mapping[str, Coupling]
+    shapes: tuple[Geometry, ...]
 
-    @property
-    def text(self) -> str:
-        """The XML."""
-        return ElementTree.tostring(self.root, encoding="unicode")
+    def coupled(self, name: str, notes: list[str] | None = None) -> pin.Model:
+        """Return the model in which joints move with their leaders, with standard gravity, or a `ModelError`.
 
-    def model(self, name: str, fixed: bool, notes: list[str] | None = None) -> pin.Model:
-        """Return the Pinocchio model, with standard gravity, or a `ModelError`.
-
-        Its root is a free-flyer, or, with `fixed`, the world. Joints that move with another one are coupled to it.
         `notes` gets a line for each limit of a leader that its followers narrow.
         """
-        model, couplings = self.tree(name, fixed), self.couplings()
+        model, couplings = self.model.copy(), self.couplings
         if "universe" in list(model.names)[1:]:
             raise ModelError("joint 'universe' has the name of Pinocchio's world: rename it")
         count = model.njoints - 1 - is_floating(model) - len(couplings)
@@ -81,30 +96,6 @@ class Source(ABC):
         model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
         return model
 
-    @abstractmethod
-    def tree(self, name: str, fixed: bool) -> pin.Model:
-        """Return the Pinocchio model in which every joint has a coordinate; limits that are none are infinite."""
-
-    @abstractmethod
-    def couplings(self) -> dict[str, Coupling]:
-        """Return the joints that move with another one, joint → its leader, ratio and offset."""
-
-    @abstractmethod
-    def shapes(self) -> list[Geometry]:
-        """Return the shapes of all links, in the order of the file; those of an unknown kind are left out."""
-
-    @abstractmethod
-    def without_geometry(self) -> str:
-        """Return links, inertias and joints alone, which MuJoCo reads without any file."""
-
-    @abstractmethod
-    def joints(self) -> dict[str, Element]:
-        """Return the joints that move."""
-
-    @abstractmethod
-    def set_limit(self, joint: Element, what: str, value: Any) -> None:
-        """Write the "position" limits (lower, upper), the "velocity" limit or the "torque" limit of a joint."""
-
     def set_limits(
         self,
         position: Mapping[str, tuple[float, float]] | None = None,
@@ -112,35 +103,84 @@ class Source(ABC):
         torque: Mapping[str, float] | None = None,
     ) -> None:
         """Write limits of joints: position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N."""
-        joints = self.joints()
-        for what, values in (("velocity", velocity), ("torque", torque)):
+        model = self.model
+        joints = {str(model.names[j]): model.joints[j] for j in driven_joints(model)}
+        for what, values, limits in (
+            ("velocity", velocity, model.upperVelocityLimit),
+            ("torque", torque, model.upperEffortLimit),
+        ):
             for name, value in (values or {}).items():
-                choose("joint", name, joints)
+                joint = joints[choose("joint", name, joints)]
                 if not 0.0 < value < UNLIMITED:
                     raise InputError(
                         f"{what} limit of joint '{name}' must be above zero and below {UNLIMITED:g}, got {value}"
                     )
-                self.set_limit(joints[name], what, float(value))
+                limits[joint.idx_v] = value
         for name, (lower, upper) in (position or {}).items():
-            choose("joint", name, joints)
+            joint = joints[choose("joint", name, joints)]
             if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
                 raise InputError(
                     f"position limits of joint '{name}' must be finite with lower < upper, got {lower}, {upper}"
                 )
-            self.set_limit(joints[name], "position", (float(lower), float(upper)))
+            model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = lower, upper
 
-    @abstractmethod
-    def turn_root(self, turn: float) -> str:
-        """Put a link above the root whose x axis points to where the old one has `turn` (rad); return its name."""
+    def axis(self, joint: int) -> tuple[bool, Array]:
+        """Return whether a joint slides, and its axis in its own frame, shape (3,)."""
+        kind, data = self.model.joints[joint], self.model.joints[joint].createData()
+        kind.calc(data, np.zeros(1))
+        subspace = np.ravel(data.S)
+        slides = not subspace[3:].any()
+        return slides, subspace[:3] if slides else subspace[3:]
 
-    def tidy(
-        self, fixed: bool, lock: Mapping[str, float], repair: bool
-    ) -> tuple[dict[str, float], list[str]]:
-        """Settle what the file leaves open, fix joints, and check inertias, or repair them.
 
-        Returned are the positions of all joints that are fixed, and what was changed, one line each.
-        """
-        return {}, []
+def add_joint(
+    model: pin.Model,
+    parent: int,
+    place: pin.SE3,
+    name: str,
+    slides: bool,
+    axis: Array,
+    limits: tuple[float, float, float, float],
+) -> int:
+    """Add a hinge or a slide at a place in the frame of its parent; return its number.
+
+    `limits` are torque or force, speed, lower and upper position.
+    """
+    which = next((i for i in range(3) if np.array_equal(axis, np.eye(3)[i])), 3)
+    made = (SLIDES if slides else HINGES)[which](*(() if which < 3 else (axis,)))
+    return int(model.addJoint(parent, made, place, name, *(np.array([float(limit)]) for limit in limits)))
+
+
+def along(vector: Array) -> pin.SE3:
+    """Return the shift by a vector, shape (3,), m."""
+    return pin.SE3(np.eye(3), np.array(vector, dtype=np.float64))
+
+
+def placement_of(position: Array, quaternion: Array) -> pin.SE3:
+    """Return a placement from MuJoCo's position (m) and quaternion (wxyz)."""
+    w, x, y, z = (float(value) for value in quaternion)
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position, dtype=np.float64))
+
+
+def placed(place: pin.SE3) -> dict[str, Array]:
+    """Return position (m) and quaternion (wxyz) of a placement, as MuJoCo's specifications take them."""
+    quaternion = pin.Quaternion(place.rotation).normalized().coeffs()
+    return {"pos": np.array(place.translation), "quat": quaternion[[3, 0, 1, 2]]}
+
+
+def free_name(names: Collection[str]) -> str:
+    """Return a name for the joint of a floating root that no joint of the robot has."""
+    free = "root_joint"
+    while free in names:
+        free += "_"
+    return free
+
+
+def principal(inertia: Array) -> tuple[Array, Array]:
+    """Return the principal moments of an inertia about its centre of mass, shape (3,), and their axes, a rotation."""
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    return moments, axes
 
 
 def unlimited(model: pin.Model) -> list[str]:

@@ -11,6 +11,8 @@ import pinocchio as pin
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
 from wbc.core.robot import Robot
+from wbc.robots.frames import carrier
+from wbc.robots.mechanism import placed
 
 SCENE_PREFIX = "scene/"
 """Beginning of all names of the furniture."""
@@ -42,10 +44,9 @@ def add_hand_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Add a site and a force sensor at the frame of each hand to a model under construction."""
     kinds = {"force": mujoco.mjtSensor.mjSENS_FORCE, "torque": mujoco.mjtSensor.mjSENS_TORQUE}
     for role, frame in robot.frames.items():
-        body, place = _carrier(spec, robot, frame)
-        x, y, z, w = pin.Quaternion(place.rotation).normalized().coeffs()
-        name = f"{role} site"
-        body.add_site(name=name, pos=place.translation, quat=[w, x, y, z], size=[0.005] * 3)
+        link, place = (frame, pin.SE3.Identity()) if spec.body(frame) else carrier(robot.model, frame)
+        name, body = f"{role} site", spec.body(link)
+        body.add_site(name=name, size=[0.005] * 3, **placed(place))
         for what, kind in kinds.items():
             spec.add_sensor(name=f"{role} {what}", type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name)
 
@@ -134,14 +135,3 @@ def check_clear(model: mujoco.MjModel, data: mujoco.MjData, of_robot: np.ndarray
         else "things must begin apart"
     )
     raise InputError(f"{rule}; '{inner}' is {1e3 * deepest:.0f} mm inside {other}: place the scene elsewhere")
-
-
-def _carrier(spec: mujoco.MjSpec, robot: Robot, frame: str) -> tuple[mujoco.MjsBody, pin.SE3]:
-    """Return the body of a model under construction that carries a frame, and the frame's place in it."""
-    body = spec.body(frame)
-    if body is not None:
-        return body, pin.SE3.Identity()
-    found = robot.model.frames[robot.frame_id(frame)]
-    if found.parentJoint < 2:
-        return spec.worldbody.first_body(), found.placement
-    return spec.joint(str(robot.model.names[found.parentJoint])).parent, found.placement
