@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
-from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
+from wbc.base.numbers import Array, finite_array, finite_scalar, in_range, read_only
 from wbc.base.settings import NonNegative
 from wbc.core.frames import frame_jacobian, pose_of
 from wbc.core.qp.options import POSE_AXES, MotionOptions
@@ -326,11 +326,7 @@ def six(task: str, what: str, value: ArrayLike, *, above_zero: bool = False) -> 
         raise InputError(
             f"{what} of task '{task}' must have shape (6,), or be a pair (linear, angular); got shape {gain.shape}"
         )
-    if (gain < 0.0).any() or (above_zero and (gain == 0.0).any()):
-        raise InputError(
-            f"{what} of task '{task}' must be {'above zero' if above_zero else '≥ 0'}, got {gain}"
-        )
-    return gain
+    return in_range(f"{what} of task '{task}'", gain, 0.0, 0.0 if above_zero else -math.inf, math.inf)
 
 
 IMPEDANCE_SMOOTHING = 0.05

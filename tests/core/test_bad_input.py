@@ -60,7 +60,7 @@ def again(*items: wbc.TorqueLimits | wbc.JointLimits) -> None:
     balance_controller(g1().clone(), 0.002).add(*items)
 
 
-WEIGHT = re.escape(f"from 0 to {FIRMEST:g}")
+WEIGHT = re.escape(f"of at most {FIRMEST:g}")
 
 REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: wbc.Controller(g1(), 0.0), InputError, "dt of Controller"),

@@ -56,8 +56,13 @@ def plain(value: Any) -> Any:
     raise TypeError(f"{shown(value)} is no value that JSON has")
 
 
-def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages."""
+def finite_array(
+    what: str, value: ArrayLike, shape: tuple[int, ...] | None = None, *, unbounded: bool = False
+) -> Array:
+    """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages.
+
+    Where they may be `unbounded`, infinity and NaN pass: a check of their range follows.
+    """
     try:
         array = numbers(value)
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
@@ -67,19 +72,39 @@ def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = No
         of = f"have shape {shape}, got {array.shape}" if shape else f"be a number, got {shown(value)}"
         raise InputError(f"{what} must {of}")
     # Three times as fast as NumPy for the small arrays of a tick.
-    if not all(map(math.isfinite, array.ravel().tolist())):
+    if not (unbounded or all(map(math.isfinite, array.ravel().tolist()))):
         raise InputError(f"{what} must be finite, got {shown(value if shape == () else array)}")
     return array
 
 
 def in_range(what: str, array: Array, low: float, above: float, high: float) -> Array:
     """Return numbers that are all at least `low`, above `above` and at most `high`; else an `InputError`."""
-    if array.size and (array.min() < low or array.min() <= above or array.max() > high):
+    if array.size and not (array.min() >= low and array.min() > above and array.max() <= high):
         bounds = {"of at least": low, "above": above, "of at most": high}
         rules = " and ".join(f"{rule} {bound:g}" for rule, bound in bounds.items() if math.isfinite(bound))
         kind = "finite numbers" if array.ndim else "a finite number"
         raise InputError(f"{what} must be {kind} {rules}, got {shown(array.tolist())}")
     return array
+
+
+def one_or_each(
+    what: str,
+    value: ArrayLike,
+    count: int,
+    *,
+    low: float = -math.inf,
+    above: float = -math.inf,
+    high: float = math.inf,
+    unbounded: bool = False,
+) -> Array:
+    """Return a number for each of `count` rows, joints or parts, shape (count,), of one for all or one for each.
+
+    See `in_range` for the range, `finite_array` for `unbounded`.
+    """
+    array = finite_array(what, value, unbounded=unbounded)
+    if array.shape not in ((), (count,)):
+        raise InputError(f"{what} must be a scalar or have shape ({count},), got shape {array.shape}")
+    return np.array(np.broadcast_to(in_range(what, array, low, above, high), (count,)))
 
 
 def finite_scalar(

@@ -25,7 +25,7 @@ from scipy.interpolate import make_interp_spline
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, one_or_each
 from wbc.base.settings import Positive
 
 ValueT = TypeVar("ValueT", float, Array, complex)
@@ -242,8 +242,12 @@ class Trajectory:
             )
         steps = np.diff(np.array(waypoints), axis=0)
         parts = (slice(0, waypoints[0].size),) if parts is None else parts
-        speeds = _limits("speed", speed, len(parts))
-        accelerations = _limits("acceleration", acceleration, len(parts))
+        speeds, accelerations = (
+            None
+            if limit is None
+            else one_or_each(f"greatest {what} of a trajectory", limit, len(parts), above=0.0)
+            for what, limit in (("speed", speed), ("acceleration", acceleration))
+        )
         if duration is None and speeds is None:
             raise InputError("a trajectory needs a duration or a speed, got neither")
         if duration is None and speeds is not None and accelerations is None:
@@ -296,18 +300,6 @@ class Trajectory:
         rates = np.array((*powers, (0.0, 0.0, 2.0, 6.0 * t, 12.0 * t2, 20.0 * t3)))
         position, velocity, acceleration = rates.dot(self._pieces[piece])
         return position, velocity, acceleration
-
-
-def _limits(what: str, value: ArrayLike | None, parts: int) -> Array | None:
-    """Return a limit for each part, shape (parts,)."""
-    if value is None:
-        return None
-    limit = finite_array(f"greatest {what} of a trajectory", value)
-    if limit.shape not in ((), (parts,)):
-        raise InputError(f"greatest {what} of a trajectory must be one number or {parts}, got {limit}")
-    if not (limit > 0.0).all():
-        raise InputError(f"greatest {what} of a trajectory must be above zero, got {limit}")
-    return np.broadcast_to(limit, (parts,))
 
 
 def _lengths(steps: Array, parts: Sequence[slice], speeds: Array | None) -> Array:

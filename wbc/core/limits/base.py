@@ -7,7 +7,6 @@ from abc import ABC, abstractmethod
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
@@ -280,11 +279,3 @@ class Attainable:
         middle, reach = rows.dot(0.5 * (low + high)), np.abs(rows).dot(0.5 * SHARE * (high - low))
         lower[chosen] = np.minimum(lower[chosen], middle + reach)
         upper[chosen] = np.maximum(upper[chosen], middle - reach)
-
-
-def for_joints(what: str, value: ArrayLike, robot: Robot) -> Array:
-    """Return one number for each actuated joint, shape (na,), of one for all or one for each."""
-    numbers = np.array(value, dtype=float)
-    if numbers.shape not in ((), (robot.na,)):
-        raise InputError(f"{what} must be one number or have shape ({robot.na},), got shape {numbers.shape}")
-    return np.array(np.broadcast_to(numbers, (robot.na,)))

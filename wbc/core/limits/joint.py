@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in
-from wbc.base.numbers import Array, scalar
+from wbc.base.numbers import Array, one_or_each, scalar
 from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
-from wbc.core.limits.base import _ZERO, ATTAINABLE, OPTIONS, Barrier, Limit, for_joints
+from wbc.core.limits.base import _ZERO, ATTAINABLE, OPTIONS, Barrier, Limit
 from wbc.core.robot import Robot
 
 BRAKING_SHARE = 0.3
@@ -173,11 +173,11 @@ class JointLimits(Barrier):
         torque = np.maximum(np.array([-robot.torque_lower, robot.torque_upper]), 0.0)
         brakes = np.minimum(ATTAINABLE, BRAKING_SHARE * torque / inertia)
         if self._acceleration is not None:
-            self._most_acceleration = for_joints("acceleration of joint limits", self._acceleration, robot)
+            self._most_acceleration = one_or_each("acceleration of joint limits", self._acceleration, na)
             brakes = np.minimum(self._most_acceleration, torque / inertia)
         stop = self._most_acceleration  # of inverse kinematics, which knows no torques
         if self._braking is not None:
-            stop = for_joints("braking of joint limits", self._braking, robot)
+            stop = one_or_each("braking of joint limits", self._braking, na)
             brakes = np.where(brakes > 0.0, stop, 0.0)
         self._brakes, self._least_braking = brakes, brakes.min(axis=0)
         if (brakes > self._most_acceleration).any():
@@ -308,7 +308,7 @@ class TorqueLimits(Limit):
         self._least, self._most = self._ratio * robot.torque_lower, self._ratio * robot.torque_upper
         self._most_rate: Array | None = None
         if self._rate is not None:
-            self._most_rate = for_joints("rate of torque limits", self._rate, robot)
+            self._most_rate = one_or_each("rate of torque limits", self._rate, robot.na)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the torque interval of every joint, Nm; the rows are the torque rows of the QP, and stay as they are."""

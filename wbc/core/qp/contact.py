@@ -182,8 +182,7 @@ class Contact(Motion):
 
     @wrench_weight.setter
     def wrench_weight(self, value: ArrayLike) -> None:
-        weight = self._checked_gain("wrench weight", value, above_zero=True)
-        self._wrench_weight = np.array(np.broadcast_to(weight, (self.dim,)))
+        self._wrench_weight = self._checked_gain("wrench weight", value, above=0.0)
         self.revision += 1
 
     @property
@@ -199,7 +198,7 @@ class Contact(Motion):
                 "when the contact is made"
             )
         if value is not None:
-            self._numbers.weight[:] = self._checked_gain("motion weight", value, most=FIRMEST)
+            self._numbers.weight[:] = self._checked_gain("motion weight", value, high=FIRMEST)
             self.revision += 1
 
     @property

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, shown
-from wbc.base.numbers import Array, finite_array, read_only
+from wbc.base.numbers import Array, one_or_each, read_only
 from wbc.core.qp.options import Choice
 from wbc.core.robot import Robot
 
@@ -234,19 +234,9 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         """Take a damping over, 1/s, scalar or shape (dim,)."""
         self._numbers.damping[:] = damping
 
-    def _checked_gain(
-        self, what: str, value: ArrayLike, *, most: float = np.inf, above_zero: bool = False
-    ) -> Array:
-        """Return a scalar or an array of shape (dim,) of numbers from zero on, or above it, after a check."""
-        gain = finite_array(f"{what} of {self._kind} '{self.name}'", value)
-        if gain.shape not in ((), (self.dim,)):
-            raise InputError(
-                f"{what} of {self._kind} '{self.name}' must be a scalar or have shape ({self.dim},), got {gain.shape}"
-            )
-        if (gain < 0.0).any() or (gain > most).any() or (above_zero and (gain == 0.0).any()):
-            rule = "above zero" if above_zero else "≥ 0" if most == np.inf else f"from 0 to {most:g}"
-            raise InputError(f"{what} of {self._kind} '{self.name}' must be {rule}, got {gain}")
-        return gain
+    def _checked_gain(self, what: str, value: ArrayLike, *, low: float = 0.0, **limits: float) -> Array:
+        """Return a scalar, or numbers of shape (dim,), as one number for each row, after a check of their range."""
+        return one_or_each(f"{what} of {self._kind} '{self.name}'", value, self.dim, low=low, **limits)
 
 
 class Block:

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked as checked_arguments
 from wbc.base.errors import InputError, shown, unknown_name
-from wbc.base.numbers import Array, finite_array, read_only
+from wbc.base.numbers import Array, finite_array, one_or_each, read_only
 from wbc.core.frames import FixedPose
 from wbc.core.qp.motion import RATE, Motion, RowNumbers
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, Target, coordinates
@@ -210,15 +210,7 @@ class Task(Motion):
     @error_bound.setter
     def error_bound(self, value: ArrayLike) -> None:
         what = f"error_bound of task '{self.name}' ({self.unit})"
-        try:
-            bound = np.broadcast_to(np.asarray(value, dtype=float), (self.dim,))
-        except (TypeError, ValueError, OverflowError):
-            raise InputError(
-                f"{what} must be a scalar or have shape ({self.dim},), got {shown(value)}"
-            ) from None
-        if not (bound > 0.0).all():
-            raise InputError(f"{what} must be above zero, got {shown(value)}")
-        self._numbers.bound[:] = bound
+        self._numbers.bound[:] = one_or_each(what, value, self.dim, above=0.0, unbounded=True)
         self.revision += 1
 
     def _usual_bound(self) -> ArrayLike:
