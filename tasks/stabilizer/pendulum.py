@@ -21,6 +21,7 @@ import numpy as np
 
 from wbc.base.errors import WbcError
 from wbc.base.numbers import Array, finite_array, finite_scalar
+from wbc.base.vectors import add_cross
 from wbc.core.robot import GRAVITY
 
 
@@ -121,13 +122,11 @@ def level_zmp(wrench: Array, point: Array) -> Array:
 
     Source: Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004.
     """
-    fx, fy, fz, mx, my, _ = wrench.tolist()
+    fx, fy, fz, *moment = wrench.tolist()
     if not fz >= MIN_FORCE:
         raise NoContactForceError(f"no ZMP: vertical force {fz:.3g} N is below {MIN_FORCE:g} N")
     x, y, z = point.tolist()
-    # Moment about the point; it vanishes at the ZMP.
-    mx -= y * fz - z * fy
-    my -= z * fx - x * fz
+    mx, my, _ = add_cross(moment, (fx, fy, fz), (x, y, z))  # about the point; it vanishes at the ZMP
     return np.array((x - my / fz, y + mx / fz, z))
 
 
@@ -137,8 +136,6 @@ def zmp_offset(outside: Array, point: Array, weight: float) -> Array:
     `outside` is the wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
     and Nm; `point` the ZMP of the feet, shape (3,), m; `weight` the vertical force of the pendulum, N.
     """
-    fx, fy, fz, mx, my, _ = outside.tolist()
-    x, y, z = point.tolist()
-    mx -= y * fz - z * fy
-    my -= z * fx - x * fz
+    fx, fy, fz, *moment = outside.tolist()
+    mx, my, _ = add_cross(moment, (fx, fy, fz), point.tolist())
     return np.array((my / weight, -mx / weight))
