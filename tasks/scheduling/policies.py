@@ -195,10 +195,7 @@ def _check(make: object) -> None:
 
 
 _POLICIES: Registry[Callable[..., StiffnessPolicy]] = Registry(
-    "stiffness policy",
-    {"fixed": FixedPolicy, "model": ModelPolicy.load},
-    group="wbc.policies",
-    check=_check,
+    "stiffness policy", {"fixed": FixedPolicy, "model": ModelPolicy.load}, group="wbc.policies", check=_check
 )
 
 

@@ -120,9 +120,7 @@ class WrenchDistribution:
     """
 
     def __init__(
-        self,
-        sizes: Sequence[tuple[float, float]],
-        settings: DistributionSettings | None = None,
+        self, sizes: Sequence[tuple[float, float]], settings: DistributionSettings | None = None
     ) -> None:
         """Set up the QP for (length, width) of the left and of the right sole, m.
 

@@ -210,10 +210,7 @@ def move_into_place(new: Path, target: Path) -> None:
 
 
 def check_target(
-    what: str,
-    path: str | Path,
-    endings: tuple[str, ...] = (),
-    inputs: Iterable[str | Path | None] = (),
+    what: str, path: str | Path, endings: tuple[str, ...] = (), inputs: Iterable[str | Path | None] = ()
 ) -> Path:
     """Return the path of a file to write, `what` in messages, after a check; an existing file stays unchanged.
 

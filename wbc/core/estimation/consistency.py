@@ -13,7 +13,6 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from wbc.base.numbers import Array, lag_gain, scalar
 from wbc.base.vectors import Vector, part_way
@@ -201,12 +200,8 @@ class ConsistencyMonitor:
         self._run, self._busy, self._frozen = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
         self._ticks = 0
         # Of some ticks: their number and time, encoders at their begin, and the integral of the velocities.
-        self._parts, self._part, self._begin, self._travelled = (
-            PARTS,
-            0.0,
-            np.zeros(self._na),
-            np.zeros(self._na),
-        )
+        self._parts, self._part = PARTS, 0.0
+        self._begin, self._travelled = np.zeros((2, self._na))
         # What is forgotten slowly: motions of joints by encoders and by velocities, and what the base lacks.
         self._moved, self._expected, self._drifting = np.zeros((3, self._na))
         self._unmet, self._gained, self._asked, self._behind = np.zeros(6), np.zeros(6), False, 0.0
@@ -222,11 +217,7 @@ class ConsistencyMonitor:
         self._legs.reset()
 
     def update(
-        self,
-        values: Array,
-        measurement: Measurement,
-        observer: Observer,
-        commanded: Array | None = None,
+        self, values: Array, measurement: Measurement, observer: Observer, commanded: Array | None = None
     ) -> None:
         """Compare the sensors of one tick.
 
@@ -341,8 +332,12 @@ class ConsistencyMonitor:
         far = np.abs(moved - expected) > self._drift_limit
         self._drifting = np.where(far, self._drifting + part, 0.0)
         named = (self._drifting >= DRIFTING).nonzero()[0]
-        other = self._own_time(moved, expected) if named.size else ""
-        self._drifts = [other] if other else self._contradictions(named)
+        self._drifts = [f"{self._channels[self._na + i]} contradicts its encoder" for i in named[:4]]
+        ratio = time_ratio(moved, expected) if named.size else None
+        if (
+            ratio is not None and not REAL_TIME <= ratio <= 1.0 / REAL_TIME
+        ):  # all joints agree on another time
+            self._drifts = [f"the machine runs at {ratio:.1f} of real time"]
         if not self._asked:
             return
         unmet = self._unmet
@@ -351,16 +346,6 @@ class ConsistencyMonitor:
         linear, angular = unmet[:3], unmet[3:5]  # not about the vertical, about which feet slip
         behind = linear.dot(linear) > UNMET_SPEED**2 or angular.dot(angular) > UNMET_RATE**2
         self._behind = self._behind + part if behind else 0.0
-
-    def _contradictions(self, joints: NDArray[np.intp]) -> list[str]:
-        return [f"{self._channels[self._na + i]} contradicts its encoder" for i in joints[:4]]
-
-    @staticmethod
-    def _own_time(moved: Array, expected: Array) -> str:
-        """Return that the machine's time is not that of the stamps, if all joints agree on it; else nothing."""
-        ratio = time_ratio(moved, expected)
-        other = ratio is not None and not REAL_TIME <= ratio <= 1.0 / REAL_TIME
-        return f"the machine runs at {ratio:.1f} of real time" if other else ""
 
     def _gyroscope_contradicts(self, rotation: Vector, unexplained: complex, blind: bool) -> bool:
         """Compare the speed of the legs, which the gyroscope turns about the foot, with that of the accelerometer."""

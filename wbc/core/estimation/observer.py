@@ -123,11 +123,7 @@ class Observer:
 
     @checked
     def __init__(
-        self,
-        robot: Robot,
-        settings: ObserverSettings | None = None,
-        *,
-        adopt: bool = False,
+        self, robot: Robot, settings: ObserverSettings | None = None, *, adopt: bool = False
     ) -> None:
         """Start at rest in the present configuration of the robot.
 

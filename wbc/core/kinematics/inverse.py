@@ -101,12 +101,7 @@ class InverseKinematics(Items):
 
     @checked
     def __init__(
-        self,
-        robot: Robot,
-        dt: Period,
-        *,
-        regularisation: Positive = 1e-6,
-        damping: NonNegative = 0.1,
+        self, robot: Robot, dt: Period, *, regularisation: Positive = 1e-6, damping: NonNegative = 0.1
     ) -> None:
         """Make a solver without tasks, contacts or limits; `add` them.
 
@@ -277,12 +272,7 @@ class InverseKinematics(Items):
 
     @checked
     def reach(
-        self,
-        tolerance: Positive = 1e-4,
-        iterations: Count = 200,
-        *,
-        starts: Count = 1,
-        seed: Seed = 0,
+        self, tolerance: Positive = 1e-4, iterations: Count = 200, *, starts: Count = 1, seed: Seed = 0
     ) -> ReachResult:
         """Search for a configuration in which all targets are reached; the robot's configuration stays as it is.
 

@@ -124,12 +124,7 @@ class ReleasedJoints(SelectionTask):
         self._told = parts[0], parts[1], parts[2]
 
     def update(
-        self,
-        q: Array,
-        v: Array,
-        dt: float,
-        torque: Array | None = None,
-        accelerations: Array | None = None,
+        self, q: Array, v: Array, dt: float, torque: Array | None = None, accelerations: Array | None = None
     ) -> None:
         """Take the state of this tick, `dt` seconds after the last.
 
