@@ -39,8 +39,7 @@ def rectangle_wrench_cone(
     y = finite_scalar("half width (m)", half_width, above=0.0)
     mu = inner_friction(friction)
     cone = np.zeros((16, 6))
-    cone[0:4, 2] = -mu  # friction pyramid
-    cone[0:4, 0:2] = [[1, 0], [-1, 0], [0, 1], [0, -1]]
+    cone[0:4, 0:3] = friction_pyramid(friction)
     cone[4:6, 2], cone[4:6, 3] = -y, [1, -1]  # CoP inside the rectangle: |m_x| ≤ Y f_z
     cone[6:8, 2], cone[6:8, 4] = -x, [1, -1]  # and |m_y| ≤ X f_z
     row = 8

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import FLOAT64, Array
-from wbc.base.vectors import largest
 
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
 """Origin of the wrenches on the soles."""
@@ -131,30 +130,24 @@ class Command:
 
         That is a wrong shape, a value that is not finite or beyond `LARGEST_COMMAND`, and a negative gain.
         """
-        na, others = len(joint_names), dict[str, Array]()
+        na, others = len(joint_names), dict[str, Any]()
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
             value = getattr(self, name)
             if value is None and name != "joint_torque":
                 continue
             array = np.asarray(value)
-            if array is not value or array.dtype is not FLOAT64:
-                others[name] = array
             if array.shape != (na,) or array.dtype.kind not in "iuf":
                 raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
-            if not largest(np.abs(array)) <= LARGEST_COMMAND:  # or NaN
-                place = int(np.argmin(np.abs(array) <= LARGEST_COMMAND))
-                found = (
-                    f"is {array[place]:g}, beyond ±{LARGEST_COMMAND:g}"
-                    if np.isfinite(array[place])
-                    else "is not finite"
+            least = 0.0 if name in ("kp", "kd") else -LARGEST_COMMAND
+            good = (array >= least) & (array <= LARGEST_COMMAND)  # NaN is not
+            if not good[place := int(good.argmin())]:
+                raise InputError(
+                    f"command: {name} of joint '{joint_names[place]}' must be a finite number from {least:g} to "
+                    f"{LARGEST_COMMAND:g}, got {array[place]:g}"
                 )
-                raise InputError(f"command: {name} of joint '{joint_names[place]}' {found}")
-            if name in ("kp", "kd") and (array < 0.0).any():
-                joint = joint_names[int(np.argmax(array < 0.0))]
-                raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")
-        return (
-            replace(self, **{n: a.astype(np.float64) for n, a in others.items()}) if others else self  # type: ignore[arg-type]
-        )
+            if array is not value or array.dtype is not FLOAT64:
+                others[name] = array.astype(np.float64)
+        return replace(self, **others) if others else self
 
 
 class Control(Protocol):
