@@ -115,15 +115,14 @@ def relative_drift(model: pin.Model, data: pin.Data, frame: int, reference: int)
         velocity = pin.getFrameVelocity(model, data, each, world).vector.tolist()
         acceleration = pin.getFrameClassicalAcceleration(model, data, each, world).vector.tolist()
         parts.append((velocity, acceleration, data.oMf[each].translation.tolist()))
-    ((u, v, w, *spin), (a, b, c, *turning), (x, y, z)), (
-        (ru, rv, rw, *carries), (ra, rb, rc, *bends), (rx, ry, rz),
-    ) = parts  # fmt: skip
-    d, back = (x - rx, y - ry, z - rz), (-carries[0], -carries[1], -carries[2])
-    cx, cy, cz = add_cross((0.0, 0.0, 0.0), carries, d)
-    twice = 2.0 * (u - ru) - cx, 2.0 * (v - rv) - cy, 2.0 * (w - rw) - cz
-    linear = add_cross(add_cross((a - ra, b - rb, c - rc), d, bends), back, twice)
-    changes = turning[0] - bends[0], turning[1] - bends[1], turning[2] - bends[2]
-    return linear, add_cross(changes, back, spin)
+    (v, a, p), (v_r, a_r, p_r) = parts
+    d, speed, change = (
+        [x - y for x, y in zip(*pair, strict=True)] for pair in ((p, p_r), (v, v_r), (a, a_r))
+    )
+    back = [-spin for spin in v_r[3:]]
+    twice = add_cross([2.0 * each for each in speed[:3]], back, d)  # 2 (v − v_r) − ω_r × d = ω_r × d + 2 s
+    linear = add_cross(add_cross(change[:3], d, a_r[3:]), back, twice)
+    return linear, add_cross(change[3:], back, v[3:])
 
 
 def net_wrench(wrenches: Sequence[Vector], soles: Sequence[pin.SE3]) -> Array:
