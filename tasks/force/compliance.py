@@ -288,7 +288,7 @@ class ComplianceTask(FrameTask):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
         model, data, local = self._model, self._data, pin.LOCAL
-        target, rotation = self._target.value, self._rotation
+        target, rotation = self._target, self._rotation
         goal = target.rotation
         difference = np.dot(goal, self._offset_position)
         difference += target.translation

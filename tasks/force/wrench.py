@@ -87,7 +87,7 @@ class WrenchTask(VariableTask):
             jacobian[:], error[:] = 0.0, 0.0
             return
         jacobian[self._order, self._columns] = 1.0
-        error[:] = self._target.value[self._axes]
+        error[:] = self._target[self._axes]
 
 
 class JointTorqueTask(JointTask, VariableTask):
@@ -129,4 +129,4 @@ class JointTorqueTask(JointTask, VariableTask):
         The torque rows of the QP do not contain the bias, so it is added here.
         """
         jacobian[:] = self._torque_rows[self._selection]
-        np.subtract(self._target.value, self._torque_bias[self._selection], out=error)
+        np.subtract(self._target, self._torque_bias[self._selection], out=error)

@@ -45,7 +45,7 @@ class CoMTask(Task):
         robot = self._robot
         assert robot is not None
         jacobian[:] = robot.com_jacobian
-        np.subtract(self._target.value, robot.com, out=error)
+        np.subtract(self._target, robot.com, out=error)
 
     def drift(self) -> Array:
         """Return the acceleration of the CoM at zero generalised acceleration; see `Motion.drift`."""
@@ -163,7 +163,7 @@ class MomentumTask(Task):
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill Jacobian and error; see `Motion.measure`."""
         jacobian[:] = self._map
-        np.subtract(self._target.value, self._momentum.vector, out=error)
+        np.subtract(self._target, self._momentum.vector, out=error)
 
     def drift(self) -> Array:
         """Return the rate of the momentum at zero generalised acceleration, shape (6,); see `Motion.drift`.

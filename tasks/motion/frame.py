@@ -126,7 +126,7 @@ class PositionTask(FrameTask):
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill Jacobian and error; see `Motion.measure`."""
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[:3]
-        np.subtract(self._target.value, self._translation, out=error)
+        np.subtract(self._target, self._translation, out=error)
 
 
 class OrientationTask(FrameTask):
@@ -161,7 +161,7 @@ class OrientationTask(FrameTask):
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill Jacobian and error; see `Motion.measure`."""
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)[3:]
-        error[:] = self._turn(np.dot(self._target.value, self._rotation.T))
+        error[:] = self._turn(np.dot(self._target, self._rotation.T))
 
 
 class PoseTask(FrameTask):
@@ -179,7 +179,7 @@ class PoseTask(FrameTask):
 
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill Jacobian and error; see `Motion.measure`."""
-        target = self._target.value
+        target = self._target
         jacobian[:] = frame_jacobian(self._model, self._data, self._id, self._world)
         np.subtract(target.translation, self._translation, out=error[:3])
         error[3:] = self._turn(np.dot(target.rotation, self._rotation.T))
@@ -224,7 +224,7 @@ class RelativeFrameTask(FrameTask):
         back = self._reference_placement.rotation.T
         rows = relative_jacobian(self._model, self._data, self._id, self._reference_id)
         jacobian[:3], jacobian[3:] = np.dot(back, rows[:3]), np.dot(back, rows[3:])
-        target, offset = self._target.value, self._translation - self._reference_placement.translation
+        target, offset = self._target, self._translation - self._reference_placement.translation
         np.subtract(target.translation, np.dot(back, offset), out=error[:3])
         error[3:] = self._turn(np.dot(target.rotation, np.dot(self._rotation.T, back.T)))
 
@@ -294,7 +294,7 @@ class VectorOrientationTask(FrameTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
-        drift[:] = _turning(self, self._axis, self._target.value, jacobian, error)
+        drift[:] = _turning(self, self._axis, self._target, jacobian, error)
 
 
 class LookAtTask(FrameTask):
@@ -365,7 +365,7 @@ class LookAtTask(FrameTask):
         return finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._target.value = target  # no feed-forward: it would need the distance, and a gaze moves slowly
+        self._target = target  # no feed-forward: it would need the distance, and a gaze moves slowly
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
@@ -381,7 +381,7 @@ class LookAtTask(FrameTask):
         """Fill the rows; see `Task.evaluate`. With ḋ = −(v − d (d · v)) / r and ṙ = −d · v."""
         model, data, frame, world = self._model, self._data, self._id, self._world
         other = self._followed_id
-        point = self._target.value if other is None else data.oMf[other].translation
+        point = self._target if other is None else data.oMf[other].translation
         way = point - self._translation
         distance = float(np.linalg.norm(way))
         d, r = way / max(distance, ROUNDING), max(distance, NEAREST)

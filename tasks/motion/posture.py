@@ -47,10 +47,10 @@ class JointTask(Task):
             self._resize(robot.na)
         self._columns = joint_columns(robot, self._joints)
         super().bind(robot)
-        if not self._target.settled:
-            self._target.value = self.present(robot)
+        if not self._settled:
+            self._target = self.present(robot)
             for given in self._pending:
-                self._target.value = self.checked(given)
+                self._target = self.checked(given)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -60,24 +60,24 @@ class JointTask(Task):
     @property
     def target(self) -> Array:
         """Targets, shape (dim,), `unit`, read-only; assign an array, or joint name → target for some joints."""
-        if self._target.value is None:
+        if self._target is None:
             raise InputError(f"task '{self.name}' has no target before it is added to a controller")
-        return read_only(self._target.value)
+        return read_only(self._target)
 
     @target.setter
     def target(self, value: JointValues) -> None:
-        if self._target.value is None:
+        if self._target is None:
             self._pending = [*self._pending, value] if isinstance(value, Mapping) else [value]
             return
         Task.target.fset(self, value)  # type: ignore[attr-defined]
-        if not self._target.settled:  # what could not be added is not tried again
-            self._pending = [self._target.value]
+        if not self._settled:  # what could not be added is not tried again
+            self._pending = [self._target]
 
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
         """Return targets after a check, shape (dim,); those that are not given are those of `others`, or stay."""
         if not isinstance(value, Mapping):
             return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
-        changed = np.array(self._target.value if others is None else others)
+        changed = np.array(self._target if others is None else others)
         for joint, target in value.items():
             changed[self._row(joint)] = finite_scalar(f"target of joint '{joint}' ({self.unit})", target)
         return changed
@@ -169,7 +169,7 @@ class PostureTask(JointTask, SelectionTask):
         near[robot.slides] = np.minimum(near, 0.1 * (robot.position_upper - robot.position_lower))[
             robot.slides
         ]
-        error, speed = self._target.value - self.present(robot), robot.v[self._columns]
+        error, speed = self._target - self.present(robot), robot.v[self._columns]
         slow = SLOW["rad"] * robot.per_rad[joints]
         return bool((abs(error) <= near[joints]).all() and (abs(speed) <= slow).all())
 
@@ -201,7 +201,7 @@ class PostureTask(JointTask, SelectionTask):
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill target − measured; see `Task.evaluate`."""
-        np.subtract(self._target.value, self.robot.q[self._positions], out=error)
+        np.subtract(self._target, self.robot.q[self._positions], out=error)
 
 
 class _Joints(Coordinates):

@@ -77,7 +77,7 @@ class DistanceTask(_Number):
         self._line = line / self._distance
         rows = frame_jacobian(model, data, one, _WORLD) - frame_jacobian(model, data, other, _WORLD)
         jacobian[0] = self._line @ rows[:3]
-        error[0] = self._target.value[0] - self._distance
+        error[0] = self._target[0] - self._distance
 
     def drift(self) -> Array:
         """Return the acceleration of the distance d, shape (1,); see `Motion.drift`.
@@ -133,7 +133,7 @@ class JointCouplingTask(_Number):
         """Fill the row of coefficients, and the error; see `Motion.measure`."""
         jacobian[:] = 0.0
         jacobian[0, self._columns] = self._values
-        error[:] = self._target.value - self.present(self.robot)
+        error[:] = self._target - self.present(self.robot)
 
     def drift(self) -> Array:
         """Return zero: the coefficients are constant."""
@@ -192,7 +192,7 @@ class ManipulabilityTask(_Number):
     @property
     def reached(self) -> bool:
         """True while the manipulability is within a hundredth of its target."""
-        return bool(abs(self.present(self.robot) - self._target.value)[0] <= 0.01 * self._target.value[0])
+        return bool(abs(self.present(self.robot) - self._target)[0] <= 0.01 * self._target[0])
 
     def _gradient(self, jacobian: Array) -> tuple[float, Array]:
         """Return the manipulability w and its derivative w · tr(J⁺ ∂J/∂q), of rows of a frame, shape (6, n).
@@ -220,7 +220,7 @@ class ManipulabilityTask(_Number):
         size, gradient = self._gradient(frame_jacobian(model, robot.data, self._id, _WORLD)[:, columns])
         jacobian[:] = 0.0
         jacobian[0, columns] = gradient
-        error[0], drift[0] = self._target.value[0] - size, 0.0
+        error[0], drift[0] = self._target[0] - size, 0.0
         speed = float(np.abs(v[columns]).max())
         if speed > ROUNDING:
             step = 1e-5 / speed

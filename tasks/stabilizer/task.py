@@ -123,7 +123,7 @@ class StabilizerTask(CoMTask):
     @target.setter
     def target(self, value: ArrayLike) -> None:
         CoMTask.target.fset(self, value)  # type: ignore[attr-defined]
-        self._aim = np.array(self._target.value), np.zeros(3), np.zeros(3)
+        self._aim = np.array(self._target), np.zeros(3), np.zeros(3)
 
     @property
     def stabilizer(self) -> Stabilizer:
@@ -211,7 +211,7 @@ class StabilizerTask(CoMTask):
             self._applied = False
             return
         if self._aim is None:  # at first, and after a walk
-            self._aim = np.array(self._target.value), np.zeros(3), np.zeros(3)
+            self._aim = np.array(self._target), np.zeros(3), np.zeros(3)
             self._places = [pin.SE3(place) for place in self._places]
         aim = target, velocity, acceleration = self._aim
         ground = 0.5 * float(self._places[0].translation[2] + self._places[1].translation[2])

@@ -238,7 +238,7 @@ def test_a_task_against_a_limit_is_held_back_by_it_and_one_against_a_contact_by_
     elbow = controller.add(PostureTask(joints=[name]))
     controller.add(wbc.JointLimits())
     elbow.target = [robot.position_upper[index] - 1e-4]
-    elbow._target.value = np.array([robot.position_upper[index] + 0.4])
+    elbow._target = np.array([robot.position_upper[index] + 0.4])
     assert controller.solve().ok
     assert elbow.held_back_by == (f"limits of {name}",)
     standing_one = wbc.balance_controller(G1.robot(), DT)

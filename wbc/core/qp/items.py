@@ -92,7 +92,7 @@ class Items:
             self._list_of(each).append(each)
             each._owner = weakref.ref(self)
             if isinstance(each, Task):
-                each._target.settled = True
+                each._settled = True
                 each.weigh_as_usual(kinematic=self._kinematic)
         self._changed()
         return (item, *items) if items else item
@@ -117,7 +117,7 @@ class Items:
                 raise InputError(f"there are {item.name} already; remove them first")
         if _owner(item) is not None:
             raise InputError(f"{item!r} belongs to another controller; remove it there, or make a second one")
-        if isinstance(item, Task) and item._target.settled and item._robot is not self.robot:
+        if isinstance(item, Task) and item._settled and item._robot is not self.robot:
             raise InputError(f"{item!r} has been bound to another robot; make a second one")
 
     def _bind(self, item: Item) -> None:
@@ -222,7 +222,7 @@ class Items:
     def _move_targets(self) -> None:
         """Move all targets that are on their way on by one tick."""
         for task in self._tasks:
-            if task._target.move is not None:
+            if task._move is not None:
                 task.move_on(self._dt)
 
     def __repr__(self) -> str:

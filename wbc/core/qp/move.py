@@ -1,4 +1,4 @@
-"""Targets and their moves: a trajectory in coordinates of a target, the target itself unless it has a rotation."""
+"""Moves of targets: a trajectory in coordinates of a target, the target itself unless it has a rotation."""
 
 from __future__ import annotations
 
@@ -145,33 +145,6 @@ class Move:
         arrived = self.arrived
         self._elapsed += dt
         return not arrived
-
-
-class Target:
-    """Target of a task, and whoever sets it.
-
-    Attributes:
-        value: Target, in the form of its task; None until there is one.
-        present: State of the robot when the task was bound; the value is the same object where none was given.
-        settled: True once a controller has taken the task: the value stays then, whatever robot state it is bound at.
-        move: Move that sets the value at every tick; None at rest.
-        held_by: Name of what to use instead, where another part sets the value at every tick; None where it is free.
-    """
-
-    __slots__ = ("held_by", "move", "present", "settled", "value")
-
-    def __init__(self) -> None:
-        """Begin without a value."""
-        self.value: Any = None
-        self.present: Any = None
-        self.settled = False
-        self.move: Move | None = None
-        self.held_by: str | None = None
-
-    @property
-    def open(self) -> bool:
-        """True while the value is to be the present state when the task is bound."""
-        return self.value is self.present and not self.settled
 
 
 def _turning_rates(place: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ from wbc.base.errors import InputError, shown, unknown_name
 from wbc.base.numbers import Array, finite_array, one_or_each, read_only
 from wbc.core.frames import FixedPose
 from wbc.core.qp.motion import RATE, Motion, RowNumbers
-from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, Target, coordinates
+from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
 from wbc.core.qp.options import Choice, MotionOptions
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.robot import Reads, Robot
@@ -69,7 +69,10 @@ class Task(Motion):
         idle: True while no weight acts; the rows are then not evaluated, and cost no time.
     """
 
-    __slots__ = ("_choice", "_hard", "_scale", "_target", "_weighed", "_weight", "dim", "idle")
+    __slots__ = (
+        "_choice", "_hard", "_held_by", "_move", "_present", "_scale", "_settled", "_target", "_weighed", "_weight",
+        "dim", "idle",
+    )  # fmt: skip
 
     usual: ClassVar[MotionOptions] = {}
     kinematic_weight: ClassVar[float | None] = None
@@ -78,6 +81,7 @@ class Task(Motion):
     drives: Drives | None = None
     unit: ClassVar[str] = "m"
     _choice: Choice
+    _held_by: str | None
     _over_joints: ClassVar[bool] = True  # of which some can be chosen
 
     def __init__(self, name: str, rows: int | Sequence[str], /, **options: Unpack[MotionOptions]) -> None:
@@ -96,7 +100,12 @@ class Task(Motion):
         axes = None if isinstance(rows, int) else given.pop("axes", None)
         joints = given.pop("joints", None) if self._over_joints else None
         self._choice = Choice(name, rows, axes, joints)
-        self.dim, self._target = self._choice.dim, Target()
+        self.dim = self._choice.dim
+        # The target is the present state, and the same object, where none was given, until a controller has the task.
+        self._target: Any = None
+        self._present: Any = None
+        self._move: Move | None = None
+        self._settled, self._held_by = False, None
         self._hard = self.idle = False
         super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
         self.rate = given.pop("rate", RATE)
@@ -290,12 +299,12 @@ class Task(Motion):
     @property
     def held_by(self) -> str | None:
         """Name of what to use instead, where another part sets the target at every tick; None where it is free."""
-        return self._target.held_by
+        return self._held_by
 
     @held_by.setter
     @checked_arguments
     def held_by(self, value: str | None) -> None:
-        self._target.held_by = value
+        self._held_by = value
 
     def present(self, robot: Robot) -> Any:
         """Return the target at which the present error is zero, as a copy; zero unless a task says otherwise."""
@@ -308,7 +317,7 @@ class Task(Motion):
     @property
     def target(self) -> Any:
         """Target, in the form and unit of the constructor, read-only; assign one, or see `move_to`."""
-        target = self._target.value
+        target = self._target
         if target is None:
             target = self.present(self.robot)
         return FixedPose(target) if isinstance(target, pin.SE3) else read_only(target)
@@ -317,7 +326,7 @@ class Task(Motion):
     def target(self, value: Any) -> None:
         target = self.checked(value)
         self._take_over()
-        self._target.value = target
+        self._target = target
 
     def follow(self, target: Any, velocity: Array | None = None, acceleration: Array | None = None) -> None:
         """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
@@ -327,7 +336,7 @@ class Task(Motion):
             velocity: Its velocity along the task's axes, shape (dim,), `unit`/s; unchanged when None.
             acceleration: Its acceleration along them, shape (dim,), `unit`/s²; unchanged when None.
         """
-        self._target.value = target
+        self._target = target
         self._feed(velocity, acceleration)
 
     def _feed(self, velocity: ArrayLike | None, acceleration: ArrayLike | None) -> None:
@@ -366,9 +375,9 @@ class Task(Motion):
 
     def _take_over(self) -> None:
         """End a move, or refuse a target that another part sets."""
-        if self._target.held_by is not None:
+        if self._held_by is not None:
             raise InputError(
-                f"the target of task '{self.name}' is set at every tick by another part: use {self._target.held_by}"
+                f"the target of task '{self.name}' is set at every tick by another part: use {self._held_by}"
             )
         self._stop()
 
@@ -413,17 +422,17 @@ class Task(Motion):
             raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
         if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
             raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
-        if self._target.held_by is not None:
+        if self._held_by is not None:
             self._take_over()
         rates: tuple[Array | None, Array | None] = (None, None)
-        if self._target.move is not None:  # to where the target is at the next tick
-            now = self._target.move.now()
+        if self._move is not None:  # to where the target is at the next tick
+            now = self._move.now()
             self._put(*now)
             rates = now[1:]
         if duration is None and speed is None:
             speed = self._usual_speed()
         limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
-        self._target.move = Move(self._coordinates(), targets, rates, **limits)
+        self._move = Move(self._coordinates(), targets, rates, **limits)
 
     def _usual_speed(self) -> ArrayLike | None:
         """Return the greatest speed of a target where none is given, of each part of its coordinates."""
@@ -443,22 +452,22 @@ class Task(Motion):
     @property
     def moving(self) -> bool:
         """True while the target moves."""
-        return self._target.move is not None
+        return self._move is not None
 
     def move_on(self, dt: float) -> None:
         """Move a target that is on its way on by one tick of dt, s."""
-        move = self._target.move
+        move = self._move
         if move is not None:
             self._put(*move.now())
             if not move.advance(dt):
-                self._target.move = None
+                self._move = None
 
     def _stop(self) -> None:
         """End a move, if there is one, where the target is."""
-        move = self._target.move
+        move = self._move
         if move is not None:
             still = np.zeros(move.coordinates.start.size)
-            self._target.move = None
+            self._move = None
             self._put(self.target, still, still)
 
     # ---- what a controller calls ----------------------------------------------------------------------------------
@@ -475,8 +484,8 @@ class Task(Motion):
         super().bind(robot)
         self._choice.bind(robot, self._used_joints(robot))
         self.revision += 1
-        if self._target.open:
-            self._target.value = self._target.present = self.present(robot)
+        if self._target is self._present and not self._settled:
+            self._target = self._present = self.present(robot)
 
     def keeps(self) -> Sequence[object]:
         """Return the contact objects that must not be removed before the task."""
