@@ -234,9 +234,9 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         """Take a damping over, 1/s, scalar or shape (dim,)."""
         self._numbers.damping[:] = damping
 
-    def _checked_gain(self, what: str, value: ArrayLike, *, low: float = 0.0, **limits: float) -> Array:
+    def _checked_gain(self, what: str, value: ArrayLike, **limits: Any) -> Array:
         """Return a scalar, or numbers of shape (dim,), as one number for each row, after a check of their range."""
-        return one_or_each(f"{what} of {self._kind} '{self.name}'", value, self.dim, low=low, **limits)
+        return one_or_each(f"{what} of {self._kind} '{self.name}'", value, self.dim, low=0.0, **limits)
 
 
 class Block:
