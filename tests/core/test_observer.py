@@ -229,13 +229,32 @@ def test_the_velocity_of_a_robot_that_bounces_on_springs_is_exact_once_their_com
     worst = []
     for compliance in (0.0, depth / (0.5 * mass * GRAVITY)):
         observer = Observer(robot, ObserverSettings(load_time_constant=0.0))
-        observer.sinking.compliance = compliance
+        observer.sinking.compliance = observer.sinking.steady = compliance
         off = errors(observer, sensors, qs[1:-1], vs)
         worst.append(off.max(axis=0))
     assert np.abs(vs[:, 2]).max() > 0.6, "m/s"
     assert worst[0][2] > 0.3, "feet that are taken for fixed"
     late = 1.5 * GRAVITY * dt  # m/s: the rate of a load is that of the middle of the last period
     assert worst[1][0] < 2e-3 and worst[1][2] < late
+
+
+def test_a_centre_of_pressure_that_moves_over_a_sloping_sole_is_no_ground_that_gives() -> None:
+    """The load goes to a foot on a slope while its centre of pressure comes down by 12 mm, and nothing moves."""
+    robot, dt = biped(), 0.005
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    feet = {s: pin.SE3(robot.placement(f"{s}_sole")) for s in ("left", "right")}
+    feet["left"].rotation = pin.rpy.rpyToMatrix(0.0, 0.15, 0.0) @ feet["left"].rotation
+    q, times = close_legs(robot, robot.half_sitting, feet), dt * np.arange(202)
+    left = 0.5 - 0.45 * np.cos(np.pi * times)
+    cops = {"left": np.column_stack([0.04 * (2.0 * left - 1.0), 0.0 * left]), "right": np.zeros((202, 2))}
+    sensors, _ = measurements(robot, np.tile(q, (202, 1)), dt, cops, left)
+    observer = Observer(robot)
+    observer.reset(q)
+    for sensor in sensors:
+        observer.update(sensor)
+    sensors[-1].wrenches[0, 2] = 0.0  # it lifts off: a change of the load has ended
+    observer.update(replace(sensors[-1], time=sensors[-1].time + dt))
+    assert observer.sinking.compliance == 0.0
 
 
 def undisturbed(sensors: list[Measurement]) -> list[np.ndarray]:

@@ -34,23 +34,38 @@ def test_the_slope_of_depths_over_loads_is_the_compliance(compliance: float) -> 
     sinking, rng = Sinking(WEIGHT), np.random.default_rng(2)
     for _ in range(6):
         shift(sinking, compliance, rng)
-    assert sinking.compliance == pytest.approx(compliance, rel=0.05, abs=3e-7)
+    assert sinking.compliance == sinking.steady == pytest.approx(compliance, rel=0.05, abs=3e-7)
 
 
 def test_feet_that_tip_up_and_down_on_stones_tell_no_compliance() -> None:
     sinking, rng = Sinking(WEIGHT), np.random.default_rng(4)
     for tip in (0.004, -0.005, 0.002, -0.003, 0.004, -0.002):
         shift(sinking, 0.0, rng, tip)
-    assert sinking.compliance == 0.0
+    assert sinking.compliance == sinking.steady == 0.0
 
 
 def test_a_step_off_an_edge_counts_as_no_more_than_the_deepest_floor() -> None:
     sinking, rng = Sinking(WEIGHT), np.random.default_rng(4)
     for _ in range(round(SURE / 0.1)):
-        assert sinking.compliance == 0.0
+        assert sinking.steady == 0.0
         shift(sinking, 0.0, rng, -0.5, time=0.1)
-    assert sinking.compliance == pytest.approx(DEEPEST / WEIGHT)
+        assert sinking.compliance == pytest.approx(DEEPEST / WEIGHT)
+    assert sinking.steady == pytest.approx(DEEPEST / WEIGHT)
     sinking.reset()
+    assert sinking.compliance == sinking.steady == 0.0
+
+
+def test_the_compliance_follows_a_floor_that_changes_within_three_steps() -> None:
+    """After three changes of the load seven eighths of the difference are known."""
+    sinking, rng = Sinking(WEIGHT), np.random.default_rng(3)
+    for _ in range(8):
+        shift(sinking, 0.0, rng)
+    assert sinking.compliance == 0.0
+    for _ in range(3):
+        shift(sinking, 4e-5, rng)
+    assert sinking.compliance == pytest.approx(0.875 * 4e-5, rel=0.05) and sinking.steady == 0.0
+    for _ in range(4):
+        shift(sinking, 0.0, rng)
     assert sinking.compliance == 0.0
 
 
@@ -65,7 +80,7 @@ def test_a_load_that_hardly_changes_tells_nothing() -> None:
 def test_a_weight_that_shifts_slowly_tells_the_compliance_before_the_first_step() -> None:
     sinking, rng = Sinking(WEIGHT), np.random.default_rng(2)
     shift(sinking, 4e-5, rng, time=0.8)
-    assert sinking.compliance == pytest.approx(4e-5, rel=0.05)
+    assert sinking.compliance == sinking.steady == pytest.approx(4e-5, rel=0.05)
 
 
 def test_a_depth_that_errors_of_sensors_explain_is_no_compliance() -> None:
@@ -83,7 +98,7 @@ def test_the_greatest_speed_is_that_of_a_weight_that_is_put_on_a_spring_at_once(
         depth += dt * speed
         fastest = max(fastest, speed)
     sinking = Sinking(WEIGHT)
-    sinking.compliance = compliance
+    sinking.steady = compliance
     assert sinking.speed == pytest.approx(fastest, rel=1e-3)
     assert depth == pytest.approx(2.0 * compliance * WEIGHT, rel=1e-3)
 

@@ -117,7 +117,7 @@ class Observer:
             A load on such a leg does not come from the ground.
         slides: True for each foot that carries and slips along the ground, by gyroscope and accelerometer. It is no
             reference.
-        sinking: Compliance of ground and soles; a foot that takes over load sinks by it, at the rate of its load.
+        sinking: Compliance of ground and soles; a foot that takes over load sinks by it.
         outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
     """
 
@@ -239,6 +239,7 @@ class Observer:
         self._carried = [0.0] * n  # time for which each foot has carried, s
         self._unaided = 0.0  # time since a foot gave a reference, s
         self._loads, self._shares = [0.0] * n, [0.0] * n
+        self._rolled = [0.0] * n  # way up of the CoPs over the soles, m
         self._sinks = [0.0] * n  # velocity at which each foot sinks by its load, m/s
         self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
@@ -390,8 +391,9 @@ class Observer:
             step_x, step_y, step_z = turned(base, (a * dx + b * dy, c * dx + d * dy, e * dx + f * dy))
             at_x, at_y, at_z = self._anchors[i]
             sunk = self.sinking.compliance * (self._loads[i] - before[i])
-            self._sinks[i] = sunk / dt if dt > 0.0 else 0.0
+            self._sinks[i] = self.sinking.steady * (self._loads[i] - before[i]) / dt if dt > 0.0 else 0.0
             self._anchors[i] = (at_x + step_x, at_y + step_y, at_z + step_z - sunk)
+            self._rolled[i] += step_z
         return arms
 
     def _motion_from_anchors(
@@ -486,7 +488,10 @@ class Observer:
         yaws = [_yaw(axis) for axis in turned_all(base, ahead)]
         if len(shares) == 2:
             self.sinking.update(
-                self._loads, [height for _, _, height in reach], dt, carry=all(self.load_shares)
+                self._loads,
+                [height - up for (_, _, height), up in zip(reach, self._rolled, strict=True)],
+                dt,
+                carry=all(self.load_shares),
             )
         if soles is not None:
             if len(soles) != len(shares):

@@ -2,9 +2,12 @@
 
 While two feet carry, the legs tell the height of one over the other. A foot that takes over load sinks into ground that
 gives, and a soft sole is pressed flat: the difference of the heights changes by −c times the difference of the loads.
-The compliance c is the slope of the one over the other, by least squares over one change of the load. The mean over the
-last changes counts where it is greater than their scatter: on stones a foot that takes over tips up or down. A weight
-that shifts slowly before the first step tells as much as some landings.
+The compliance c is the slope of the one over the other, by least squares over one change of the load. The heights are
+those of points of the soles: on a tilted sole the centre of pressure comes up or down with its way over the sole, and
+no ground gives. The mean over the last changes is steady where it is greater than their scatter. A weight that shifts
+slowly before the first step tells as much as some landings. Where a floor changes under way a mean over the last two
+or three changes counts, for the depth of the feet alone: times the rate of a load that chatters on hard ground it
+would be a velocity that no foot has.
 """
 
 from __future__ import annotations
@@ -14,18 +17,18 @@ from collections.abc import Sequence
 
 from wbc.core.robot import GRAVITY
 
-SHIFT = 0.3
+SHIFT = 0.5
 """Least change of the difference of the loads that tells a compliance, over the weight."""
 
+NEW, STEADY = 0.5, 0.2
+"""Least weight of the last change of the load in the mean of a floor that changes, and in that of a steady one."""
+
 CLEAR, SURE = 2.0, 0.4
-"""Least mean over the scatter, and time that the changes of the load have taken from which on it counts, s."""
+"""Least mean over the scatter, and time of the changes of the load, s, from which on a compliance is steady."""
 
-NEW = 0.2
-"""Least weight of the last change of the load in the mean, and in that of the squares."""
-
-LEAST, DEEPEST = 0.002, 0.05
-"""Least depth under the whole weight that counts, m: errors of encoders and tilt look the same; and the greatest one: a
-foot that steps off an edge is lower, too."""
+LEAST, DEEPEST = 0.003, 0.05
+"""Least depth under the whole weight that counts, m: errors of encoders and tilt look the same, and feet that tip on
+stones; and the greatest one: a foot that steps off an edge is lower, too."""
 
 
 class Sinking:
@@ -33,6 +36,7 @@ class Sinking:
 
     Attributes:
         compliance: Depth of a foot over its load, m/N; 0 until it is known.
+        steady: The same where it is steady, else 0: by it, a foot sinks at the rate of its load.
     """
 
     def __init__(self, weight: float) -> None:
@@ -42,14 +46,14 @@ class Sinking:
 
     def reset(self) -> None:
         """Forget the ground."""
-        self.compliance = 0.0
+        self.compliance = self.steady = 0.0
         self._start: tuple[float, float] | None = None
-        self._count, self._time, self._mean, self._square = 0, 0.0, 0.0, 0.0
+        self._count, self._time, self._mean, self._long, self._square = 0, 0.0, 0.0, 0.0, 0.0
 
     @property
     def speed(self) -> float:
         """Greatest speed, m/s, of a foot that takes the whole weight at once: √(g d), where it sinks by d at rest."""
-        return math.sqrt(GRAVITY * self.compliance * self._weight)
+        return math.sqrt(GRAVITY * self.steady * self._weight)
 
     def update(self, loads: Sequence[float], heights: Sequence[float], dt: float, *, carry: bool) -> None:
         """Take in a tick of dt, s: forces, N, and heights, m, of the two feet, and True while both of them carry."""
@@ -75,9 +79,11 @@ class Sinking:
             return
         found = min(max(self._products / self._squares, -self._most), self._most)
         self._count, self._time = self._count + 1, self._time + self._lasted
-        share = max(1.0 / self._count, NEW)
-        self._mean += share * (found - self._mean)
+        share, least = max(1.0 / self._count, STEADY), LEAST / self._weight
+        self._mean += max(share, NEW) * (found - self._mean)
+        self._long += share * (found - self._long)
         self._square += share * (found * found - self._square)
-        scatter = math.sqrt(max(self._square - self._mean**2, 0.0))
-        sure = self._time >= SURE and self._mean > max(CLEAR * scatter, LEAST / self._weight)
-        self.compliance = self._mean if sure else 0.0
+        scatter = math.sqrt(max(self._square - self._long**2, 0.0))
+        sure = self._time >= SURE and self._long > max(CLEAR * scatter, least)
+        self.steady = self._long if sure else 0.0
+        self.compliance = self.steady or (self._mean if self._mean > least else 0.0)
