@@ -96,17 +96,20 @@ def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied(ex
 
 
 @pytest.mark.slow
-def test_free_steps_push_a_cart(example: Example) -> None:
+@pytest.mark.parametrize("robot", ["hrp4_class", "g1"])
+def test_free_steps_push_a_cart(example: Example, robot: str) -> None:
     words = ("--mode", "torque", "--forward", "0.4", "--back", "0", "--turn", "0", "--seed", "200")
-    result = run(example("cart"), *words)
+    result = run(example("cart"), *words, "--robot", robot)
     assert result["place_error_mm"] < 250.0 and abs(result["heading_error_deg"]) < 5.0
 
 
 @pytest.mark.slow
-def test_a_door_is_opened_by_its_handle_and_walked_through(example: Example) -> None:
-    result = run(example("door"))
+@pytest.mark.parametrize(("mode", "seed"), [("position", "0"), ("torque", "1")])
+def test_a_door_is_opened_by_its_handle_and_walked_through(example: Example, mode: str, seed: str) -> None:
+    result = run(example("door"), "--mode", mode, "--seed", seed)
     assert result["open_deg"] > 80.0 > result["released_deg"] > 10.0, "by the handle, then by the other hand"
     assert result["beyond_mm"] > 1000.0, "it stands behind the frame"
+    assert result["touch_N"] < 300.0, "the leaf is kept off its body"
 
 
 @pytest.mark.long

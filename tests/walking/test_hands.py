@@ -346,10 +346,23 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
     way = moved[0].translation - (before[0] * held).translation
     np.testing.assert_allclose(moved[1][:3], way / dt, atol=1e-3)
     np.testing.assert_allclose(after[2], (after[1] - before[1]) / dt, atol=1e-6)
-    part = 1.0 - (1.0 + 0.3 / FOLLOW) * np.exp(-0.3 / FOLLOW)
+    t, decay = 0.3 / FOLLOW, np.exp(-0.3 / FOLLOW)
+    part = 1.0 - (1.0 + t - t**2) * decay
     np.testing.assert_allclose(after[0].translation, start.translation + part * step, atol=1e-3)
+    part = 1.0 - (1.0 + t) * decay
     turn = pin.log3(after[0].rotation @ start.rotation.T)[2]
     assert turn == pytest.approx(part * (2.0 * np.pi - 6.0), abs=1e-3), "the short way round"
+
+
+def test_the_frame_of_feet_that_move_at_a_constant_speed_stays_in_their_middle() -> None:
+    walking, _ = standing()
+    frames, dt, speed = Frames(walking.controller), 1e-3, np.array((0.3, -0.1, 0.0))
+    start = frames.now(FEET)[0].translation.copy()
+    for tick in range(1, 4001):
+        frames.follow(True, feet_at(walking, tick * dt * speed), 0.0, dt)
+    place, velocity, _ = frames.now(FEET)
+    np.testing.assert_allclose(place.translation, start + 4.0 * speed, atol=1e-3)
+    np.testing.assert_allclose(velocity[:3], speed, atol=1e-3)
 
 
 def test_a_foot_that_swings_does_not_raise_the_frame_of_the_feet() -> None:

@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
-from wbc.base.numbers import Array, finite_array
+from wbc.base.numbers import Array, finite_array, lag_gain
 from wbc.core.frames import heading, pose, pose_of
 from wbc.core.qp.controller import Controller
 from wbc.core.trajectories import Follower
@@ -20,8 +20,13 @@ WORLD, PELVIS, FEET = "world", "pelvis", "feet"
 """Frames that are always there. That of the feet is in the middle of both planned feet, as high as the lower one,
 smoothed: it does not sway as the pelvis does, nor rise with a foot that swings."""
 
-FOLLOW = 0.15
-"""Time constant of each of two low-passes with which the frame of the feet follows them, s."""
+FOLLOW = 0.25
+"""Time constant T of the three low-passes with which the frame of the feet follows the middle of them, s,
+
+    (1 + 3 T s) / (1 + T s)³ :
+
+at a constant speed it stays behind by nothing, and by 3 T² a where they accelerate by a; two low-passes alone would
+leave hands that push a cart 0.16 m behind a robot that walks at 0.33 m/s."""
 
 Motion = tuple[pin.SE3, Array, Array]
 """Pose, velocity and acceleration in world axes, shape (6,), m/s, rad/s, m/s², rad/s²."""
@@ -36,9 +41,9 @@ class Frames:
         self._base = self._robot.frame_id(self._robot.base_frame)
         self._pelvis = self._robot.placement(self._base)
         self._objects: dict[str, Motion] = {}
-        self._feet: tuple[Follower[Array], Follower[float]] | None = (
-            None  # point and heading, while they are used
-        )
+        # Point and heading, and the low-passed middle of the feet, while they are used.
+        self._feet: tuple[Follower[Array], Follower[float]] | None = None
+        self._lagging = np.zeros(3)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,7 +63,9 @@ class Frames:
             self._feet = None
         elif self._feet is not None:
             point, turn = self._feet
-            point.follow(_between(*(motion.placement.translation for motion in feet)) - point.value, dt)
+            middle = _between(*(motion.placement.translation for motion in feet))
+            self._lagging += lag_gain(dt, FOLLOW) * (middle - self._lagging)
+            point.follow(middle + 2.0 * (middle - self._lagging) - point.value, dt)
             turn.follow(math.remainder(yaw - turn.value, math.tau), dt)
 
     def now(self, name: str) -> Motion:
@@ -80,6 +87,7 @@ class Frames:
         if self._feet is None:
             middle = _between(*(robot.placement(sole.frame).translation for sole in robot.soles))
             self._feet = Follower(FOLLOW, middle), Follower(FOLLOW, heading(self._pelvis.rotation))
+            self._lagging = middle.copy()
         point, turn = self._feet
         return (
             pose_of(pin.rpy.rpyToMatrix(0.0, 0.0, turn.value), point.value),
