@@ -55,7 +55,8 @@ class DistributionSettings:
 
     Attributes:
         friction: Coulomb coefficient.
-        min_force: Least normal force of a foot in contact, N; `StabilizerTask` gives a light robot its share.
+        min_force: Least normal force of a foot in contact, N; `StabilizerTask` scales it down
+            for a light robot.
         margin: Distance of the CoP from the edge of the sole, m.
         net_force: Cost of missing force, 1/N².
         ankle_yaw: Cost of yaw torque at the ankle, 1/(Nm)².

@@ -54,7 +54,7 @@ class StabilizerGains:
         dcm_d: Gain on the derivative of the DCM error, without unit. It also feeds back the noise of the measured ZMP,
             which costs more than the damping gives on hard soles.
         com_v: Gain on the CoM velocity error.
-        zmp_d: Lead of the ZMP's velocity, s.
+        zmp_d: Time by which the commanded ZMP is ahead of the target, with the velocity of the target, s.
         integrator_time: Memory of the average, s.
         derivator_time: Time constant of the low-pass whose output is subtracted from the derivative, s.
         cop_admittance: Ankle rotation per CoP torque error, rad/(Nm·s), along x (pitch) and y (roll). None: 0.05, or
@@ -63,9 +63,10 @@ class StabilizerGains:
         support_height_leak: Decay of the support foot's height on one foot, 1/s.
         wrench_time: Low-pass of the measured wrenches before the admittances, s.
         max_average_dcm_error: Bound of the average, m.
-        max_angular_velocity: Bound of the ankle rotation's speed, rad/s: on a stone a foot may have to turn by 10°
+        max_angular_velocity: Bound of the ankle rotation's speed, rad/s. On a stone a foot may have to turn by 10°
             to be carried elsewhere, and the DCM grows e-fold in 0.3 s meanwhile.
-        min_force: Normal force of both feet below which the robot is in the air, N; of a light robot, its share.
+        min_force: Normal force of both feet below which the robot is in the air, N; less for a
+            light robot (`for_mass`).
     """
 
     dcm_p: Annotated[Gain, "1/s"] = 4.0

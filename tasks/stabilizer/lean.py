@@ -39,7 +39,8 @@ class LeanSettings:
     """Settings of the lean.
 
     Attributes:
-        inertia: I over m h², with the mass of the robot and the height of its CoM; a smaller one leans more.
+        inertia: I over m h², with the mass of the robot and the height of its CoM; with a smaller value the
+            trunk leans more for the same moment.
         stiffness: Stiffness k of the spring that brings the trunk back, 1/s².
         damping: Damping ratio ζ of the spring.
         limit: Greatest lean about each axis, φ_max, rad.

@@ -57,7 +57,7 @@ class FootprintSettings:
         least_known: Least share of known ground under a sole; with less the ground is unknown.
         trust: Number of standard deviations by which each height is lowered, so that noise does not raise the
             highest point.
-        tilt_cost: Foothold tilt cost: of the mean tilt of the planes that the sole may rest on, m/rad.
+        tilt_cost: Cost of the mean tilt of the planes on which the sole may rest, m/rad.
         distance: Cost of moving a landing, m/m.
         move: Cost of any move of a landing, however small, m.
         edge: Cost of a place whose neighbours, one node away, touch the ground at another height, m/m.

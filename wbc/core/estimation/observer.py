@@ -66,7 +66,7 @@ class ObserverSettings:
 
     Attributes:
         inertial: Time constants of the inertial part.
-        min_load: Normal force below which a foot has no share in the estimate, N; of a light robot, its share
+        min_load: Normal force below which a foot has no share in the estimate, N; less for a light robot
             (`Robot.force_scale`).
         load_time_constant: Low-pass of the normal forces, s; 0 for none.
         cop_time_constant: Low-pass of the CoPs, s; 0 for none.

@@ -57,8 +57,8 @@ class PlausibilitySettings:
             that force times the length of the sole.
         torque_margin: Measured torques are refused where one is above this multiple of the joint's limit.
         hold: Time for which a refused signal is replaced by a prediction before the tick fails, s.
-        frozen_after: Number of identical measurements in a row after which ticks fail. They fail if the clock stands
-            still too, or if most readings changed before and the robot is not at rest.
+        frozen_after: Number of identical measurements in a row after which ticks fail. A tick then fails
+            in two cases: the clock stands still as well, or most readings changed before and the robot is not at rest.
         max_gap: Largest step of the time stamp, in control periods.
         resync: Time for which stamps must have moved on consistently before a jump of the clock is adopted, s.
     """

@@ -52,7 +52,8 @@ class PreviewSettings:
     """Settings of the preview controller.
 
     Attributes:
-        margin: Distance of the ZMP from the edge of the support, m; `LipmWalk` gives a small robot its share.
+        margin: Distance of the ZMP from the edge of the support, m; `LipmWalk` scales it down for a
+            small robot.
         target: Reference of the ZMP under a stance foot.
     """
 

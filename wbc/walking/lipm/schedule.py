@@ -74,8 +74,8 @@ class ZmpTarget:
     """Reference of the ZMP under a stance foot.
 
     Attributes:
-        forward: From the sole centre, m.
-        inward: From the sole centre towards the other foot, m.
+        forward: Distance of the target ahead of the sole centre, m.
+        inward: Distance of the target from the sole centre towards the other foot, m.
     """
 
     forward: Annotated[Number, "m"] = 0.0

@@ -100,8 +100,8 @@ class WalkSettings:
         phases: Loads and times at which phases change.
         adjustment: Step adjustment; None for none.
         ground_memory: Share of the unexpected height of a landing by which the next landings are moved.
-        rise_memory: Share of that height by which the expected rise from step to step changes. Where the ground keeps
-            rising, or the estimate drifts (by a millimetre or two a step), feet would always land too early.
+        rise_memory: Share of that height by which the expected rise from step to step changes. Without it feet would
+            land too early where the ground keeps rising, or where the estimate drifts (by one or two mm a step).
     """
 
     preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.02)))
