@@ -62,7 +62,7 @@ class FrameTask(Task):
     )  # fmt: skip
     usual = {"stiffness": 30.0}
     reads = "kinematics"
-    _rows: ClassVar[slice] = slice(0, 6)  # of the motion of the frame, [linear; angular], those of the task
+    _part: ClassVar[str] = "vector"  # of the motion of the frame, that of the task
 
     def __init__(
         self, frame: str, what: str, rows: tuple[str, ...], target: Any, options: MotionOptions
@@ -97,9 +97,10 @@ class FrameTask(Task):
         return pose(f"target of task '{self.name}'", value)
 
     def drift(self) -> Array:
-        """Return the acceleration of the frame, in the rows of the task; see `Motion.drift`."""
+        """Return the acceleration of the frame, or its part that is the task's; see `Motion.drift`."""
         motion = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
-        return np.asarray(motion.vector[self._rows])
+        part: Array = getattr(motion, self._part)
+        return part
 
 
 class PositionTask(FrameTask):
@@ -109,7 +110,7 @@ class PositionTask(FrameTask):
     """
 
     __slots__ = ()
-    _rows = slice(0, 3)
+    _part = "linear"
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; the target is a point in the world, shape (3,), m, the present one when None."""
@@ -138,7 +139,7 @@ class OrientationTask(FrameTask):
 
     __slots__ = ()
     unit = "rad"
-    _rows = slice(3, 6)
+    _part = "angular"
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; the target is a rotation matrix to the world, shape (3, 3), the present one when None."""
