@@ -247,10 +247,11 @@ class WalkingControl:
             wrench = hands.outside if hands is not None and pressing else None
             state = state._replace(hip_turn=body.hip_turn, hand_wrench=wrench)
         reference = self.source.update(state)
-        if reference.progress.phase is GaitPhase.STANDING:
+        progress = reference.progress
+        if progress.phase is GaitPhase.STANDING:
             self.control.observer.inertial.rest()
         if body.active:
-            body.update(reference.progress.heading)
+            body.update(progress.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
         lean, twist = UPRIGHT, UNTWISTED
         if balance is not None:
@@ -258,13 +259,13 @@ class WalkingControl:
             lean = balance.leaning
         elif hands is not None:
             outside = hands.update(state.measurement, reference, self._dt)
-            steps = reference.progress.phase is GaitPhase.SINGLE  # from the CoM that hands have shifted
+            steps = progress.phase is GaitPhase.SINGLE  # from the CoM that hands have shifted
             if outside is not None and not steps:
                 reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
         self.reference = reference
-        self.arms.update(reference.feet, reference.progress.heading, self.source.fast_share)
+        self.arms.update(reference.feet, progress.heading, progress.fast_share)
         if body.active:
-            lean, twist = body.leaned(lean, reference.progress.heading), body.twist
+            lean, twist = body.leaned(lean, progress.heading), body.twist
         self.tasks.follow(reference, lean, twist)
 
     def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:

@@ -93,6 +93,11 @@ class GaitMachine(ReferenceSource):
             return None
 
     @property
+    def fast_share(self) -> float:
+        """Share from 0 to 1 by which the walk is a fast one."""
+        return 0.0
+
+    @property
     def air(self) -> int | None:
         """Foot in the air; None on both feet."""
         return 1 - self.stance if self.phase is GaitPhase.SINGLE and self.met is None else None
@@ -124,9 +129,20 @@ class GaitMachine(ReferenceSource):
         phase, stance = self.phase, self.stance
         heading, upcoming, cycle = self._ahead()
         swing = 1 - stance if phase is GaitPhase.SINGLE else None
-        times, landed = (self.elapsed, self.duration), self.met is not None
         return Progress(
-            phase, stance, swing, contact, heading, self.steps_done, *times, upcoming, cycle, events, landed
+            phase,
+            stance,
+            swing,
+            contact,
+            heading,
+            self.steps_done,
+            self.elapsed,
+            self.duration,
+            upcoming,
+            cycle,
+            events,
+            self.met is not None,
+            self.fast_share,
         )
 
     def _reference(

@@ -68,6 +68,7 @@ class Progress(NamedTuple):
         cycle: Planned time of one step, single and double support, s.
         events: Events of this tick.
         landed: True while a swing foot that has met the ground waits there, and follows its motion no further.
+        fast_share: Share from 0 to 1 by which the walk is a fast one, in which arms swing.
     """
 
     phase: GaitPhase = GaitPhase.STANDING
@@ -82,6 +83,7 @@ class Progress(NamedTuple):
     cycle: float = 1.0
     events: tuple[Event, ...] = ()
     landed: bool = False
+    fast_share: float = 0.0
 
     @property
     def air(self) -> int | None:
@@ -163,11 +165,6 @@ class ReferenceSource(ABC):
             state: State of the robot. If `update` raises an error, the tick fails, and the control sends a command by
                 its policy.
         """
-
-    @property
-    def fast_share(self) -> float:
-        """Share from 0 to 1 by which the walk is a fast one, in which arms swing."""
-        return 0.0
 
     @property
     def finished(self) -> bool:

@@ -12,7 +12,6 @@ from point_mass import SCALE
 
 from wbc.core.robot import GRAVITY
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.felt import BodyState, Felt
 from wbc.walking.stepping.law import Divergent, Orbit, takes_over, viability
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
@@ -46,7 +45,7 @@ def touching(
 
 
 def step_of(stance: int, elapsed: float = 0.3, **changes: Any) -> SwingStep:
-    usual = SwingStep(stance, (1.0, 0.0), STILL, elapsed, 0.4, 0.35, 0.6, 0.0, LAW.patience)
+    usual = SwingStep(stance, (1.0, 0.0), STILL, elapsed, 0.35, 0.6, 0.0, LAW.patience)
     return usual._replace(**changes)
 
 
@@ -55,13 +54,12 @@ def test_a_foot_meets_the_ground_where_it_is_low_bears_a_force_and_half_of_its_s
     stance: int,
 ) -> None:
     """Lower than a share of the height of the swing over the foot that stands, or over the ground if that is higher."""
-    landing = Footstep("left" if stance else "right", 0.0, 0.11 if stance else -0.11)
     for share, meets in ((0.99, False), (1.01, True)):
         touch, _ = touching(stance, share * LAW.met)
-        assert touch.meets(step_of(stance), landing) == meets
+        assert touch.bears(stance, 0.3, 0.4) == meets
     for part, meets in ((0.99, False), (1.01, True)):
         touch, _ = touching(stance, 2.0 * LAW.met)
-        assert touch.meets(step_of(stance, part * LAW.early * 0.4), landing) == meets
+        assert touch.bears(stance, part * LAW.early * 0.4, 0.4) == meets
     low = LAW.low * SETTINGS.swing_height
     for stands, ground, height, meets in (
         (0.0, 0.0, 0.99 * low, True),
@@ -75,12 +73,12 @@ def test_a_foot_meets_the_ground_where_it_is_low_bears_a_force_and_half_of_its_s
         places[1 - stance] = (*places[1 - stance][:2], height)
         touch, _ = touching(stance, 2.0 * LAW.met, places=tuple(places))
         touch._ground.height = ground
-        assert touch.meets(step_of(stance), landing) == meets
+        assert touch.bears(stance, 0.3, 0.4) == meets
     touch, _ = touching(stance, 2.0 * LAW.met)
     touch.push(0.3 - 0.99 * LAW.pushed_time)
-    assert not touch.meets(step_of(stance), landing) and touch.is_pushed(0.3)
+    assert not touch.bears(stance, 0.3, 0.4) and touch.is_pushed(0.3)
     touch.push(0.3 - 1.01 * LAW.pushed_time)
-    assert touch.meets(step_of(stance), landing) and not touch.is_pushed(0.3)
+    assert touch.bears(stance, 0.3, 0.4) and not touch.is_pushed(0.3)
     touch.push(0.3)
     touch.begin()
     assert not touch.is_pushed(0.3), "a new step has not been pushed"

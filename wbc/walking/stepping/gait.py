@@ -107,7 +107,6 @@ class SteppingWalk(StandingWalk):
             self.steering.direction,
             self._orbit(steps),
             self.elapsed,
-            self.duration,
             self._touch,
             max(self._longest, self._waits),
             fast_share,
@@ -287,14 +286,16 @@ class SteppingWalk(StandingWalk):
         """Detect that the swing foot has met the ground, or has lost it again."""
         if self.swing is None:
             return ()
+        touch, elapsed = self.touch, self.elapsed
         if self.met is None:
-            if self._touches(self.touch.meets(self._now(steps), self.swing.landing)):
-                self.met = self.elapsed
+            bears = touch.bears(self.stance, elapsed, self.duration)
+            if self._touches(bears and not touch.rubs(self._now(steps), self.swing.landing)):
+                self.met = elapsed
                 soon = 0.05 * self.settings.step_time
-                return (touch_down(self.elapsed - self._touch, soon, soon),)
-        elif self.touch.loses(self.stance, self.elapsed - self.met, self.elapsed):
+                return (touch_down(elapsed - self._touch, soon, soon),)
+        elif touch.loses(self.stance, elapsed - self.met, elapsed):
             self.met = None
-            self.swing.resume(self.elapsed, self._frames[1 - self.stance])
+            self.swing.resume(elapsed, self._frames[1 - self.stance])
         return ()
 
     def _change_feet(self, go: bool) -> tuple[Event, ...]:
@@ -338,11 +339,3 @@ class SteppingWalk(StandingWalk):
                 "the balance, the next sole could not have caught"
             )
             logger.info("%s", self.reason)
-
-    def _lift(self) -> None:
-        self._enter(GaitPhase.SINGLE, self.steering.step_time)
-        self._plan_steps(SIDES[1 - self.stance])
-        if self.footsteps:
-            self.ground.height = self.footsteps[0].z
-        self._planned = None
-        self._stood, self._tilt = self.felt.state.places[self.stance][2], (0.0, 0.0)

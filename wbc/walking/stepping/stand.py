@@ -43,7 +43,7 @@ STILL = StepVelocity((0.0, 0.0), True)
 
 
 class StandingWalk(GaitMachine):
-    """Base of a walk with free steps: all that it does on both feet; `_step` and `_lift` are those of `SteppingWalk`.
+    """Base of a walk with free steps: all that it does on both feet; `_step` is that of `SteppingWalk`.
 
     Attributes:
         settings: Settings in SI units.
@@ -291,7 +291,7 @@ class StandingWalk(GaitMachine):
         if self.phase is GaitPhase.STANDING:
             motion = middle[0], middle[1], 0.0, 0.0, 0.0, 0.0
         else:
-            stance, side = feet[self.stance], 1.0 if self.stance == 1 else -1.0
+            stance, side = feet[self.stance], self._side
             cos, sin = self.steering.direction
             if self.footsteps:
                 self.steering.follows = True
@@ -310,9 +310,14 @@ class StandingWalk(GaitMachine):
 
     # ---- of the steps -----------------------------------------------------------------------------------------
 
-    @abstractmethod
     def _lift(self) -> None:
         """Begin a step."""
+        self._enter(GaitPhase.SINGLE, self.steering.step_time)
+        self._plan_steps(SIDES[1 - self.stance])
+        if self.footsteps:
+            self.ground.height = self.footsteps[0].z
+        self._planned = None
+        self._stood, self._tilt = self.felt.state.places[self.stance][2], (0.0, 0.0)
 
     @abstractmethod
     def _step(self, events: tuple[Event, ...]) -> Reference:

@@ -26,7 +26,6 @@ class SwingStep(NamedTuple):
         direction: Cosine and sine of the heading.
         orbit: Orbit of the steps that are asked for.
         elapsed: Time since lift-off, s.
-        duration: Time of the step, s.
         touch: Time at which the foot meets the expected ground, s.
         longest: Time since lift-off from which on a foot in contact waits no longer, s.
         fast_share: Share from 0 to 1 by which the walk is a fast one.
@@ -37,7 +36,6 @@ class SwingStep(NamedTuple):
     direction: Point
     orbit: Orbit
     elapsed: float
-    duration: float
     touch: float
     longest: float
     fast_share: float
@@ -123,13 +121,11 @@ class SwingTouch:
         )
         return moved if math.hypot(*asked) > self._c.swing_push else None
 
-    def meets(self, step: SwingStep, landing: Footstep) -> bool:
-        """Return True if the swing foot bears the load of a contact in this tick."""
-        c, side = self._c, 1 - step.stance
-        may = step.elapsed > c.early * step.duration and not self.is_pushed(step.elapsed)
-        if not (may and self._felt.state.wrenches[side][2] > c.met and self._is_low(step.stance)):
-            return False
-        return not self.rubs(step, landing)
+    def bears(self, stance: int, elapsed: float, duration: float) -> bool:
+        """Return True if the swing foot bears the load of a contact in this tick, at a time of its step, s."""
+        c = self._c
+        may = elapsed > c.early * duration and not self.is_pushed(elapsed)
+        return may and self._felt.state.wrenches[1 - stance][2] > c.met and self._is_low(stance)
 
     def loses(self, stance: int, since: float, elapsed: float) -> bool:
         """Return True if a foot that has been in contact for a time, s, has lost the ground again."""
