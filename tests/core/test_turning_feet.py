@@ -93,10 +93,11 @@ def test_a_foot_that_spins_does_not_turn_the_estimate_and_holds_it_when_it_rests
 
 def turn_on_a_plate(observer: Observer, rates: Sequence[float], dt: float, bias: float) -> Iterator[float]:
     """Turn robot and feet as one, as on a plate, rad/s, under a gyroscope with a bias; yield the turn that it tells."""
+    observer.reset()  # other tests leave the biped elsewhere
     robot = observer.robot
     wrench, joints = np.zeros((2, 6)), np.array(robot.half_sitting[7:])
     wrench[:, 2] = 0.5 * robot.mass * GRAVITY
-    up = np.array(biped().placement("imu").rotation[2])
+    up = np.array(robot.placement("imu").rotation[2])
     for k, rate in enumerate(rates):
         measurement = Measurement(
             k * dt, joints, np.zeros(robot.na), (rate + bias) * up, GRAVITY * up, wrench
