@@ -133,7 +133,7 @@ class Harness:
             if not pushed and time >= -1e-9:
                 pushed = True
                 if joint == STANDS:
-                    joint = f"{SIDES[walking.source.stance]}_ankle_roll_joint"
+                    joint = f"{SIDES[walking.progress.stance]}_ankle_roll_joint"
                 loop.push(joint, force, DURATION, at=[0.0, 0.0, 0.0])
             measured = walking.control.estimate(loop.measure())
             if loop.time == begin:
