@@ -125,7 +125,7 @@ class JointActuators:
         gains = command.kp is not None or command.kd is not None
         at_servo = self.servo if position is not None and not gains else self._no_servo
         desired = torque
-        if (position is not None and not at_servo.all()) or command.kd is not None:
+        if position is not None and not at_servo.all():
             desired = self._servo_torque(data, command, at_servo)
         j, gear = self._joints, self._gear
         held = at_servo[j]
@@ -187,11 +187,10 @@ class JointActuators:
     def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: np.ndarray) -> Array:
         """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""
         q, v = data.qpos[self._qpos], data.qvel[self._dof]
-        position = q if command.joint_position is None else command.joint_position
-        kp, kd = command.kp, command.kd
-        if command.joint_position is None:  # torque control, damped where kd is given
-            kp, kd = np.zeros_like(q), np.zeros_like(q) if kd is None else kd
-        kp, kd = self._kp if kp is None else kp, self._kd if kd is None else kd
+        position = command.joint_position
+        assert position is not None
+        kp = self._kp if command.kp is None else command.kp
+        kd = self._kd if command.kd is None else command.kd
         kp, kd = np.where(at_servo, 0.0, kp), np.where(at_servo, 0.0, kd)
         velocity = np.zeros_like(v) if command.joint_velocity is None else command.joint_velocity
         dt = self._model.opt.timestep

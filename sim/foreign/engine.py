@@ -236,14 +236,7 @@ class EngineLoop(Simulation):
 
     def _drive(self, command: Command) -> Array:
         """Return the torques of all drives, shape (na,), Nm, at the present state."""
-        torque = command.joint_torque
-        if command.joint_position is not None:
-            kp = self._kp if command.kp is None else command.kp
-            kd = self._kd if command.kd is None else command.kd
-            rate = 0.0 if command.joint_velocity is None else command.joint_velocity
-            torque = torque + kp * (command.joint_position - self._q[7:]) + kd * (rate - self._v[6:])
-        elif command.kd is not None:  # damped torques
-            torque = torque - command.kd * self._v[6:]
+        torque = command.drive_torque(self._q[7:], self._v[6:], (self._kp, self._kd))
         return np.clip(torque, self._least, self._most)
 
     def _integrate(self) -> None:

@@ -16,7 +16,7 @@ PREFIX = "mine/"
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("given", ["gains", "damping", "torque"])
+@pytest.mark.parametrize("given", ["gains", "torque"])
 def test_computed_servos_act_on_the_state_at_the_end_of_a_step(kind: str, given: str) -> None:
     """τ + kp (q_ref − q) + kd (q̇_ref − q̇) of the state after the step, as far as the last one foretells it."""
     model = foreign_model(DESCRIPTION, kind, integrator="euler", gear=3.0)
@@ -35,9 +35,6 @@ def test_computed_servos_act_on_the_state_at_the_end_of_a_step(kind: str, given:
     if given == "gains":
         loop.step(Command(torque, position, velocity, kp=kp, kd=kd))
         law = torque + kp * (position - loop.joint_position) + kd * (velocity - loop.joint_velocity)
-    elif given == "damping":
-        loop.step(Command(torque, kd=kd))
-        law = torque - kd * loop.joint_velocity
     else:
         loop.step(Command(torque))
         law = torque

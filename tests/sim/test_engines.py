@@ -182,7 +182,7 @@ def test_drives_of_another_engine_keep_to_their_law_and_limits_and_delays() -> N
 def test_drives_of_another_engine_take_the_gains_of_a_command(
     gains: tuple[str, ...], references: tuple[str, ...]
 ) -> None:
-    """It is kp (q_ref − q) + kd (q̇_ref − q̇) + τ; without a reference of the position τ − kd q̇ of a kd that is given."""
+    """It is kp (q_ref − q) + kd (q̇_ref − q̇) + τ; without a reference of the position gains are refused."""
     loop, rng = InAir("hrp4_class", control_period=0.001), np.random.default_rng(5)
     q, v = loop.state()
     loop._state = q, rng.uniform(-0.5, 0.5, loop.robot.nv)
@@ -191,9 +191,13 @@ def test_drives_of_another_engine_take_the_gains_of_a_command(
     values: dict[str, Any] = {name: rng.uniform(0.5, 2.0, na) for name in gains}
     values |= {name: rng.normal(0.0, 0.1, na) for name in references}
     torque = rng.normal(size=na)
+    if gains and not references:
+        with pytest.raises(InputError, match="needs a position reference"):
+            loop.step(Command(torque, **values))
+        return
     loop.step(Command(torque, **values))
     kp = values.get("kp", np.array(loop.description.kp)) if references else 0.0
-    kd = values.get("kd", np.array(loop.description.kd) if references else 0.0)
+    kd = values.get("kd", np.array(loop.description.kd)) if references else 0.0
     law = torque + kp * (values.get("joint_position", q) - q) + kd * (values.get("joint_velocity", 0.0) - v)
     law = np.clip(law, loop.robot.torque_lower, loop.robot.torque_upper)
     np.testing.assert_allclose(loop.joint_torque, law, atol=1e-12)

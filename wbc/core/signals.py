@@ -128,7 +128,8 @@ class Command:
     def check(self, joint_names: Sequence[str]) -> Command:
         """Return the command with arrays of floats; what no drive must get is an `InputError`.
 
-        That is a wrong shape, a value that is not finite or beyond `LARGEST_COMMAND`, and a negative gain.
+        That is a wrong shape, a value that is not finite or beyond `LARGEST_COMMAND`, a negative gain, and a servo
+        without a position reference.
         """
         na, others = len(joint_names), dict[str, Any]()
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
@@ -147,7 +148,30 @@ class Command:
                 )
             if array is not value or array.dtype is not FLOAT64:
                 others[name] = array.astype(np.float64)
+        for name in ("joint_velocity", "kp", "kd"):
+            value = getattr(self, name)
+            if self.joint_position is None and value is not None and np.any(value):
+                raise InputError(
+                    "a command with a velocity reference or gains needs a position reference, too, "
+                    f"got {name} without joint_position"
+                )
         return replace(self, **others) if others else self
+
+    def drive_torque(self, position: Array, velocity: Array, own: tuple[Array, Array]) -> Array:
+        """Return the torque of the drives before their limits: τ + kp (q_ref − q) + kd (q̇_ref − q̇), shape (na,), Nm.
+
+        Positions and velocities of the joints are those at hand; `own` are kp and kd of the machine, for a command
+        that brings none. All have the shape (na,). Without a position reference the torque is τ alone.
+        """
+        if self.joint_position is None:
+            return self.joint_torque
+        kp, kd = (
+            mine if brought is None else brought
+            for mine, brought in zip(own, (self.kp, self.kd), strict=True)
+        )
+        rate = -velocity if self.joint_velocity is None else self.joint_velocity - velocity
+        torque: Array = self.joint_torque + kp * (self.joint_position - position) + kd * rate
+        return torque
 
 
 class Control(Protocol):

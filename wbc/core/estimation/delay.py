@@ -93,15 +93,6 @@ class SentCommands:
         return torque
 
     def _applied(self, command: Command, measurement: Measurement) -> Array:
-        torque = np.array(command.joint_torque)
-        own_kp, own_kd = self._own
-        if command.joint_position is not None:
-            kp, kd = (
-                (own_kp if command.kp is None else command.kp),
-                (own_kd if command.kd is None else command.kd),
-            )
-            velocity = 0.0 if command.joint_velocity is None else command.joint_velocity
-            torque += kp * (command.joint_position - measurement.joint_position)
-            torque += kd * (velocity - measurement.joint_velocity)
+        torque = command.drive_torque(measurement.joint_position, measurement.joint_velocity, self._own)
         limited: Array = np.clip(torque, *self._limits)
         return limited
