@@ -8,14 +8,15 @@ from MuJoCo's compiled arrays. Two writers turn it into other formats: `wbc.robo
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import astuple, dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from pydantic_core import SchemaSerializer, core_schema
 
-from wbc.base.errors import InputError, ModelError, choose
+from wbc.base.errors import InputError, ModelError, choose, shown
 from wbc.base.numbers import Array
 from wbc.core.model import Coupling, driven_joints, driven_names, is_floating
 from wbc.core.robot import GRAVITY, UNLIMITED
@@ -124,6 +125,85 @@ class Mechanism:
                 )
             model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = lower, upper
 
+    def to_plain(self) -> dict[str, Any]:
+        """Return all data as plain values for JSON, of which `from_plain` makes the same mechanism, bit for bit."""
+        model, joints = self.model, list[dict[str, Any]]()
+        for number in range(1, model.njoints):
+            kind, place = model.joints[number], _twelve(model.jointPlacements[number])
+            made = {"name": str(model.names[number]), "parent": int(model.parents[number]), "place": place}
+            if kind.nq == 1:
+                slides, axis = self.axis(number)
+                at = model.upperEffortLimit[kind.idx_v], model.upperVelocityLimit[kind.idx_v]
+                ends = model.lowerPositionLimit[kind.idx_q], model.upperPositionLimit[kind.idx_q]
+                made |= {"slides": slides, "axis": axis.tolist(), "limits": [float(x) for x in (*at, *ends)]}
+            joints.append(made)
+        frames = [
+            (
+                str(each.name),
+                str(each.type),
+                int(each.parentJoint),
+                int(each.parentFrame),
+                _twelve(each.placement),
+            )
+            for each in list(model.frames)[1:]
+        ]
+        inertias = {link: _thirteen(each) for link, each in self.inertias.items()}
+        shapes = [
+            (*each[:3], each.size.tolist(), _twelve(each.place), each.file, each.colour)
+            for each in self.shapes
+        ]
+        couplings = {name: astuple(coupling) for name, coupling in self.couplings.items()}
+        return {"name": model.name, "joints": joints, "frames": frames, "inertias": inertias} | {
+            "carried": [_thirteen(each) for each in model.inertias],  # by the joints, the world first
+            "couplings": couplings,
+            "shapes": shapes,
+        }
+
+    @classmethod
+    def from_plain(cls, values: Any) -> Mechanism:
+        """Return the mechanism of plain values; an `InputError` if they are none, a mechanism as it is."""
+        if isinstance(values, cls):
+            return values
+        try:
+            return cls._from_plain(values)
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError, RuntimeError) as error:
+            raise InputError(f"links and joints of a robot cannot be read: {shown(error)}") from error
+
+    @classmethod
+    def _from_plain(cls, values: Mapping[str, Any]) -> Mechanism:
+        model = pin.Model()
+        model.name = values["name"]
+        for number, joint in enumerate(values["joints"]):
+            parent, place, name = joint["parent"], _placement(joint["place"]), joint["name"]
+            if not 0 <= parent <= number:
+                raise ValueError(f"joint '{name}' hangs on number {parent}")
+            if "axis" in joint:
+                add_joint(
+                    model, parent, place, name, joint["slides"], np.array(joint["axis"]), joint["limits"]
+                )
+            else:
+                model.addJoint(parent, pin.JointModelFreeFlyer(), place, name)
+        inertias = {link: _inertia(each) for link, each in values["inertias"].items()}
+        for number, (name, kind, joint, parent, numbers) in enumerate(values["frames"]):
+            if not (0 <= joint < model.njoints and 0 <= parent <= number):
+                raise ValueError(f"frame '{name}' hangs on joint {joint} and frame {parent}")
+            place, what = _placement(numbers), getattr(pin.FrameType, kind)
+            model.addFrame(pin.Frame(name, joint, parent, place, what), False)
+            if what == pin.FrameType.BODY and name in inertias:
+                model.appendBodyToJoint(joint, inertias[name], place)
+        for joint, carried in enumerate(values["carried"]):  # their sums, to the last bit
+            model.inertias[joint] = _inertia(carried)
+        couplings = {name: Coupling(*each) for name, each in values["couplings"].items()}
+        shapes = tuple(
+            Geometry(link, role, kind, np.array(size), _placement(place), file, colour and tuple(colour))
+            for link, role, kind, size, place, file, colour in values["shapes"]
+        )
+        return cls(model, inertias, couplings, shapes)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, _: Any, __: Any) -> core_schema.CoreSchema:
+        return core_schema.no_info_plain_validator_function(cls.from_plain)
+
     def axis(self, joint: int) -> tuple[bool, Array]:
         """Return whether a joint slides, and its axis in its own frame, shape (3,)."""
         kind, data = self.model.joints[joint], self.model.joints[joint].createData()
@@ -131,6 +211,31 @@ class Mechanism:
         subspace = np.ravel(data.S)
         slides = not subspace[3:].any()
         return slides, subspace[:3] if slides else subspace[3:]
+
+
+Mechanism.__pydantic_serializer__ = SchemaSerializer(  # type: ignore[attr-defined]
+    core_schema.any_schema(serialization=core_schema.plain_serializer_function_ser_schema(Mechanism.to_plain))
+)
+
+
+def _twelve(place: pin.SE3) -> list[float]:
+    """Return a placement as position and rotation, row by row."""
+    return [*place.translation.tolist(), *place.rotation.ravel().tolist()]
+
+
+def _placement(numbers: Sequence[float]) -> pin.SE3:
+    return pin.SE3(
+        np.array(numbers[3:12], dtype=np.float64).reshape(3, 3), np.array(numbers[:3], dtype=np.float64)
+    )
+
+
+def _thirteen(inertia: pin.Inertia) -> list[float]:
+    """Return an inertia as mass, centre of mass, and matrix about it, row by row."""
+    return [float(inertia.mass), *inertia.lever.tolist(), *inertia.inertia.ravel().tolist()]
+
+
+def _inertia(numbers: Sequence[float]) -> pin.Inertia:
+    return pin.Inertia(float(numbers[0]), np.array(numbers[1:4]), np.array(numbers[4:13]).reshape(3, 3))
 
 
 def add_joint(

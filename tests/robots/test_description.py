@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from urdf_biped import FEET, FOOT_BOX, biped
 
 import wbc
 from wbc.base.errors import InputError, ModelError
+from wbc.base.settings import from_json, to_json
 from wbc.core.frames import FrameDescription
 from wbc.core.model import Closure
 from wbc.robots import RobotDescription, files, load, registry, urdf
@@ -99,6 +101,21 @@ def test_a_mechanism_with_a_joint_without_torque_limit_is_refused() -> None:
     weak = urdf.read(biped().replace('effort="80"', 'effort="0"', 1))
     with pytest.raises(ModelError, match="must have torque limits: l_hip_yaw have none"):
         dataclasses.replace(own(), mechanism=weak.mechanism(False))
+
+
+@pytest.mark.parametrize("name", ["talos", "panda", "examples/biped.xml"])
+def test_a_description_in_json_is_the_same_to_the_last_bit(name: str) -> None:
+    robot = load(name)
+    again = from_json(RobotDescription, json.loads(json.dumps(to_json(robot))))
+    assert again.digest == robot.digest and again.joint_names == robot.joint_names
+    one, other = robot.pinocchio_model(), again.pinocchio_model()
+    assert list(one.inertias) == list(other.inertias) and list(one.frames) == list(other.frames)
+    assert list(one.jointPlacements) == list(other.jointPlacements) and again.couplings == robot.couplings
+    plain = to_json(robot)
+    for wrong in ({}, 5, {"joints": [plain["mechanism"]["joints"][0] | {"parent": 9}]}, {"carried": [[1.0]]}):
+        values = {**plain["mechanism"], **wrong} if wrong and isinstance(wrong, dict) else wrong
+        with pytest.raises(InputError, match="links and joints of a robot cannot be read"):
+            from_json(RobotDescription, plain | {"mechanism": values})
 
 
 def test_servos_know_what_it_takes_to_stand_and_which_gains_are_the_users() -> None:
