@@ -119,7 +119,14 @@ NonNegativeNumbers = Annotated[ArrayLike, Numbers(low=0.0)]
 Triple = Annotated[ArrayLike, Numbers(shape=(3,))]
 """Three finite numbers: a point, a direction, a force."""
 
-CONFIG = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
+CONFIG = ConfigDict(
+    strict=True,
+    extra="forbid",
+    allow_inf_nan=False,
+    arbitrary_types_allowed=True,
+    ser_json_inf_nan="constants",
+    ser_json_bytes="base64",
+)
 
 
 @overload
@@ -180,7 +187,7 @@ FIELDS = "__dataclass_fields__"
 
 
 def to_json(value: Any) -> Any:
-    """Return settings, or a tuple, list or mapping of them, as plain values for JSON."""
+    """Return settings, or a tuple, list or mapping of them, as plain values for JSON; bytes become base64, infinity stays."""
     return to_jsonable_python(value, fallback=_parts_of, serialize_as_any=True)
 
 

@@ -164,8 +164,9 @@ def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
 
 def _plant_parts(plant: Plant) -> dict[str, Any]:
     ground = to_json(plant.terrain)
-    if isinstance(source := ground["parameters"].get("source"), dict):
-        ground["parameters"]["source"] = GreyMap(**source).array.tolist()
+    source = getattr(plant.terrain.parameters, "source", None)
+    if isinstance(source, GreyMap):
+        ground["parameters"]["source"] = source.array.tolist()
     return {
         "description": to_json(plant.description),
         "foot": {"name": foot_name(plant.foot), "parameters": to_json(plant.foot)},
