@@ -187,7 +187,7 @@ FIELDS = "__dataclass_fields__"
 
 
 def to_json(value: Any) -> Any:
-    """Return settings, or a tuple, list or mapping of them, as plain values for JSON; bytes become base64, infinity stays."""
+    """Return settings, or a tuple, list or mapping of them, as plain values; bytes become base64, infinity stays."""
     return to_jsonable_python(value, fallback=_parts_of, serialize_as_any=True)
 
 
