@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 from wbc.base.checked import checked
@@ -15,6 +16,13 @@ from wbc.feet.soles.soft import IitSoftFoot, LongArchFoot, PaperFoot, SoftFoot, 
 def _check(kind: object) -> None:
     if not (isinstance(kind, type) and issubclass(kind, Foot)):
         raise InputError(f"a foot is registered by its class, derived from Foot, got {shown(kind)}")
+    known = getattr(kind, "__pydantic_fields__", {})
+    for field in dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ():
+        if field.name not in known:
+            raise InputError(
+                f"the field '{field.name}' of {kind.__name__} is unknown to its constructor: decorate the class with "
+                "@settings of wbc.base.settings"
+            )
 
 
 _FEET: Registry[type[Foot]] = Registry(
@@ -61,6 +69,8 @@ def register_foot(name: str, kind: type[Foot]) -> None:
 
     Args:
         name: Name for `foot` and the command line.
-        kind: Frozen dataclass derived from `Foot`.
+        kind: Class with `@settings` (`wbc.base.settings`), derived from `Foot`.
+
+    Raises `InputError` for a class whose constructor does not know its fields, because it has no `@settings`.
     """
     _FEET[name] = kind

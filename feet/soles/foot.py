@@ -56,7 +56,7 @@ class Foot(ABC):
     """A foot design.
 
     `fit` returns the data that a controller needs, without a simulator. `build` adds the foot to a MuJoCo model. A foot
-    of your own is a frozen dataclass that derives from this class and implements both methods.
+    of your own is a class with `@settings` that derives from this class and implements both methods.
 
     Attributes:
         contact: Contact spheres of the sole.

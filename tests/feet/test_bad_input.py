@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from wbc.base.errors import InputError
-from wbc.feet import StiffnessModel, foot
+from wbc.feet import SoftFoot, StiffnessModel, foot, register_foot
 from wbc.feet.sensing.roughness import roughness
 from wbc.feet.sensing.scan import GroundScan, ScanSettings, resample
 from wbc.feet.soles.sole import AnkleSole, FootFit
 
 OWN = AnkleSole.under_ankle(0.093, 0.16, 0.076)
 GRID, FLAT = 0.007 * np.arange(20), np.zeros(20)
+
+
+@dataclass(frozen=True)
+class Undecorated(SoftFoot):
+    """A foot whose new field its inherited constructor does not take."""
+
+    toe: float = 0.1
+
 
 REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: foot("soft", thickness=0.01), "thickness|fit"),
@@ -31,6 +40,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: foot("flat").fit("left_foot"), "sole of FlatFoot.fit"),  # type: ignore[arg-type]
     (lambda: foot("soft").fit(None), "sole of SoftFoot.fit"),  # type: ignore[arg-type]
     (lambda: FootFit(None, None, 1.0, 0.0), "FootFit"),  # type: ignore[arg-type]
+    (lambda: register_foot("undecorated", Undecorated), "'toe' of Undecorated .* @settings"),
     (lambda: StiffnessModel.load(3), "path of StiffnessModel.load"),  # type: ignore[arg-type]
 ]
 

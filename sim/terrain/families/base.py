@@ -168,7 +168,7 @@ class FieldFamily(Family):
 
     @property
     def unidirectional(self) -> bool:
-        """True if the ground does not vary across the track."""
+        """True if the ground does not vary across the track; a family whose heights depend on y returns False."""
         return True
 
     @property
