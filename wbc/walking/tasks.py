@@ -169,7 +169,7 @@ class WalkTasks:
                 gains = feet.stand if phase is GaitPhase.STANDING else feet.shift
                 self._hold_com(ONE_FOOT if single else BOTH_FEET, *gains)
                 length, width = law.box if single else law.standing_box
-                ahead = law.carrying if phase is GaitPhase.SINGLE else 0.0
+                ahead = 0.0 if phase is GaitPhase.STANDING else law.carrying
                 for contact in self.contacts:
                     contact.set_box(length, width, (ahead, 0.0))
             for side, on in enumerate(progress.contact):

@@ -305,7 +305,7 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
 
 
 def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stand() -> None:
-    """A cubic from rest to rest, over the middle of that foot; ξ ends 1.3 times the offset of a step in place aside."""
+    """A cubic from rest to rest; it ends where ξ is 1.3 times the offset of a step in place from that foot."""
     for stance, heading in ((1, 0.0), (0, 0.7)):
         turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.array([0.3, -0.1, 0.0]))
         frames = turn * LEVEL[0], turn * LEVEL[1]
@@ -321,7 +321,7 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
         places, speeds = np.array(ways).transpose(1, 0, 2)
         side = 1.0 if stance == 1 else -1.0
         goal = (
-            0.0,
+            CONSTANTS.carrying,
             side
             * (
                 CONSTANTS.shift * SETTINGS.width / (1.0 + math.exp(gait.felt.dcm.omega * SETTINGS.step_time))

@@ -398,7 +398,7 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
     """A push from behind lengthens the step in flight, over a ridge that the landing at lift-off was short of."""
     body = PointMass()
     body.gait.steering.command((0.2, 0.0, 0.0))
-    body.run(1.5)
+    body.run(1.0)
     while body.gait.swing is None or body.ticks[-1].reference.progress.elapsed > 0.02:
         body.run(body.dt)
     swing = body.gait.swing

@@ -262,7 +262,7 @@ def test_feet_carry_as_their_state_in_the_step_says() -> None:
         else:
             assert not other.active
     tasks.follow(reference._replace(progress=Progress(GaitPhase.DOUBLE)))
-    np.testing.assert_allclose(tasks.contacts[0].centre, 0.0)
+    np.testing.assert_allclose(tasks.contacts[0].centre, (law.carrying, 0.0, 0.0))
     gains = tasks.com.stiffness, tasks.com.damping
     for found, own in zip(gains, stance.shift, strict=True):
         np.testing.assert_allclose(found, own)

@@ -284,10 +284,7 @@ class StandingWalk(GaitMachine):
         return (Event.LIFT_OFF,)
 
     def _on_both_feet(self, events: tuple[Event, ...]) -> Reference:
-        """References on both feet: the CoM is held over them, or shifted over one of them.
-
-        It goes over the middle of the sole: a sole on soft ground tilts where it carries beside its middle.
-        """
+        """References on both feet: the CoM is held over them, or shifted over one of them."""
         s, c, felt = self.settings, self.constants, self.felt
         feet = [felt.carrying_point(side) for side in (0, 1)]
         middle = [0.5 * (a + b) for a, b in zip(*feet, strict=True)]
@@ -304,7 +301,7 @@ class StandingWalk(GaitMachine):
                     (s + b) / grown for s, b in zip(wish.places[:2], wish.offsets[:2], strict=True)
                 )
                 most = SHIFTED * 0.5 * c.standing_box[0]
-                ahead, inside = min(max(c.carrying + ahead, -most), most), side * inside
+                ahead, inside = min(max(ahead, -most - c.carrying), most - c.carrying), side * inside
             else:
                 ahead, inside = 0.0, side * c.shift * s.width / (1.0 + math.exp(felt.dcm.omega * s.step_time))
             goal = stance[0] + cos * ahead - sin * inside, stance[1] + sin * ahead + cos * inside
@@ -333,7 +330,7 @@ class StandingWalk(GaitMachine):
     def _enter(self, phase: GaitPhase, duration: float) -> None:
         super()._enter(phase, duration)
         stance = self.stance if phase is GaitPhase.SINGLE else None
-        self.felt.begin(stance, self.constants.carrying if phase is GaitPhase.SINGLE else 0.0)
+        self.felt.begin(stance, 0.0 if phase is GaitPhase.STANDING else self.constants.carrying)
         self.decision.begin()
         self.touch.begin()
 
