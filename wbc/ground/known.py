@@ -65,8 +65,8 @@ class GroundSettings:
         max_age: Age of a cloud from which on it is not used, s.
         contradiction: Difference between the sole that stands and the known ground below it from which on nothing of
             that ground is used, m.
-        stance: Share of a smaller difference by which the known heights are shifted, if no frame of points has shifted
-            them.
+        stance: Share of the difference between the sole that stands and the known ground below it by which the known
+            heights are shifted, if the difference is below `contradiction` and no frame of points has shifted them.
         stance_step: Greatest shift by the sole that stands, m.
         own_margin: Distance from the robot's own shapes up to which a point is one of its body.
     """

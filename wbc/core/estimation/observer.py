@@ -76,7 +76,7 @@ class ObserverSettings:
             has 0.0125 rad/s, the gyroscope 0.002 rad/s.
         slip: Speed of a loaded foot, by gyroscope and accelerometer, from which the foot is no reference, m/s. Such a
             foot slips, or something other than the ground loads it, for example a hit. A foot that stands has a speed
-            of 0.05 m/s by these sensors. On ground that gives, `Sinking.speed` is added.
+            of 0.05 m/s by these sensors. On ground that gives, the speed at which the foot sinks is added.
         reference_time_constant: Time constant with which anchors follow the sole placements given to `update`, s.
         measurement_delay: Age of a measurement when it arrives, s. The estimate is carried ahead over this and the next
             delay, to when a command will take effect.
