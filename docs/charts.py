@@ -100,7 +100,7 @@ def draw_floors(path: Path) -> None:
     """Cost of transport over the stiffness of the floor, for each robot, kind of steps and sole."""
     rows = [
         [*row[0].split(", "), *row[1:]]
-        for row in table("measured_walks.md", "Robot, stiffness of the floor, N/m³")
+        for row in table("measured_floors.md", "Robot, stiffness of the floor, N/m³")
     ]
     series = (
         (2, ORANGE, "--", "planned, flat sole"),
@@ -132,7 +132,7 @@ def draw_floors(path: Path) -> None:
 
 def draw_soles(path: Path) -> None:
     """Share of walks that arrive on the softest floor of the study, by sole, all robots together."""
-    rows = table("measured_walks.md", "Walks that arrive:")
+    rows = table("measured_floors.md", "Walks that arrive:")
     soles = ["own flat sole", "rigid", "soft", "variable"]
     figure, axis = plt.subplots(figsize=(8.4, 2.4), layout="constrained")
     observers = (("older", "older observer, of 8", 8, ORANGE, -0.12), ("present", "of 20", 20, BLUE, 0.12))
@@ -155,7 +155,7 @@ def draw_soles(path: Path) -> None:
 
 def draw_pairs(path: Path, corner: str, label: str, legends: tuple[str, str]) -> None:
     """Two values of a row, each with its legend, joined by a line."""
-    rows = table("measured_walks.md", corner)
+    rows = table("measured_floors.md", corner)
     figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.3 * len(rows)), layout="constrained")
     without, with_it = ([numbers(row[k])[0] for row in rows] for k in (1, 2))
     for i, pair in enumerate(zip(without, with_it, strict=True)):
