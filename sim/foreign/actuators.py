@@ -189,8 +189,7 @@ class JointActuators:
         q, v = data.qpos[self._qpos], data.qvel[self._dof]
         position = command.joint_position
         assert position is not None
-        kp = self._kp if command.kp is None else command.kp
-        kd = self._kd if command.kd is None else command.kd
+        kp, kd = command.gains((self._kp, self._kd))
         kp, kd = np.where(at_servo, 0.0, kp), np.where(at_servo, 0.0, kd)
         velocity = np.zeros_like(v) if command.joint_velocity is None else command.joint_velocity
         dt = self._model.opt.timestep

@@ -83,10 +83,7 @@ class Drives:
     def _checked_gains(self, command: Command) -> Gains:
         if command.kp is None and command.kd is None:
             return self._own
-        kp, kd = (
-            own if given is None else given
-            for own, given in zip(self._own, (command.kp, command.kd), strict=True)
-        )
+        kp, kd = command.gains(self._own)
         if not ((kp >= 0.0) & (kd >= 0.0)).all() or not math.isfinite(kp.dot(kp) + kd.dot(kd)):
             command.check(self._joint_names)
         at_work = self._gains

@@ -157,6 +157,10 @@ class Command:
                 )
         return replace(self, **others) if others else self
 
+    def gains(self, own: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return kp and kd of the servos, each (na,): those of the command, the machine's own where it brings none."""
+        return own[0] if self.kp is None else self.kp, own[1] if self.kd is None else self.kd
+
     def drive_torque(self, position: Array, velocity: Array, own: tuple[Array, Array]) -> Array:
         """Return the torque of the drives before their limits: τ + kp (q_ref − q) + kd (q̇_ref − q̇), shape (na,), Nm.
 
@@ -165,10 +169,7 @@ class Command:
         """
         if self.joint_position is None:
             return self.joint_torque
-        kp, kd = (
-            mine if brought is None else brought
-            for mine, brought in zip(own, (self.kp, self.kd), strict=True)
-        )
+        kp, kd = self.gains(own)
         rate = -velocity if self.joint_velocity is None else self.joint_velocity - velocity
         torque: Array = self.joint_torque + kp * (self.joint_position - position) + kd * rate
         return torque

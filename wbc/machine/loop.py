@@ -121,8 +121,8 @@ def drives_of(control: Control) -> DriveControl | None:
 
 def with_gains(command: Command, gains: tuple[Array, Array]) -> Command:
     """Return a command with the gains that act where it brings none: the machine's, zero without a position."""
-    kp, kd = gains if command.joint_position is not None else np.zeros((2, len(command.joint_torque)))
-    kp, kd = kp if command.kp is None else command.kp, kd if command.kd is None else command.kd
+    none = np.zeros(len(command.joint_torque))
+    kp, kd = command.gains((none, none) if command.joint_position is None else gains)
     return replace(command, kp=kp, kd=kd)
 
 

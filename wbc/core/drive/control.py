@@ -5,8 +5,7 @@
     command = control.act(state)            QP, drive, gate                      never raises
 
 `command` does both, for targets that come from elsewhere. The modes are in `wbc.core.drive`: `wbc.core.drive.position`
-integrates accelerations to references of the servos, `wbc.core.drive.torque` sends torques, `wbc.core.drive.torque`
-both.
+integrates accelerations to references of the servos, `wbc.core.drive.torque` sends torques, alone or with references.
 """
 
 from __future__ import annotations
