@@ -11,7 +11,8 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import Period, Seed
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import Barrier, Limit
+from wbc.core.limits.collision import CollisionLimit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot, random_joints
@@ -24,6 +25,9 @@ TOLERANCE = 1e-5
 
 STATES = 50
 """Number of states in which a limit is looked at."""
+
+KINK = 1e-3
+"""Relative change of a derivative within a step of the differences, from which on a coordinate has a kink there."""
 
 
 @checked
@@ -42,7 +46,9 @@ def check_rows(
 
     These properties are checked by finite differences. The derivative of the error of a task or contact is −J v, and
     the derivative of J v at constant v is the drift. The error of a task on velocities, such as a momentum, is target −
-    J v. The lower bound of a limit is never above its upper bound.
+    J v. The lower bound of a limit is never above its upper bound. The rows of a `Barrier` are the derivatives of its
+    coordinates, and its drift is the change of their velocities at constant v; a `CollisionLimit` measures
+    pairs that are far apart only when they may come near, so its rows are not compared.
 
     A copy of the task is bound at each random state, as a controller would do it. A target that is not given is then
     the present state. For rotations this matters, because J is the derivative of their error only at the target.
@@ -98,8 +104,13 @@ def check_rows(
 
 def _check_limit(limit: Limit, robot: Robot, dt: float, random: np.random.Generator) -> None:
     limit.bind(robot)
+    if isinstance(limit, Barrier) and getattr(limit, "_robot", None) is not robot:
+        raise InputError(f"bind of limit '{limit.name}' must call super().bind(robot)")
     for _ in range(STATES):
-        robot.update(*_random_state(robot, random))
+        q, v = _random_state(robot, random)
+        if isinstance(limit, Barrier) and not isinstance(limit, CollisionLimit):
+            _check_barrier(limit, robot, q, v)
+        robot.update(q, v)
         rows = np.full((limit.dim, robot.nv), np.nan)
         lower, upper = np.full(limit.dim, np.nan), np.full(limit.dim, np.nan)
         limit.write(dt, rows, lower, upper)
@@ -115,6 +126,33 @@ def _check_limit(limit: Limit, robot: Robot, dt: float, random: np.random.Genera
                 raise InputError(
                     f"limit '{limit.name}' has a {what}: row {row}, from {lower[row]:.6g} to {upper[row]:.6g}"
                 )
+
+
+def _check_barrier(limit: Barrier, robot: Robot, q: Array, v: Array) -> None:
+    """Compare speeds and drift of coordinates with differences along a motion, but not across their kinks."""
+    ends = []
+    for step in (-STEP, 0.0, STEP):
+        robot.update(pin.integrate(robot.model, q, step * v), v)
+        rows = np.zeros((limit.dim, robot.nv))
+        below, above = np.zeros((2, limit.dim))
+        limit.measure(rows, below, above)
+        found = limit.drift()
+        drift = np.zeros(limit.dim) if found is None else found
+        if drift.shape != (limit.dim,):
+            raise InputError(
+                f"drift of limit '{limit.name}' must have shape ({limit.dim},), got {drift.shape}"
+            )
+        ends.append((below, -above, rows @ v, drift))
+    before, here, after = ends
+    for what, given, index in (
+        ("speed of the coordinate by its lower bound", here[2], 0),
+        ("speed of the coordinate by its upper bound", here[2], 1),
+        ("drift", here[3], 2),
+    ):
+        with np.errstate(invalid="ignore"):  # where there is no bound
+            one, other = (here[index] - before[index]) / STEP, (after[index] - here[index]) / STEP
+        smooth = np.abs(one - other) <= KINK * np.maximum(1.0, np.abs(one))
+        _compare(limit, what, given[smooth], 0.5 * (one + other)[smooth])
 
 
 def _check_jacobian(item: Task | Contact, robot: Robot, q: Array, v: Array, *, partial: bool) -> None:
@@ -135,9 +173,9 @@ def _check_jacobian(item: Task | Contact, robot: Robot, q: Array, v: Array, *, p
         _compare(item, f"Jacobian by {name}", jacobian[:, column], (ends[1] - ends[0]) / (2.0 * STEP), hint)
 
 
-def _compare(item: Task | Contact, what: str, given: Array, found: Array, hint: str = "") -> None:
+def _compare(item: Task | Contact | Limit, what: str, given: Array, found: Array, hint: str = "") -> None:
     """Refuse rows that are not what finite differences say."""
-    if not _close(given, found):
+    if given.size and not _close(given, found):
         row = int(np.abs(given - found).argmax())
         raise InputError(
             f"'{item.name}': {what} is {given[row]:.6g} in row {row}, finite differences give {found[row]:.6g}"

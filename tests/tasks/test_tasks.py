@@ -143,6 +143,61 @@ def test_a_limit_must_leave_a_robot_that_it_does_not_move_where_it_is(
             check_rows(limit, robot)
 
 
+class Height(wbc.Barrier):
+    """Keep a hand between two heights, with one mistake at most."""
+
+    def __init__(self, frame: str, mistake: str) -> None:
+        super().__init__("height", 1)
+        self.frame, self.mistake = frame, mistake
+
+    def bind(self, robot: Robot) -> None:
+        if self.mistake != "no robot":
+            super().bind(robot)
+        self.id = robot.frame_id(self.frame)
+
+    def measure(self, rows: Array, below: Array, above: Array) -> None:
+        robot, world = self.robot, pin.LOCAL_WORLD_ALIGNED
+        rows[:] = pin.getFrameJacobian(robot.model, robot.data, self.id, world)[2]
+        height = robot.placement(self.id).translation[2]
+        below[:], above[:] = height + 5.0, 5.0 - height
+        if self.mistake == "one sign":
+            rows *= -1.0
+        elif self.mistake == "both signs":
+            below[:], above[:] = above.copy(), below.copy()
+        elif self.mistake == "axes":
+            rows[:] = pin.getFrameJacobian(robot.model, robot.data, self.id, pin.LOCAL)[2]
+
+    def drift(self) -> Array | None:
+        robot, world = self.robot, pin.LOCAL_WORLD_ALIGNED
+        drift = pin.getFrameClassicalAcceleration(robot.model, robot.data, self.id, world).linear
+        return {"no drift": None, "shape": drift}.get(self.mistake, drift[2:])
+
+
+@pytest.mark.parametrize(
+    ("mistake", "refused"),
+    [
+        ("", None),
+        ("one sign", "lower bound is .* in row 0, finite differences give"),
+        ("both signs", "lower bound is"),
+        ("axes", "lower bound is"),
+        ("no drift", "drift is 0 in row 0"),
+        ("shape", r"drift .* must have shape \(1,\), got \(3,\)"),
+        ("no robot", r"super\(\)\.bind"),
+    ],
+)
+def test_the_rows_of_a_barrier_are_compared_with_its_distances(mistake: str, refused: str | None) -> None:
+    robot = make_robot("hrp4_class")
+    limit = Height(left_hand(robot), mistake)
+    if refused is None:
+        check_rows(limit, robot)
+    else:
+        with pytest.raises(InputError, match=refused):
+            check_rows(limit, robot)
+    if mistake == "no robot":
+        with pytest.raises(InputError, match=refused):
+            Controller(robot, 0.005).add(limit)
+
+
 @robots
 def test_columns_left_out_are_those_of_other_joints_only(name: str) -> None:
     robot, rng = make_robot(name), np.random.default_rng(2)

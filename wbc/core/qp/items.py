@@ -14,7 +14,7 @@ import numpy as np
 from wbc.base.checked import fixed
 from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import Array
-from wbc.core.limits.base import Limit
+from wbc.core.limits.base import Barrier, Limit
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
@@ -123,7 +123,7 @@ class Items:
     def _bind(self, item: Item) -> None:
         """Bind an item to the robot, and evaluate it once."""
         item.bind(self.robot)
-        if isinstance(item, Task) and item._robot is None:
+        if isinstance(item, (Task, Barrier)) and getattr(item, "_robot", None) is None:
             raise InputError(f"{item!r} has not been bound: its bind must call super().bind(robot) first")
         if (
             isinstance(item, Task)
