@@ -21,7 +21,7 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar, Unpack
 import numpy as np
 from pydantic import PlainValidator, Strict, TypeAdapter, ValidationError
 
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, unknown_name
 from wbc.base.numbers import read_only
 from wbc.base.settings import CONFIG, Numbers, hashable, members_of, refuse
 
@@ -47,12 +47,13 @@ def checked(function: F) -> F:
             has the name of the property in messages. Of a dataclass, the constructor is checked.
 
     Returns:
-        The function. A call raises an `InputError` for the first argument that breaks a rule: name, unit, rule, value.
+        The function. A call raises an `InputError` for the first argument that breaks a rule (name, unit, rule, value),
+        and for an argument of a name that there is not, with the nearest names.
     """
     if inspect.isclass(function):
         setattr(function, "__init__", checked(function.__init__))  # noqa: B010 (no assignment to a method for mypy)
         return function
-    table: tuple[list[tuple[int, ArgumentCheck]], dict[str, ArgumentCheck]] | None = None
+    table: tuple[list[tuple[int, ArgumentCheck]], dict[str, ArgumentCheck], set[str] | None] | None = None
 
     @functools.wraps(function)
     def call(*args: Any, **values: Any) -> Any:
@@ -63,8 +64,16 @@ def checked(function: F) -> F:
             }
             kinds = [(each.name, each.kind) for each in inspect.signature(function).parameters.values()]
             places = [name for name, kind in kinds if kind <= inspect.Parameter.POSITIONAL_OR_KEYWORD]
-            table = [(places.index(name), by_name[name]) for name in by_name if name in places], by_name
-        by_place, by_name = table
+            table = (
+                [(places.index(name), by_name[name]) for name in by_name if name in places],
+                by_name,
+                _names(function),
+            )
+        by_place, by_name, names = table
+        if names is not None and not names.issuperset(values):
+            owner, method = function.__qualname__.rpartition("<locals>.")[2], ".__init__"
+            wrong = next(name for name in values if name not in names)
+            unknown_name(f"argument of {owner.removesuffix(method)}", wrong, names - {"self", "cls"})
         given, count = list(args), len(args)
         for place, check in by_place:
             if place < count and type(given[place]) not in check.taken:
@@ -150,6 +159,17 @@ def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
         elif name != "return":
             hints[name] = hint
     return hints
+
+
+def _names(function: Callable[..., Any]) -> set[str] | None:
+    """Return the names that arguments of a function can have; None if it takes any."""
+    of_any = inspect.Parameter.VAR_KEYWORD
+    kinds = {each.name: each.kind for each in inspect.signature(function).parameters.values()}
+    known = {name for name, kind in kinds.items() if kind not in (of_any, inspect.Parameter.POSITIONAL_ONLY)}
+    if of_any in kinds.values():
+        options = hints_of(function).keys() - kinds.keys()
+        return known | options if options else None
+    return known
 
 
 def checkable(function: Callable[..., Any]) -> dict[str, Any]:
