@@ -275,12 +275,12 @@ def test_a_centre_of_pressure_is_low_passed_and_within_its_sole() -> None:
     observer = Observer(robot, settings)
     half = 0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width
     observer.update(felt(robot, 0.0, normal(200.0, 2.0, -4.0), normal(200.0, 99.0, 99.0)))
-    np.testing.assert_allclose(observer._cops, [(0.02, 0.01), (-half[0], half[1])])
+    np.testing.assert_allclose([foot.cop for foot in observer._feet], [(0.02, 0.01), (-half[0], half[1])])
     least = settings.min_load * robot.force_scale
     observer.update(felt(robot, 0.02, normal(200.0, 1.0, 1.0), normal(0.9 * least, 1.0, 1.0)))
     left = math.exp(-0.02 / 0.05)
     expected = [(-0.005 + 0.025 * left, 0.005 + 0.005 * left), (-half[0] * left, half[1] * left)]
-    np.testing.assert_allclose(observer._cops, expected)
+    np.testing.assert_allclose([foot.cop for foot in observer._feet], expected)
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
+from wbc.core.estimation.foot import FootEstimate, yaw_of
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.sinking import Sinking
 from wbc.core.estimation.wrenches import OutsideSettings, OutsideWrench, WrenchSettings
@@ -111,12 +112,6 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
-        load_shares: Shares of the load that the feet bear; also of a foot that moves, which has no `share`.
-        foot_rotations: Angular velocities of the feet by encoders and gyroscope, along the world axes, rad/s.
-        lifts: True for each foot that moves up or down faster than the setting `slip`, by gyroscope and accelerometer.
-            A load on such a leg does not come from the ground.
-        slides: True for each foot that carries and slips along the ground, by gyroscope and accelerometer. It is no
-            reference.
         sinking: Compliance of ground and soles; a foot that takes over load sinks by it.
         outside: Observer of the wrench of the surroundings except the ground; None while it is not estimated.
     """
@@ -144,7 +139,7 @@ class Observer:
         n = len(robot.soles)
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._shapes = ((robot.na,), (robot.na,), (3,), (3,), (n, 6))
-        self._half = [(0.5 * sole.length, 0.5 * sole.width) for sole in robot.soles]
+        self._feet = [FootEstimate(sole) for sole in robot.soles]
         self._imu = robot.frame_id(robot.imu_frame)
         self._data = robot.model.createData()  # kinematics with the base at the origin
         self._q = pin.neutral(robot.model)
@@ -152,9 +147,6 @@ class Observer:
         delay = self.settings.delay
         self._predictor = DelayPredictor(robot.model, delay) if delay > 0.0 else None
         self._measured = np.array(q), np.zeros(robot.nv)
-        # Of each foot, as plain numbers: see the properties.
-        self._anchors: list[Vector] = [(0.0, 0.0, 0.0)] * n
-        self._anchor_yaw = [0.0] * n
         # Parts of q and v: of the base, and of the joints; then place and attitude of the base, and their rates.
         own, rate = self._q, self._v
         self._base, self._joints = (own[:7], rate[:6]), (own[7:], rate[6:])
@@ -170,10 +162,7 @@ class Observer:
         outside = self.settings.outside
         self.sinking = Sinking(robot.mass * GRAVITY)
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
-        self.load_shares: Sequence[float] = [0.0] * n
-        self.foot_rotations: Sequence[Vector] = [(0.0, 0.0, 0.0)] * n
-        # Velocities of the feet's CoPs in the world while the base does not move but turns, and that of the IMU, m/s.
-        self._foot_motions: Sequence[Vector] = ()
+        # Velocity of the IMU in the world while the base does not move but turns, m/s.
         self._imu_motion: Vector = (0.0, 0.0, 0.0)
         self._struck = False
         self.reset(q)
@@ -192,23 +181,46 @@ class Observer:
     @property
     def load(self) -> Array:
         """Normal forces after the low-pass, shape (number of soles,), N."""
-        return np.array(self._loads)
+        return np.array([foot.load for foot in self._feet])
 
     @property
     def share(self) -> Array:
         """Share of the load on each foot, shape (number of soles,); the sum is 1, or 0 in flight."""
-        return np.array(self._shares)
+        return np.array([foot.share for foot in self._feet])
+
+    @property
+    def load_shares(self) -> list[float]:
+        """Shares of the load that the feet bear; also of a foot that moves, which has no `share`."""
+        return [foot.load_share for foot in self._feet]
 
     @property
     def least_share(self) -> float:
         """Share of the load on the foot that carries least, 0 to 0.5."""
-        return min(self._shares)
+        return min(foot.share for foot in self._feet)
+
+    @property
+    def lifts(self) -> list[bool]:
+        """True for each foot that moves up or down faster than the setting `slip`, by gyroscope and accelerometer.
+
+        A load on such a leg does not come from the ground.
+        """
+        return [foot.lifts for foot in self._feet]
+
+    @property
+    def slides(self) -> list[bool]:
+        """True for each foot that carries and slips along the ground, by gyroscope and accelerometer: no reference."""
+        return [foot.slides for foot in self._feet]
 
     @property
     def foot_velocities(self) -> list[Vector]:
         """Velocities of the feet's CoPs against the IMU, by encoders and gyroscope, along the world axes, m/s."""
-        x, y, z = self._imu_motion
-        return [(u - x, v - y, w - z) for u, v, w in self._foot_motions]
+        (x, y, z), motions = self._imu_motion, [foot.motion for foot in self._feet]
+        return [(u - x, v - y, w - z) for u, v, w in motions]
+
+    @property
+    def foot_rotations(self) -> list[Vector]:
+        """Angular velocities of the feet by encoders and gyroscope, along the world axes, rad/s."""
+        return [foot.rotation for foot in self._feet]
 
     @property
     def net_wrench(self) -> Array:
@@ -218,7 +230,7 @@ class Observer:
     @property
     def in_flight(self) -> bool:
         """True when no foot carries more than the minimum load."""
-        return not any(self._shares)
+        return not any(foot.share for foot in self._feet)
 
     def reset(self, q: Array | None = None) -> None:
         """Restart at rest from a configuration, shape (nq,), half-sitting when None; the gyroscope's bias is kept."""
@@ -233,20 +245,12 @@ class Observer:
             self._predictor.reset()
         if self.outside is not None:
             self.outside.reset()
-        n = len(self._soles)
-        self.lifts, self.slides, self._slid = [False] * n, [False] * n, False
+        self._slid = False
         self.sinking.reset()
-        self._carried = [0.0] * n  # time for which each foot has carried, s
         self._unaided = 0.0  # time since a foot gave a reference, s
-        self._loads, self._shares = [0.0] * n, [0.0] * n
-        self._rolled = [0.0] * n  # way up of the CoPs over the soles, m
-        self._sinks = [0.0] * n  # velocity at which each foot sinks by its load, m/s
-        self._cops: list[tuple[float, float]] = [(0.0, 0.0)] * n
         self._wrenches[:] = 0.0
-        for i, sole in enumerate(self._soles):
-            placement = robot.placement(sole)
-            self._anchors[i] = tuple(placement.translation.tolist())
-            self._anchor_yaw[i] = _yaw(placement.rotation[:, 0].tolist())
+        for foot, sole in zip(self._feet, self._soles, strict=True):
+            foot.reset(robot.placement(sole))
 
     @property
     def measured_state(self) -> tuple[Array, Array]:
@@ -307,22 +311,20 @@ class Observer:
         spin = inertial.rotation.dot(gyro - inertial.gyro_bias) - base.dot(imu_rate.angular)
 
         turn, turning = base.tolist(), spin.tolist()
-        frames = [(rotation.tolist(), position.tolist()) for rotation, position in self._sole_frames]
-        arms = self._update_loads(measurement.wrenches.tolist(), dt, turn, [r for r, _ in frames], first)
-        # In the base frame: CoPs, and headings of the soles.
-        points = [(x + u, y + v, z + w) for (_, (x, y, z)), (u, v, w) in zip(frames, arms, strict=True)]
-        ahead = [(row_x[0], row_y[0], row_z[0]) for (row_x, row_y, row_z), _ in frames]
+        self._bear(measurement.wrenches.tolist(), turn, dt, first)
         moving, at_imu = turned_all(turn, (imu_rate.linear.tolist(), self._imu_position.tolist()))
         self._imu_motion = add_cross(moving, turning, at_imu)
         imu_arm = np.array(self._imu_motion)
         expected = None if first else (inertial.velocity - imu_arm).tolist()
-        velocity, yaw_error = self._motion_from_anchors(turn, turning, arms, points, ahead, expected, dt)
+        velocity, yaw_error = self._motion_from_anchors(turn, turning, expected, dt)
         if velocity is not None:
             velocity += imu_arm
             if first or self._struck:
                 inertial.velocity, self._struck = velocity.copy(), False
                 inertial.steady = complex(velocity[0], velocity[1])
-        elif any(self.slides):  # what a foot that slips has added to the velocity is taken back
+        elif any(
+            foot.slides for foot in self._feet
+        ):  # what a foot that slips has added to the velocity is taken back
             inertial.velocity[:2], self._slid = (inertial.steady.real, inertial.steady.imag), True
         inertial.correct(velocity, yaw_error, dt)
         if self._slid and velocity is not None:
@@ -331,7 +333,7 @@ class Observer:
         base = inertial.rotation.dot(self._imu_rotation_t)
         base_velocity = inertial.velocity - imu_arm
         turn = base.tolist()
-        self._update_position(turn, base_velocity, points, ahead, arms, soles, dt)
+        self._update_position(turn, base_velocity, soles, dt)
 
         (place, attitude), (linear, angular) = self._pose, self._rates
         place[:] = self._position
@@ -358,178 +360,141 @@ class Observer:
         if not math.isfinite(m.time) or (self._time is not None and m.time < self._time):
             raise MeasurementError(f"time of a measurement must be finite and rise, got {m.time} s")
 
-    def _update_loads(
-        self, wrenches: Sequence[Vector], dt: float, base: Rotation, soles: Sequence[Rotation], first: bool
-    ) -> list[Vector]:
-        """Update loads, shares and CoPs; an anchor moves over the sole with the CoP.
-
-        `base` is the rotation of the base, `soles` those of the soles in it; the first measurement is not filtered.
-        Returned are the vectors from the sole centres to the CoPs, in the base frame, m.
-        """
-        s = self.settings
-        gain = 1.0 if first else lag_gain(dt, s.load_time_constant)
-        before = self._loads
-        self._loads = [
-            load + gain * (max(row[2], 0.0) - load) for load, row in zip(self._loads, wrenches, strict=True)
-        ]
-        shares = [max(load - self._min_load, 0.0) for load in self._loads]
-        total = sum(shares)
-        self.load_shares = self._shares = [share / total for share in shares] if total > 0.0 else shares
-        gain = 1.0 if first else lag_gain(dt, s.cop_time_constant)
-        arms: list[Vector] = []
-        for i, (_, _, force, roll, pitch, _) in enumerate(wrenches):
-            x = y = 0.0
-            if force > self._min_load:
-                length, width = self._half[i]
-                x = min(max(-pitch / force, -length), length)
-                y = min(max(roll / force, -width), width)
-            old_x, old_y = self._cops[i]
-            dx, dy = gain * (x - old_x), gain * (y - old_y)
-            self._cops[i] = x, y = old_x + dx, old_y + dy
-            (a, b, _), (c, d, _), (e, f, _) = soles[i]
-            arms.append((a * x + b * y, c * x + d * y, e * x + f * y))
-            step_x, step_y, step_z = turned(base, (a * dx + b * dy, c * dx + d * dy, e * dx + f * dy))
-            at_x, at_y, at_z = self._anchors[i]
-            sunk = self.sinking.compliance * (self._loads[i] - before[i])
-            self._sinks[i] = self.sinking.steady * (self._loads[i] - before[i]) / dt if dt > 0.0 else 0.0
-            self._anchors[i] = (at_x + step_x, at_y + step_y, at_z + step_z - sunk)
-            self._rolled[i] += step_z
-        return arms
+    def _bear(self, wrenches: Sequence[Vector], base: Rotation, dt: float, first: bool) -> None:
+        """Take in the wrenches on the soles, in the first tick unfiltered; `base` is the rotation of the base."""
+        s, least = self.settings, self._min_load
+        gains = (1.0, 1.0)
+        if not first:
+            gains = lag_gain(dt, s.load_time_constant), lag_gain(dt, s.cop_time_constant)
+        total = 0.0
+        for foot, wrench, (rotation, place) in zip(self._feet, wrenches, self._sole_frames, strict=True):
+            sole = rotation.tolist(), place.tolist()
+            foot.bear(wrench, base, sole, gains, least, self.sinking, dt)
+            foot.load_share = max(foot.load - least, 0.0)
+            total += foot.load_share
+        if total > 0.0:
+            for foot in self._feet:
+                foot.load_share /= total
 
     def _motion_from_anchors(
-        self,
-        base: Rotation,
-        spin: Vector,
-        arms: Sequence[Vector],
-        points: Sequence[Vector],
-        ahead: Sequence[Vector],
-        expected: Sequence[float] | None,
-        dt: float,
+        self, base: Rotation, spin: Vector, expected: Sequence[float] | None, dt: float
     ) -> tuple[Array | None, float]:
-        """Return what anchors at rest say of the base; update rotations of the feet and headings of feet that spin.
-
-        Feet that move have no share.
+        """Return what anchors at rest say of the base; update the motion of the feet and headings of feet that spin.
 
         That is the velocity of the base in the world, shape (3,), m/s (None in flight), and the error of its yaw, rad.
-        `spin` is the angular velocity of the base in the world, rad/s; in the base frame, `arms` go from the sole
-        centres to the CoPs, `points` are the CoPs, m, and `ahead` the first axes of the soles; `expected` is the
-        velocity of the base by the inertial measurement unit, m/s, None in the first tick, `dt` after the last, s.
+        `base` is the rotation of the base, `spin` its angular velocity in the world, rad/s; `expected` is its velocity
+        by the inertial measurement unit, m/s, None in the first tick, `dt` after the last, s.
         """
-        vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
-        yaw_error = 0.0
-        slip, unaided = self.settings.slip + self.sinking.speed, self._unaided + dt
-        fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
-        steady = self.inertial.steady - complex(*self._imu_motion[:2])
-        motions: list[tuple[Vector, Vector, Vector]] = []
-        moves, quick, struck = [False] * len(self._soles), [False] * len(self._soles), False
-        for i, sole in enumerate(self._soles):
-            rate = pin.getFrameVelocity(self.robot.model, self._data, sole, pin.LOCAL_WORLD_ALIGNED)
-            rotating = rate.angular.tolist()
-            at_cop = add_cross(rate.linear.tolist(), rotating, arms[i])
-            sliding, turn, point, forward = turned_all(base, (at_cop, rotating, points[i], ahead[i]))
-            x, y, z = add_cross(sliding, spin, point)
-            speed = x, y, z + self._sinks[i]
-            motions.append((speed, turn, forward))
-            if expected is not None:
-                (x, y, z), (u, v, w) = speed, expected
-                motion = math.hypot(x + u, y + v, z + w)
-                moves[i], quick[i], self.lifts[i] = motion > fastest, motion > slip, abs(z + w) > fastest
-                struck |= z + w < -fastest and self._shares[i] > 0.0
-                carried = self._carried[i] + dt if self._shares[i] > CARRIES else 0.0
-                self._carried[i], along = carried, 0.0
-                if carried > (0.0 if self._slid else SETTLED):
-                    along = abs(complex(x, y) + steady)
-                    if not self._slid:
-                        along -= TURNS * math.hypot(turn[0] + spin[0], turn[1] + spin[1])
-                self.slides[i] = along > farthest and not self.lifts[i]
-                quick[i] |= along > SLIDES
-        if any(self.slides) and all(self._carried) and _alike([speed for speed, _, _ in motions]):
-            self.slides = [False] * len(self._soles)
-        moves = [moving or slides for moving, slides in zip(moves, self.slides, strict=True)]
-        self._foot_motions = [speed for speed, _, _ in motions]
-        a, b, c = spin
-        self.foot_rotations = [(x + a, y + b, z + c) for _, (x, y, z), _ in motions]
-        shares = [0.0 if moving else share for share, moving in zip(self._shares, moves, strict=True)]
-        total = sum(shares)
-        self._shares = [share / total for share in shares] if total > 0.0 else shares
-        if self.in_flight:
+        feet, model, data = self._feet, self.robot.model, self._data
+        for foot, sole in zip(feet, self._soles, strict=True):
+            foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), base, spin)
+        unaided = self._unaided + dt
+        struck = expected is not None and self._find_moving(spin, expected, unaided, dt)
+        total = 0.0
+        for foot in feet:
+            foot.share = 0.0 if foot.moves else foot.load_share
+            total += foot.share
+        if total == 0.0:
             self._unaided, self._struck = unaided + (STRUCK / UNAIDED * dt if struck else 0.0), struck
             return None, 0.0
-        if not any(fast and share > 0.0 for fast, share in zip(quick, self._shares, strict=True)):
+        if not any(foot.quick and foot.share > 0.0 for foot in feet):
             self._unaided, self._slid = 0.0, False  # feet and inertial unit agree again
-        for i, ((x, y, z), (_, _, rz), axis) in enumerate(motions):
-            share = self._shares[i]
+        vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
+        yaw_error = 0.0
+        for foot in feet:
+            foot.share = share = foot.share / total
             if share == 0.0:
                 continue
+            x, y, z = foot.motion
             vx, vy, vz = vx - share * x, vy - share * y, vz - share * z
-            if abs(rz + spin[2]) > self.settings.spin:
-                self._anchor_yaw[i] = _yaw(axis)
+            if abs(foot.rotation[2]) > self.settings.spin:
+                foot.yaw = yaw_of(foot.ahead)
             else:
-                yaw_error += share * _wrap(self._anchor_yaw[i] - _yaw(axis))
+                yaw_error += share * _wrap(foot.yaw - yaw_of(foot.ahead))
         return np.array((vx, vy, vz)), yaw_error
 
+    def _find_moving(self, spin: Vector, expected: Sequence[float], unaided: float, dt: float) -> bool:
+        """Find the feet that lift, slip or move in another way against the velocity that the base is to have.
+
+        `unaided` is the time since a foot gave a reference, s; the others are as in `_motion_from_anchors`. Returned is
+        True for a foot that bears the robot and seems to sink into the ground.
+        """
+        feet, struck, (u, v, w) = self._feet, False, expected
+        slip = self.settings.slip + self.sinking.speed
+        fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
+        steady = self.inertial.steady - complex(*self._imu_motion[:2])
+        for foot in feet:
+            x, y, z = foot.motion
+            speed = math.hypot(x + u, y + v, z + w)
+            foot.moves, foot.quick, foot.lifts = speed > fastest, speed > slip, abs(z + w) > fastest
+            struck |= z + w < -fastest and foot.load_share > 0.0
+            foot.carried = foot.carried + dt if foot.load_share > CARRIES else 0.0
+            along = 0.0
+            if foot.carried > (0.0 if self._slid else SETTLED):
+                along = abs(complex(x, y) + steady)
+                if not self._slid:
+                    along -= TURNS * math.hypot(*foot.rotation[:2])
+            foot.slides = along > farthest and not foot.lifts
+            foot.quick |= along > SLIDES
+        if any(foot.slides for foot in feet):
+            if all(foot.carried for foot in feet) and _alike([foot.motion for foot in feet]):
+                for foot in feet:
+                    foot.slides = False
+            for foot in feet:
+                foot.moves |= foot.slides
+        return struck
+
     def _update_position(
-        self,
-        base: Rotation,
-        base_velocity: Array,
-        points: Sequence[Vector],
-        ahead: Sequence[Vector],
-        arms: Sequence[Vector],
-        soles: Sequence[pin.SE3 | None] | None,
-        dt: float,
+        self, base: Rotation, base_velocity: Array, soles: Sequence[pin.SE3 | None] | None, dt: float
     ) -> None:
         """Update the base position from the anchors; anchors of feet with little load follow the base.
 
-        The velocity of the base is in the world, m/s; `soles` are placements in the controller's model; the others are
-        as in `_motion_from_anchors`.
+        The velocity of the base is in the world, m/s; `soles` are placements in the controller's model; `base` is as in
+        `_motion_from_anchors`.
         """
-        s, shares, anchors = self.settings, self._shares, self._anchors
-        reach = turned_all(base, points)
-        yaws = [_yaw(axis) for axis in turned_all(base, ahead)]
-        if len(shares) == 2:
+        s, feet = self.settings, self._feet
+        reach = turned_all(base, [foot.point for foot in feet])
+        yaws = [yaw_of(axis) for axis in turned_all(base, [foot.axis for foot in feet])]
+        if len(feet) == 2:
             self.sinking.update(
-                self._loads,
-                [height - up for (_, _, height), up in zip(reach, self._rolled, strict=True)],
+                [foot.load for foot in feet],
+                [height - foot.rolled for (_, _, height), foot in zip(reach, feet, strict=True)],
                 dt,
-                carry=all(self.load_shares),
+                carry=all(foot.load_share for foot in feet),
             )
         if soles is not None:
-            if len(soles) != len(shares):
-                raise InputError(f"one sole placement for each of {len(shares)} soles, got {len(soles)}")
+            if len(soles) != len(feet):
+                raise InputError(f"one sole placement for each of {len(feet)} soles, got {len(soles)}")
             gain = lag_gain(dt, s.reference_time_constant)
-            for i, reference in enumerate(soles):
-                if reference is None or shares[i] == 0.0:
+            for foot, reference in zip(feet, soles, strict=True):
+                if reference is None or foot.share == 0.0:
                     continue
-                (x, y, z), (u, v, w) = reference.translation.tolist(), turned(base, arms[i])
-                anchors[i] = part_way(anchors[i], (x + u, y + v, z + w), gain)
-                yaw = _yaw(reference.rotation[:, 0].tolist())
-                self._anchor_yaw[i] += gain * _wrap(yaw - self._anchor_yaw[i])
+                (x, y, z), (u, v, w) = reference.translation.tolist(), turned(base, foot.arm)
+                foot.anchor = part_way(foot.anchor, (x + u, y + v, z + w), gain)
+                yaw = yaw_of(reference.rotation[:, 0].tolist())
+                foot.yaw += gain * _wrap(yaw - foot.yaw)
         if self.in_flight:
             (x, y, z), (u, v, w) = self._position, base_velocity.tolist()
             x, y, z = x + dt * u, y + dt * v, z + dt * w
         else:
             x = y = z = 0.0
-            for share, (at_x, at_y, at_z), (u, v, w) in zip(shares, anchors, reach, strict=True):
+            for foot, (u, v, w) in zip(feet, reach, strict=True):
+                share, (at_x, at_y, at_z) = foot.share, foot.anchor
                 x, y, z = x + share * (at_x - u), y + share * (at_y - v), z + share * (at_z - w)
         self._position = (x, y, z)
         # Anchors whose distance changes settle; equal gains leave their common position and yaw unchanged.
-        common = sum(w * _wrap(a - yaw) for w, a, yaw in zip(shares, self._anchor_yaw, yaws, strict=True))
+        common = sum(foot.share * _wrap(foot.yaw - yaw) for foot, yaw in zip(feet, yaws, strict=True))
         slip = lag_gain(dt, s.slip_time_constant)
-        for i, (u, v, w) in enumerate(reach):
-            gain = 1.0 if shares[i] == 0.0 else slip
-            anchors[i] = part_way(anchors[i], (x + u, y + v, z + w), gain)
-            self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
+        for foot, (u, v, w), yaw in zip(feet, reach, yaws, strict=True):
+            gain = 1.0 if foot.share == 0.0 else slip
+            foot.anchor = part_way(foot.anchor, (x + u, y + v, z + w), gain)
+            foot.yaw += gain * _wrap(yaw + common - foot.yaw)
 
 
 def _alike(motions: Sequence[Vector]) -> bool:
     """Return True for feet that rest beside each other: it is not the feet that move, but the accelerometer errs."""
     (a, b, _), (c, d, _) = motions[0], motions[-1]
     return len(motions) > 1 and math.hypot(a - c, b - d) < SLIDES
-
-
-def _yaw(axis: Vector) -> float:
-    """Return the heading of a direction, such as the x axis of a frame, rad."""
-    return math.atan2(axis[1], axis[0])
 
 
 def _wrap(angle: float) -> float:
