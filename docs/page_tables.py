@@ -1,7 +1,7 @@
 """Write the tables of the pages that are made from the code: `python docs/page_tables.py`.
 
-A table stands between `<!-- settings of a.class as name -->`, `<!-- commands -->`, `<!-- grounds -->` or
-`<!-- studies -->` and `<!-- end -->`. A test compares the pages with the code.
+A table stands between one of the comments of `MADE`, such as `<!-- settings of a.class as name -->` or
+`<!-- commands -->`, and `<!-- end -->`. A test compares the pages with the code.
 """
 
 from __future__ import annotations
@@ -9,25 +9,40 @@ from __future__ import annotations
 import dataclasses
 import functools
 import inspect
+import itertools
 import json
 import operator
 import re
+import typing
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Annotated, Any, Literal
+
+import docstring_parser
+import numpy as np
+import pinocchio as pin
+from pydantic.fields import FieldInfo
 
 import wbc.sim.terrain  # noqa: F401 - makes the families known
+from wbc.app.arguments import attribute_docs
 from wbc.app.cli import make_app
 from wbc.app.commands import COMMANDS
-from wbc.app.commands.settings import settings_of
+from wbc.app.commands.settings import SettingRow, settings_of
+from wbc.core.estimation.inertial import InertialSettings
+from wbc.policy import terms
+from wbc.policy.description import NAMES
+from wbc.policy.references import ClipFrame
 from wbc.sim.terrain.families.base import terrain_families
+from wbc.walking.plans.gait import BY_SPEED, SPEEDS, Gait
+from wbc.walking.steps import ON_POINTS
 
 DOCS = Path(__file__).parent
 
 MADE = re.compile(
-    r"^<!-- (?P<what>settings of (?P<kind>[\w.]+)(?: as (?P<path>\w+))?|commands|grounds|studies) -->\n"
-    r".*?^<!-- end -->$",
+    r"^<!-- (?P<what>(?:settings|fields) of (?P<kind>[\w.]+)(?: as (?P<path>\w+))?|index of settings|gait by speed"
+    r"|terms of policies|commands|grounds|studies) -->\n.*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
 )
 """Marks of a table in a page, with the table between them."""
@@ -38,31 +53,141 @@ EVERYWHERE = ("--json", "--verbose", "--help", "-h", "--version")
 
 def filled(text: str) -> str:
     """Return the text of a page with its tables as the code has them."""
-    return MADE.sub(lambda match: f"<!-- {match['what']} -->\n\n{_made(match)}\n\n<!-- end -->", text)
+    return MADE.sub(lambda match: f"<!-- {match['what']} -->\n\n{_made(match, text)}\n\n<!-- end -->", text)
 
 
-def _made(match: re.Match[str]) -> str:
-    if match["kind"] is not None:
-        module, _, name = match["kind"].rpartition(".")
-        rows = settings_rows(getattr(import_module(module), name), match["path"] or "")
+def _made(match: re.Match[str], page: str) -> str:
+    if match["what"] == "index of settings":
+        rows = index_rows(page)
+    elif match["kind"] is None:
+        rows = TABLES[match["what"]]()
+    elif match["what"].startswith("fields"):
+        rows = field_rows(_kind(match["kind"]))
     else:
-        rows = {"commands": command_rows, "grounds": ground_rows, "studies": study_rows}[match["what"]]()
+        rows = settings_rows(_kind(match["kind"]), match["path"] or "")
     return "\n".join(rows).strip("\n")
 
 
+def _kind(name: str) -> type:
+    module, _, kind = name.rpartition(".")
+    return typing.cast(type, getattr(import_module(module), kind))
+
+
+def _settings(kind: type, path: str) -> Iterator[SettingRow]:
+    """Settings of a class with the defaults that a walk has: those of a plan, and of free steps where they differ."""
+    for each in settings_of(kind, path, Gait().full if kind is Gait else None):
+        name, default = each.name.rpartition(".")[2], each.default
+        if each.owner == InertialSettings.__name__ and f"{(own := getattr(ON_POINTS, name)):g}" != default:
+            default += f"; in free steps {own:g}"
+        yield each._replace(default=default)
+
+
 def settings_rows(kind: type, path: str) -> Iterator[str]:
-    """Tables of a tree of settings, one a class: names as `--set` takes them, defaults, meanings."""
+    """Tables of a tree of settings, one a class: names as `--set` takes them, defaults, ranges, meanings."""
     owner = ""
-    for each in settings_of(kind, path):
+    for each in _settings(kind, path):
         if each.owner != owner:
             owner = each.owner
             yield from (
                 f"\n### {owner}\n",
                 f"`{each.module}`\n",
-                "| Setting | Default | Meaning |",
-                "|---|---|---|",
+                "| Setting | Default | Range | Meaning |",
+                "|---|---|---|---|",
             )
-        yield f"| `{each.name}` | {each.default} | {escaped(each.about)} |"
+        hint = _hints(_kind(f"{each.module}.{owner}"))[each.name.rpartition(".")[2]]
+        yield f"| `{each.name}` | {each.default} | {range_of(hint)} | {escaped(each.about)} |"
+
+
+def index_rows(page: str) -> Iterator[str]:
+    """The tables of settings of a page, each with the names in it and with what its class is."""
+    yield from ("| Names | Table | What is set |", "|---|---|---|")
+    for match in MADE.finditer(page):
+        if match["what"].startswith("settings"):
+            for owner, rows in itertools.groupby(
+                _settings(_kind(match["kind"]), match["path"] or ""), lambda each: each.owner
+            ):
+                first, *others = rows
+                path = first.name.rpartition(".")[0]
+                names = f"`{path}.…`" if path else ", ".join(f"`{each.name}`" for each in (first, *others))
+                about = (inspect.getdoc(_kind(f"{first.module}.{owner}")) or "").partition("\n")[0]
+                yield f"| {names} | [{owner}](#{owner.lower()}) | {escaped(about)} |"
+
+
+def gait_rows() -> Iterator[str]:
+    """Values of the gait of planned steps by speed."""
+    yield f"| Speed, m/s | {' | '.join(f'`{name}`' for name in BY_SPEED)} |"
+    yield "|---:|" + "---:|" * len(BY_SPEED)
+    for speed, values in SPEEDS.items():
+        yield f"| {speed:g} | {' | '.join(f'{value:g}' for value in values)} |"
+
+
+def field_rows(kind: type) -> Iterator[str]:
+    """Fields of a class with defaults, ranges and meanings."""
+    yield from ("| Field | Default | Range | Meaning |", "|---|---|---|---|")
+    about = attribute_docs(kind)
+    for field in dataclasses.fields(kind):
+        hint, default = _hints(kind)[field.name], field.default
+        if field.default_factory is not dataclasses.MISSING:
+            text = f"`{hint.__name__}()`"
+        elif default is dataclasses.MISSING or isinstance(default, FieldInfo):
+            text = "must be given"
+        else:
+            values = default if isinstance(default, tuple) else (default,)
+            text = ", ".join("–" if value is None else f"{value:g}" for value in values)
+        yield f"| `{field.name}` | {text} | {range_of(hint)} | {escaped(about[field.name])} |"
+
+
+def term_rows() -> Iterator[str]:
+    """Terms of observations with the names that other projects give them, and their numbers of values."""
+    yield from ("| Term | Also known as | Values | Meaning |", "|---|---|---|---|")
+    meanings = {
+        each.arg_name: each.description or "" for each in docstring_parser.parse(terms.__doc__ or "").params
+    }
+    for name, values in terms.TERMS.items():
+        few, more = (values(_observed(count)).size for count in (2, 3))
+        size = "1 a point" if few == 0 else f"{few}" if few == more else f"{more - few} a joint"
+        others = ", ".join(f"`{other}`" for other, own in NAMES.items() if own == name)
+        yield f"| `{name}` | {others} | {size} | {escaped(meanings.pop(name))} |"
+    assert not meanings, f"no terms: {', '.join(meanings)}"
+
+
+def _observed(joints: int) -> terms.Observed:
+    """State of the run of a policy with a number of joints, over no ground."""
+    state, numbers = SimpleNamespace(q=np.eye(7)[6], v=np.zeros(6)), np.zeros(joints)
+    frame = SimpleNamespace(frame=ClipFrame(numbers, numbers, pin.SE3()), relative=pin.SE3.Identity())
+    values: Any = (state, numbers, numbers, numbers, np.zeros(3), np.zeros(2), frame, lambda: np.zeros(0))
+    return terms.Observed(*values)
+
+
+@functools.cache
+def _hints(kind: type) -> dict[str, Any]:
+    return typing.get_type_hints(kind, include_extras=True)
+
+
+def range_of(hint: Any) -> str:
+    """Return the numbers or the choices that an annotation allows, in the words of a table; empty for all."""
+    parts = typing.get_args(hint)
+    if typing.get_origin(hint) is Literal:
+        return ", ".join(f'"{part}"' for part in parts)
+    if typing.get_origin(hint) is Annotated:
+        marks = [mark for part in parts[1:] for mark in getattr(part, "metadata", ())]
+        found = {
+            n: v for n in ("gt", "ge", "lt", "le") for m in marks if (v := getattr(m, n, None)) is not None
+        }
+        if not found:
+            return range_of(parts[0])
+        if {*found} == {"ge", "le"}:
+            return f"{_number(found['ge'])} to {_number(found['le'])}"
+        signs = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
+        return ", ".join(f"{signs[name]} {_number(value)}" for name, value in found.items())
+    ranges = [range_of(part) for part in parts if part not in (type(None), ...)]
+    if len({*ranges}) < 2:
+        return ranges[0] if ranges else ""
+    return "; ".join(each or "any" for each in ranges)
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}".replace("e+0", "e").replace("e-0", "e-").replace("-", "−")
 
 
 def ground_rows() -> Iterator[str]:
@@ -110,6 +235,16 @@ def escaped(text: str) -> str:
     """Return a text that a cell of a table can hold: in one line, with bars and, outside of code, stars escaped."""
     parts = " ".join(text.replace("|", r"\|").split()).split("`")
     return "`".join(part if i % 2 else part.replace("*", r"\*") for i, part in enumerate(parts))
+
+
+TABLES = {
+    "commands": command_rows,
+    "gait by speed": gait_rows,
+    "grounds": ground_rows,
+    "studies": study_rows,
+    "terms of policies": term_rows,
+}
+"""Words of a comment → rows of the table behind it."""
 
 
 def main() -> None:

@@ -36,7 +36,9 @@ DCM_STD, ZMP_STD, INITIAL_STD = 0.01, 0.05, 0.01
 
 @settings
 class BiasSettings:
-    """Drift and limits. Defaults are mc_rtc's, as the other noise levels, and find 90 % of a bias within about 1.3 s.
+    """Drift and limits of the estimated bias of the DCM.
+
+    Defaults are mc_rtc's, as the other noise levels, and find 90 % of a bias within about 1.3 s.
 
     Attributes:
         drift_std: Noise of the bias, m/s.

@@ -47,7 +47,7 @@ not shared by the left-foot ratio, 1/N²: mc_rtc's, of which only ratios matter.
 
 @settings
 class DistributionSettings:
-    """Limits and costs of the distribution.
+    """Limits and costs of the distribution of the wrench to the feet.
 
     Costs stand beside those of `NET_MOMENT`, `ANKLE_TORQUE` and `PRESSURE`. Missing force costs ten times
     more, because the weight has to be borne whatever the CoP can do. The costs that only pick one of many solutions are

@@ -40,7 +40,7 @@ PAIRS = ("dcm_p", "dcm_i", "dcm_d", "com_v", "zmp_d", "cop_admittance")
 
 @settings
 class StabilizerGains:
-    """Gains, time constants and bounds. Pairs may be given as one number for both directions.
+    """Gains, time constants and bounds of the stabilizer. Pairs may be given as one number for both directions.
 
     Forces are in proportion for a robot below 30 kg (`for_mass`). Lengths are bounds of corrections, no sizes: they
     bind no QP, and hold for soles of 100 mm and more; a smaller robot is given its own.

@@ -36,7 +36,7 @@ STILL_SPEED = 1e-3
 
 @settings
 class LeanSettings:
-    """Settings of the lean.
+    """Settings of the lean of the trunk.
 
     Attributes:
         inertia: I over m h², with the mass of the robot and the height of its CoM; with a smaller value the

@@ -51,7 +51,7 @@ Heights = Callable[[Places], tuple[Array, Array]]
 
 @settings
 class FootprintSettings:
-    """Settings of a footprint.
+    """Settings of the choice of a landing on known ground.
 
     Attributes:
         least_known: Least share of known ground under a sole; with less the ground is unknown.

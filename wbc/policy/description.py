@@ -100,7 +100,7 @@ class PolicyDescription:
         period: Time between two actions, s.
         phase: Period of the gait's clock, which terms of the phase show, s; None for a policy without one.
         fastest: Largest velocity that the policy is made for: ahead and aside, m/s, and turn, rad/s.
-        anchor: Frame of the robot that follows that of a motion, for a policy that tracks one.
+        anchor: Frame of the robot that follows that of a motion, for a policy that tracks one; the torso when None.
         scan: Heights that the policy sees, for one that sees the ground.
     """
 

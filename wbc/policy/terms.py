@@ -2,6 +2,23 @@
 
 Their names and values are those of IsaacLab's managers, along the axes of the base where they have any. A new term is a
 function of `Observed` in `TERMS`, which returns an array; its length may depend on the policy, and never changes.
+
+Attributes:
+    linear_velocity: Velocity of the base by the observer, because no robot measures it, m/s.
+    angular_velocity: Angular velocity of the base, rad/s.
+    gravity: Unit vector along gravity.
+    command: Velocity that is asked for: ahead, aside, m/s, and turn, rad/s.
+    command_linear: The first two values of `command`, m/s.
+    command_turn: The last value of `command`, rad/s.
+    joint_position: Joint positions minus those of the default posture, rad.
+    joint_velocity: Joint velocities, rad/s.
+    last_action: Last action.
+    phase_sine: Sine of the phases of the left and the right foot.
+    phase_cosine: Cosine of these phases.
+    motion_joints: Joint positions, rad, and then velocities, rad/s, of the present frame of the motion.
+    motion_orientation: Orientation of the motion's anchor in the robot's anchor: first two columns, row by row.
+    motion_position: Position of the motion's anchor in the robot's anchor, by the observer, m.
+    height_scan: Height of a frame of the robot over each point of a grid, less `scan.offset`, m.
 """
 
 from __future__ import annotations
@@ -66,7 +83,7 @@ def _motion_joints(observed: Observed) -> Array:
 
 
 TERMS: dict[str, Callable[[Observed], Array]] = {
-    "linear_velocity": lambda o: o.robot.v[:3],  # by the observer: no robot measures it
+    "linear_velocity": lambda o: o.robot.v[:3],
     "angular_velocity": lambda o: o.robot.v[3:6],
     "gravity": _gravity,
     "command": lambda o: o.command,
@@ -78,10 +95,8 @@ TERMS: dict[str, Callable[[Observed], Array]] = {
     "phase_sine": lambda o: np.sin(o.phase),
     "phase_cosine": lambda o: np.cos(o.phase),
     "motion_joints": _motion_joints,
-    "motion_orientation": lambda o: (
-        _motion(o).relative.rotation[:, :2].ravel()
-    ),  # in the robot's anchor, row by row
-    "motion_position": lambda o: _motion(o).relative.translation,  # by the observer, too
+    "motion_orientation": lambda o: _motion(o).relative.rotation[:, :2].ravel(),
+    "motion_position": lambda o: _motion(o).relative.translation,
     "height_scan": _scan,
 }
 """Name → function that returns the values of the term."""

@@ -63,7 +63,7 @@ has struck, and the samples of the accelerometer have missed it."""
 
 @settings
 class ObserverSettings:
-    """Settings of the observer.
+    """Settings of the estimate of the base.
 
     Attributes:
         inertial: Time constants of the inertial part.

@@ -91,7 +91,7 @@ class PhaseSettings:
 
 @settings
 class WalkSettings:
-    """Settings of a walk.
+    """Settings of planned steps.
 
     Attributes:
         preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips

@@ -208,7 +208,7 @@ CORRECTIONS = 1
 
 @settings
 class SolverSettings:
-    """Settings of the ladder; the defaults are measured on streams of humanoid QPs.
+    """Settings of the ladder of QP solvers; the defaults are measured on streams of humanoid QPs.
 
     Attributes:
         solver: "auto" for the ladder. "daqp", or any dense solver that qpsolvers finds installed, such as "proxqp",
