@@ -1,13 +1,14 @@
-"""Studies of trained policies: bad targets and pushes with and without a filter, take-overs by the library's walk.
+"""Studies of trained policies: hands by the QP, bad targets and pushes with and without a filter, take-overs.
 
 Usage:
+    python benchmarks/policies.py arms walk.onnx --runs 0-2 --journal arms.jsonl
     python benchmarks/policies.py wild walk.onnx --runs 0-19 --journal wild.jsonl
     python benchmarks/policies.py pushes walk.onnx --runs 0-24 --journal pushes.jsonl
     python benchmarks/policies.py taken walk.onnx --runs 0-66 --journal taken.jsonl
     python benchmarks/policies.py pushed walk.onnx --runs 0-63 --journal pushed.jsonl
 
 Every run is a JSON object of the journal; those that it has are not run again. Descriptions of the policies stand
-beside them (docs/policies.md). Wild runs and pushes are for g1.
+beside them (docs/policies.md). Arms, wild runs and pushes are for g1.
 """
 
 from __future__ import annotations
@@ -22,9 +23,11 @@ from time import thread_time
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 import wbc
 from wbc.policy import PolicyControl, PolicyFilter, PolicyGuard
+from wbc.tasks import RelativeFrameTask
 
 DT = 0.002
 """Control period, s."""
@@ -152,6 +155,43 @@ def filtered(file: str, run: int, what: str, on: bool, impulse: float) -> dict[s
     }
 
 
+def armed(file: str, run: int, speed: float, swings: bool, sees: bool) -> dict[str, Any]:
+    """Walk for 8 s with both hands before the chest, held there or moved 0.3 m up and down, each in 0.5 s."""
+    names = wbc.load_robot("g1").joint_names[15:]
+    walk = Walk(file, run, arms=names, sees_arms=sees)
+    plant, policy, truth = walk.plant, walk.policy, walk.plant.description.robot()
+    places = {
+        f"{side}_rubber_hand": np.array([0.3, y, 0.2]) for side, y in (("left", 0.13), ("right", -0.13))
+    }
+    hands = {}
+    for frame, place in places.items():
+        hands[frame] = RelativeFrameTask(frame, "pelvis", axes=("x", "y", "z"), weight=10.0, stiffness=400.0)
+        policy.controller.add(hands[frame])
+        hands[frame].move_to(pin.SE3(hands[frame].target.rotation, place), duration=1.0)
+    errors, begin, moves = list[float](), 0.0, 0
+    while plant.time < 8.0 and not walk.down:
+        policy.velocity = (speed, 0.0, 0.0) if speed and plant.time > 1.0 else None
+        if swings and plant.time >= 2.0 + 0.5 * moves:
+            moves += 1
+            for frame, hand in hands.items():
+                place = places[frame] + [0.0, 0.0, 0.15 * (-1.0) ** moves]
+                hand.move_to(pin.SE3(hand.target.rotation, place), duration=0.5)
+        plant.step(policy.command(plant.measure()))
+        if plant.time <= 3.0:
+            begin = float(plant.truth().com[0])
+            continue
+        truth.update(np.array(plant.truth().q), np.array(plant.truth().v))
+        for frame, hand in hands.items():
+            place = truth.placement("pelvis").actInv(truth.placement(frame)).translation
+            errors.append(float(np.linalg.norm(place - hand.target.translation)))
+    return {
+        "upright": not walk.down,
+        "mean_mm": 1e3 * float(np.mean(errors)),
+        "most_mm": 1e3 * max(errors),
+        "forward": (float(plant.truth().com[0]) - begin) / (plant.time - 3.0),
+    }
+
+
 def taken(file: str, run: int, robot: str, impulse: float) -> dict[str, Any]:
     """Take a policy over at a random instant of its walk, or 0 to 0.4 s after a push; the robot is to stand."""
     random = np.random.default_rng(run)
@@ -189,7 +229,12 @@ def rows(options: argparse.Namespace) -> dict[str, Callable[[], dict[str, Any]]]
     found: dict[str, Callable[[], dict[str, Any]]] = {}
     for run in range(int(first), int(last or first) + 1):
         name = f"{options.study} {Path(options.policy).name} {options.robot} {run}"
-        if options.study in ("wild", "pushes"):
+        if options.study == "arms":
+            cells = [(speed, swings, False) for speed in (0.0, 0.3, 0.6) for swings in (False, True)]
+            for cell in (*cells, (0.3, False, True)):
+                words = f"{cell[0]:g} m/s {'swung' if cell[1] else 'held'}{' seen' if cell[2] else ''}"
+                found[f"{name} {words}"] = lambda a=(options.policy, run, *cell): armed(*a)  # type: ignore[misc]
+        elif options.study in ("wild", "pushes"):
             for on in (True, False):
                 arguments = (options.policy, run, options.study, on, options.impulse)
                 found[f"{name} {'filtered' if on else 'bare'}"] = lambda a=arguments: filtered(*a)  # type: ignore[misc]
@@ -204,7 +249,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("study", choices=["wild", "pushes", "taken", "pushed"])
+    parser.add_argument("study", choices=["arms", "wild", "pushes", "taken", "pushed"])
     parser.add_argument("policy", help="ONNX file, with its description beside it")
     parser.add_argument("--robot", default="g1")
     parser.add_argument("--runs", default="0-19")
@@ -221,7 +266,7 @@ def main() -> None:
             with options.journal.open("a", encoding="utf-8") as journal:
                 journal.write(json.dumps(done[name]) + "\n")
     key = "stands" if options.study in ("taken", "pushed") else "upright"
-    for part in ("filtered", "bare") if key == "upright" else ("",):
+    for part in ("filtered", "bare") if options.study in ("wild", "pushes") else ("",):
         found = [done[name] for name in wanted if name.endswith(part)]
         good = sum(row[key] for row in found)
         print(f"{options.study} {part}: {key} {good} of {len(found)}", flush=True)

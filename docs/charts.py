@@ -57,14 +57,23 @@ def draw_tour(path: Path) -> None:
     save(figure, path)
 
 
-def draw_shares(path: Path, page: str, corner: str, columns: dict[int, tuple[str, str]]) -> None:
-    """Shares of completed walks, "k of n" in columns of a table, with the 95 % intervals of independent walks.
+def draw_shares(
+    path: Path,
+    page: str,
+    corner: str,
+    columns: dict[int, tuple[str, str]],
+    names: int = 1,
+    what: str = "completed (%)",
+) -> None:
+    """Shares of walks, "k of n" in columns of a table, with the 95 % intervals of independent walks.
 
     Args:
         path: File of the figure.
         page: Page with the table, in this folder.
         corner: Begin of the head of the table.
         columns: Column → its colour and its name in the legend.
+        names: Number of the first columns that name a row.
+        what: What is counted.
     """
     rows = table(page, corner)
     figure, axis = plt.subplots(figsize=(8.4, 0.9 + 0.34 * len(rows)), layout="constrained")
@@ -80,9 +89,10 @@ def draw_shares(path: Path, page: str, corner: str, columns: dict[int, tuple[str
             places.append(i + shift)
             shares.append(100.0 * done / count)
         axis.plot(shares, places, "o", ms=5, color=colour, label=label)
-    axis.set_yticks(np.arange(len(rows)), [row[0] for row in rows], fontsize=9)
+    labels = [", ".join(filter(None, row[:names])) for row in rows]
+    axis.set_yticks(np.arange(len(rows)), labels, fontsize=9)
     axis.invert_yaxis()
-    axis.set_xlabel("completed (%)")
+    axis.set_xlabel(what)
     axis.set_xlim(0.0, 102.0)
     axis.grid(axis="x", color="0.9")
     axis.set_axisbelow(True)
@@ -216,6 +226,12 @@ def draw_seeing(path: Path) -> None:
     draw_shares(path, "measured_seeing.md", "`hrp4_class` over 3 m of rough ground", columns)
 
 
+def draw_policies(path: Path) -> None:
+    """Share of policies that are taken over in time after a push."""
+    columns = {3: (BLUE, "stood")}
+    draw_shares(path, "measured_policies.md", "Taken over 0 to 0.4 s", columns, names=2, what="stood (%)")
+
+
 def draw_kinematics(path: Path) -> None:
     """Time of a step of inverse kinematics of other libraries, over that of this one."""
     rows = table("measured_controller.md", "time divided by that of `wbc`")
@@ -238,6 +254,7 @@ def main() -> None:
     for name, draw in (
         ("measured_floors.svg", draw_floors),
         ("measured_kinematics.svg", draw_kinematics),
+        ("measured_policies.svg", draw_policies),
         ("measured_rough.svg", draw_rough),
         ("measured_rules.svg", draw_rules),
         ("measured_seeing.svg", draw_seeing),
