@@ -115,10 +115,10 @@ def index_rows(page: str) -> Iterator[str]:
 
 def gait_rows() -> Iterator[str]:
     """Values of the gait of planned steps by speed."""
-    yield f"| Speed, m/s | {' | '.join(f'`{name}`' for name in BY_SPEED)} |"
-    yield "|---:|" + "---:|" * len(BY_SPEED)
-    for speed, values in SPEEDS.items():
-        yield f"| {speed:g} | {' | '.join(f'{value:g}' for value in values)} |"
+    yield f"| Setting | {' | '.join(f'{speed:g} m/s' for speed in SPEEDS)} |"
+    yield "|---|" + "---:|" * len(SPEEDS)
+    for name, values in zip(BY_SPEED, zip(*SPEEDS.values(), strict=True), strict=True):
+        yield f"| `gait.{name}` | {' | '.join(f'{value:g}' for value in values)} |"
 
 
 def field_rows(kind: type) -> Iterator[str]:
