@@ -33,12 +33,13 @@ class FootEstimate:
         rolled: Way up of the CoP over the sole, m.
         sinks: Velocity at which the foot sinks by its load, m/s.
         carried: Time for which the foot has carried, s.
+        sunk: Time for which it has seemed to sink into the ground under a load, s.
         quick: True if it is faster than a foot at rest, also while it must be taken for one, after a flight.
     """
 
     __slots__ = (
         "_half", "ahead", "anchor", "arm", "axis", "carried", "cop", "lifts", "load", "load_share", "motion", "moves",
-        "point", "quick", "rolled", "rotation", "share", "sinks", "slides", "yaw",
+        "point", "quick", "rolled", "rotation", "share", "sinks", "slides", "sunk", "yaw",
     )  # fmt: skip
 
     def __init__(self, sole: Sole) -> None:
@@ -49,7 +50,7 @@ class FootEstimate:
 
     def reset(self, sole: pin.SE3) -> None:
         """Rest without load where the sole is."""
-        self.load = self.load_share = self.share = self.rolled = self.sinks = self.carried = 0.0
+        self.load = self.load_share = self.share = self.rolled = self.sinks = self.carried = self.sunk = 0.0
         self.lifts = self.slides = self.moves = self.quick = False
         self.cop = 0.0, 0.0
         self.anchor: Vector = tuple(sole.translation.tolist())

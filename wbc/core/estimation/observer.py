@@ -55,10 +55,10 @@ each other do not slip: an accelerometer that is wrong shows the same of both.""
 UNAIDED = 2.0
 """Error of the inertial velocity that may have come up while no foot gave a reference, over the time, m/s²."""
 
-
-STRUCK = 200.0
-"""The same while a foot that bears the robot seems to sink into the ground and no other one bears it, m/s²: the ground
-has struck, and the samples of the accelerometer have missed it."""
+STRUCK = 0.03
+"""Time for which a foot that bears the robot must seem to sink into the ground until its velocity counts at once, s:
+the accelerometer's samples have missed an impact. A foot that lands on an edge seems to sink for 0.02 s.
+"""
 
 
 @settings
@@ -320,7 +320,7 @@ class Observer:
         if velocity is not None:
             velocity += imu_arm
             if first or self._struck:
-                inertial.velocity, self._struck = velocity.copy(), False
+                inertial.velocity, self._struck, self._slid = velocity.copy(), False, False
                 inertial.steady = complex(velocity[0], velocity[1])
         elif any(
             foot.slides for foot in self._feet
@@ -389,14 +389,20 @@ class Observer:
         for foot, sole in zip(feet, self._soles, strict=True):
             foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), base, spin)
         unaided = self._unaided + dt
-        struck = expected is not None and self._find_moving(spin, expected, unaided, dt)
+        if expected is not None:
+            self._find_moving(spin, expected, unaided, dt)
         total = 0.0
         for foot in feet:
             foot.share = 0.0 if foot.moves else foot.load_share
             total += foot.share
         if total == 0.0:
-            self._unaided, self._struck = unaided + (STRUCK / UNAIDED * dt if struck else 0.0), struck
-            return None, 0.0
+            bearing = max(feet, key=lambda foot: foot.load_share)
+            if bearing.sunk < STRUCK:
+                self._unaided = unaided
+                return None, 0.0
+            bearing.share = total = bearing.load_share
+            bearing.slides = bearing.quick = False
+            self._struck, bearing.sunk = True, 0.0
         if not any(foot.quick and foot.share > 0.0 for foot in feet):
             self._unaided, self._slid = 0.0, False  # feet and inertial unit agree again
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
@@ -413,13 +419,12 @@ class Observer:
                 yaw_error += share * _wrap(foot.yaw - yaw_of(foot.ahead))
         return np.array((vx, vy, vz)), yaw_error
 
-    def _find_moving(self, spin: Vector, expected: Sequence[float], unaided: float, dt: float) -> bool:
-        """Find the feet that lift, slip or move in another way against the velocity that the base is to have.
+    def _find_moving(self, spin: Vector, expected: Sequence[float], unaided: float, dt: float) -> None:
+        """Find the feet that lift, slip, sink or move in another way against the velocity that the base is to have.
 
-        `unaided` is the time since a foot gave a reference, s; the others are as in `_motion_from_anchors`. Returned is
-        True for a foot that bears the robot and seems to sink into the ground.
+        `unaided` is the time since a foot gave a reference, s; the others are as in `_motion_from_anchors`.
         """
-        feet, struck, (u, v, w) = self._feet, False, expected
+        feet, (u, v, w) = self._feet, expected
         slip = self.settings.slip + self.sinking.speed
         fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
         steady = self.inertial.steady - complex(*self._imu_motion[:2])
@@ -427,7 +432,7 @@ class Observer:
             x, y, z = foot.motion
             speed = math.hypot(x + u, y + v, z + w)
             foot.moves, foot.quick, foot.lifts = speed > fastest, speed > slip, abs(z + w) > fastest
-            struck |= z + w < -fastest and foot.load_share > 0.0
+            foot.sunk = foot.sunk + dt if z + w < -fastest and foot.load_share > 0.0 else 0.0
             foot.carried = foot.carried + dt if foot.load_share > CARRIES else 0.0
             along = 0.0
             if foot.carried > (0.0 if self._slid else SETTLED):
@@ -442,7 +447,6 @@ class Observer:
                     foot.slides = False
             for foot in feet:
                 foot.moves |= foot.slides
-        return struck
 
     def _update_position(
         self, base: Rotation, base_velocity: Array, soles: Sequence[pin.SE3 | None] | None, dt: float
