@@ -124,7 +124,7 @@ class Harness:
         walking = WalkingControl(robot, None, tour.PERIOD, self.settings)
         walking.release(model.ARMS)
         for torque in state["torques"]:
-            walking.control.estimate(loop.measure())
+            walking.drives.estimate(loop.measure())
             loop.step(Command(np.array(torque)))
         self._believe(walking)
         begin, pushed, quiet, energy = loop.time, False, 0.0, 0.0
@@ -135,7 +135,7 @@ class Harness:
                 if joint == STANDS:
                     joint = f"{SIDES[walking.progress.stance]}_ankle_roll_joint"
                 loop.push(joint, force, DURATION, at=[0.0, 0.0, 0.0])
-            measured = walking.control.estimate(loop.measure())
+            measured = walking.drives.estimate(loop.measure())
             if loop.time == begin:
                 walking.begin(measured, state["air"], state["landed"])
                 walking.velocity = state["velocity"]
@@ -163,7 +163,7 @@ class Harness:
         gauge.update(truth.q, truth.v)
         imu = gauge.frame_id(gauge.imu_frame)
         velocity = pin.getFrameVelocity(gauge.model, gauge.data, imu, pin.LOCAL_WORLD_ALIGNED)
-        walking.control.observer.inertial.reset(gauge.placement(imu).rotation, velocity.linear)
+        walking.drives.observer.inertial.reset(gauge.placement(imu).rotation, velocity.linear)
 
 
 def drawn(number: int, force: tuple[float, float], joint: str | None) -> tuple[str, np.ndarray]:

@@ -56,7 +56,7 @@ def parts_of(trial: WalkTrial, hooks: Sequence[TrialHook] = ()) -> list[Timed]:
     state and the making of the result.
     """
     plant, walking = trial.plant, trial.control
-    control, controller, source = walking.control, walking.controller, walking.source
+    control, controller, source = walking.drives, walking.controller, walking.source
     observing = [task for task in controller.tasks if type(task).observe is not Task.observe]
     return [
         ("physics", plant, ("step",)),

@@ -64,7 +64,7 @@ def steps_of_a_walk(count: int) -> list[Step]:
     settings = WalkingControlSettings(mode="torque")
     walking = WalkingControl(description.robot(), None, plant.control_period, settings)
     walking.velocity = (SPEED, 0.0, 0.0)
-    robot = walking.control.observer.robot
+    robot = walking.drives.observer.robot
     steps: list[Step] = []
     rows: list[tuple[float, ...]] = []
     planned: list[float] = []

@@ -40,7 +40,7 @@ ACT: Mapping[str, str] = {
     "_damp": "fallen: damps",
     "_hold": "no solution: holds",
     "_follow": "references, torques",
-    "_without": "released joints: zero",
+    "_passed_on": "released joints: zero",
 }
 """Call at the end of a tick → what the picture says of it."""
 

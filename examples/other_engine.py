@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
                 loop.push("torso", force, DURATION)
                 pushed = True
             loop.step(walking.command(loop.measure()))
-            view.update(walking.control.observer.robot)
+            view.update(walking.drives.observer.robot)
     return report(
         upright=upright(loop) and walking.fallen is None,
         steps=walking.steps_done,

@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     plant = wbc.Plant(wbc.load_robot(options.robot), control_period=0.002)
     robot, settings = plant.description.robot(), WalkingControlSettings(mode=options.mode)
     walking = WalkingControl(robot, March(robot), plant.control_period, settings)
-    estimate, high = walking.control.observer.robot, 0.0
+    estimate, high = walking.drives.observer.robot, 0.0
     with options.watch(plant, walking) as view:
         while plant.time < options.seconds and walking.fallen is None:
             plant.step(walking.command(plant.measure()))

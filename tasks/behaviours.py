@@ -17,9 +17,9 @@ from typing import Annotated, Any
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, check_parts, choose, shown
-from wbc.base.numbers import ROUNDING
+from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.drive.control import DriveControl
+from wbc.core.drive.control import Control, DriveControl
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item, ItemT
 from wbc.core.signals import Command, Measurement
@@ -307,7 +307,7 @@ def _error(scope: Scope, failure: Exception) -> BehaviourError:
     return BehaviourError(f"state '{scope.path}': {type(failure).__name__}: {failure}")
 
 
-class Program:
+class Program(Control):
     """Execution of a state machine: one tick of the machine before each tick of a controller.
 
     Attributes:
@@ -320,21 +320,27 @@ class Program:
 
     @checked
     def __init__(
-        self, machine: StateMachine, control: Any, *, fallen: Callable[[], bool] | None = None
+        self,
+        machine: StateMachine,
+        control: Control | Controller,
+        *,
+        fallen: Callable[[], bool] | None = None,
     ) -> None:
         """Begin with the first tick.
 
-        `control` is an object with `command(measurement)` and `controller`, such as a `wbc.PositionControl` or a
-        `wbc.WalkingControl`. It can also be a `Controller`, for a loop that calls `tick` and then solves the controller
-        itself. `fallen` is a function that returns True if the robot has fallen; when None, the control is asked.
+        `control` is a control with drives, such as a `wbc.PositionControl` or a `wbc.WalkingControl`. It can also be a
+        `Controller`, for a loop that calls `tick` and then solves the controller itself. `fallen` is a function that
+        returns True if the robot has fallen; when None, the control is asked.
         """
-        if not isinstance(control, Controller) and not hasattr(control, "command"):
-            raise InputError(f"a program drives a control or a Controller, got {shown(control)}")
+        self._driven: Control | None = None
+        if isinstance(control, Controller):
+            self.controller = control
+        elif control.drives is None:
+            raise InputError(f"a program drives a control with drives, or a Controller, got {shown(control)}")
+        else:
+            self._driven, self.controller = control, control.drives.controller
         self.machine, self.control = machine, control
-        self.controller: Controller = control if isinstance(control, Controller) else control.controller
-        drives = control if isinstance(control, DriveControl) else getattr(control, "control", None)
-        self._drives = drives if isinstance(drives, DriveControl) else None
-        self._fallen = fallen or (lambda: getattr(control, "fallen", None) is not None)
+        self._fallen = fallen or (lambda: self.fallen is not None)
         self.time = 0.0
         self.outcome: str | None = None
         self.fault: str | None = None
@@ -358,9 +364,36 @@ class Program:
         An exception in a function of a state leads to its transition for "error", or, without one, to a
         `BehaviourError`.
         """
+        if self._driven is None:
+            raise InputError(
+                "a program of a Controller has no commands: call tick(), then solve the controller"
+            )
         self.tick()
-        command: Command = self.control.command(measurement)
-        return command
+        return self._driven.command(measurement)
+
+    @property
+    def drives(self) -> DriveControl | None:  # type: ignore[override]  # nobody assigns them
+        """Drives of the control; None of a `Controller`."""
+        return None if self._driven is None else self._driven.drives
+
+    @property
+    def acting(self) -> Control:
+        """Control that makes the commands now; see `Control.acting`."""
+        return self if self._driven is None else self._driven.acting
+
+    def status(self) -> str:
+        """Return in one line how the control is; see `Control.status`."""
+        return super().status() if self._driven is None else self._driven.status()
+
+    def see(self, seen: Any) -> None:
+        """Hand a cloud of points or a map of the ground on to the control."""
+        if self._driven is not None:
+            self._driven.see(seen)
+
+    def reset(self, q: Array | None = None) -> None:
+        """Let the control begin from a configuration at rest, shape (nq,); half-sitting when None."""
+        if self._driven is not None:
+            self._driven.reset(q)
 
     def tick(self) -> None:
         """Run one tick of the machine alone; `command` calls it."""
@@ -420,7 +453,7 @@ class Program:
         solution, before, ran = self.controller.solution, self._down, not self._stopped
         self._failed = 0 if solution is None or solution.ok else self._failed + 1
         self._down = bool(self._fallen())
-        self._stopped = self._drives is not None and self._drives.stopped
+        self._stopped = self.drives is not None and self.drives.stopped
         if self._failed == PATIENCE:
             return "infeasible"
         if self._stopped and ran:

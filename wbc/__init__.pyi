@@ -11,6 +11,7 @@ from ._version import __version__ as __version__
 from .base.errors import InputError as InputError
 from .base.errors import NoSolutionError as NoSolutionError
 from .base.errors import WbcError as WbcError
+from .core.drive.control import Control as Control
 from .core.drive.position import PositionControl as PositionControl
 from .core.drive.torque import HybridControl as HybridControl
 from .core.drive.torque import TorqueControl as TorqueControl

@@ -86,4 +86,4 @@ def grip(trial: Trial, limit: float, **handles: tuple[str, Sequence[float]]) -> 
 def report(trial: Trial, options: _common.Options, **facts: Any) -> dict[str, Any]:
     """Print and return a result."""
     common = {"robot": options.robot, "seed": options.seed, "stage": trial.stage, "upright": not trial.fallen}
-    return _common.report(**common, failures=trial.control.control.failures, **facts)
+    return _common.report(**common, failures=trial.drives.failures, **facts)

@@ -14,6 +14,7 @@ from wbc.base.settings import Angle, Count, NonNegative, Positive, Share, settin
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.trial.trial import TrialHook, TrialTick
 from wbc.walking.contact import LIFT_OFFS
+from wbc.walking.steered import SteeredControl
 
 PUSH_DURATION = 0.1
 """Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""
@@ -78,7 +79,7 @@ class PushSchedule(TrialHook):
         if not self._pending:
             return
         plant, now = tick.plant, tick.plant.time
-        progress = getattr(tick.control, "progress", None)  # none of a robot that cannot step
+        progress = tick.control.progress if isinstance(tick.control, SteeredControl) else None
         if progress is not None and not LIFT_OFFS.isdisjoint(progress.events):
             self._lift_off.setdefault(progress.steps_done + 1, (now, progress.cycle))
         for push in [push for push in self._pending if now >= self._due(push) - ROUNDING]:

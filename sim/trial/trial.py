@@ -31,13 +31,12 @@ import numpy as np
 from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError, MeasurementError, WbcError, check_parts
 from wbc.base.numbers import ROUNDING
-from wbc.core.drive.control import DriveControl
+from wbc.core.drive.control import Control, DriveControl, check_control
 from wbc.core.estimation.falls import FallReason
-from wbc.core.signals import Command, Control, Measurement
+from wbc.core.signals import Command, Measurement
 from wbc.sim.simulation.simulation import DivergedError, Simulation
 from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
 from wbc.sim.trial.threads import one_thread
-from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan
 
 Look = Callable[[], None]
@@ -131,9 +130,10 @@ class Trial:
             scenario: Hooks that act.
         """
         check_parts("a loop", plant, "robot", "control_period", "measure", "step")
-        if isinstance(control, WalkingControl) and abs(control.dt - plant.control_period) > ROUNDING:
+        check_control(control)
+        if (dt := control.dt) is not None and abs(dt - plant.control_period) > ROUNDING:
             raise InputError(
-                f"the control is made for a period of {1e3 * control.dt:g} ms, and the plant advances by "
+                f"the control is made for a period of {1e3 * dt:g} ms, and the plant advances by "
                 f"{1e3 * plant.control_period:g} ms: give both the same control_period"
             )
         self.plant = plant
@@ -153,7 +153,7 @@ class Trial:
     @property
     def drives(self) -> DriveControl:
         """Drives of the controller, with its observer."""
-        drives: DriveControl = getattr(self.control, "control", self.control)
+        drives: DriveControl = self.control.drives
         return drives
 
     @property

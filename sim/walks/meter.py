@@ -16,8 +16,6 @@ from wbc.core.drive.control import DriveControl
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
-from wbc.policy.control import PolicyControl
-from wbc.policy.guard import PolicyGuard
 from wbc.sim.simulation.simulation import Simulation
 from wbc.sim.terrain.areas import Area, at_places
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
@@ -26,6 +24,7 @@ from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.control import WalkingControl
 from wbc.walking.source import Progress, Reference
+from wbc.walking.steered import SteeredControl
 
 EXCURSION = 0.06
 """DCM error at the onset of a fall, m: the threshold of a first study of 108 falls."""
@@ -114,7 +113,7 @@ class WalkMeter(TrialHook):
     def __init__(
         self,
         plant: Simulation,
-        walking: WalkingControl | PolicyControl | PolicyGuard,
+        walking: SteeredControl,
         areas: Sequence[Area] = (),
     ) -> None:
         """Begin without any tick, on a ground with some areas, over whose walkways a sole does not slip.
@@ -150,10 +149,10 @@ class WalkMeter(TrialHook):
         """Record a tick, before the plant moves on."""
         seen: Measurement | None = tick.measurement
         if seen is None or seen.sole_wrench is None:
-            seen = tick.control.control.measurement
+            seen = tick.control.drives.measurement
         if seen is not None:
             self._record_slip(seen.wrenches.tolist())
-        if isinstance(self._walking, (PolicyControl, PolicyGuard)):
+        if not isinstance(self._walking, WalkingControl):
             return
         reference, output = self._walking.reference, self._walking.output
         if reference is None or reference is self._reference:
@@ -161,7 +160,7 @@ class WalkMeter(TrialHook):
         self._reference = reference
         progress = reference.progress
         dcm_error = None if output is None else self._record_errors(reference, output)
-        self._record_events(progress.events, tick.measurement, self._walking.control)
+        self._record_events(progress.events, tick.measurement, self._walking.drives)
         self._swing = progress.swing
         self._record_stance(progress, dcm_error)
 

@@ -13,16 +13,14 @@ import numpy as np
 from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING
 from wbc.base.settings import Angle, Count, Number, settings
-from wbc.policy.control import PolicyControl
-from wbc.policy.guard import PolicyGuard
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.trial import Trial, TrialHook
-from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, Place, mean_heading, moved
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
+from wbc.walking.steered import SteeredControl
 
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
@@ -234,9 +232,7 @@ def check_drive(rows: Sequence[Sequence[float]]) -> None:
 class Drive(TrialHook):
     """Commanded velocities of a walk, row by row."""
 
-    def __init__(
-        self, rows: Sequence[Sequence[float]] | None, walking: WalkingControl | PolicyControl | PolicyGuard
-    ) -> None:
+    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: SteeredControl) -> None:
         """Begin with the first row of `WalkPlan.drive`; None for a walk along a plan."""
         self._pending, self._walking = list(rows or ()), walking
 

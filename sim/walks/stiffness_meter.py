@@ -45,7 +45,7 @@ class StiffnessMeter(TrialHook):
 
     def _compare(self, side: int, profile: Profile) -> tuple[Array, Array]:
         """Return scanned minus true heights, shape (n,), m: of the shape, without its mean; and as believed."""
-        estimate = self._walking.control.observer.robot.placement(self._soles[side])
+        estimate = self._walking.drives.observer.robot.placement(self._soles[side])
         data, site = self._plant.data, self._plant.sole_sites[side]
         rotation = data.site_xmat[site].reshape(3, 3) @ estimate.rotation.T
         points = profile.points

@@ -22,7 +22,6 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.ground import KnownGround
-from wbc.policy.control import PolicyControl
 from wbc.policy.guard import PolicyGuard
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
@@ -46,6 +45,7 @@ from wbc.sim.walks.trained import trained_control, turned
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
+from wbc.walking.steered import SteeredControl
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 LEAST_WAY = 0.05
@@ -235,7 +235,7 @@ class WalkTrial(Trial):
         c, s = math.cos(yaw), math.sin(yaw)
         dx, dy = (middle(self.plant) - self._origin).tolist()
         weight = self.plant.robot.mass * GRAVITY
-        reference = getattr(self.control, "reference", None)
+        reference = self.control.reference if isinstance(self.control, WalkingControl) else None
         desired = yaw if reference is None else reference.progress.heading
         if self.spec.trained is not None:  # which has no reference
             desired += turned(self._prepared.orders or ())
@@ -257,7 +257,7 @@ def _ground(plant: Simulation) -> float:
 
 def _walking(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, scheduler: StiffnessScheduler | None
-) -> WalkingControl | PolicyControl | PolicyGuard:
+) -> SteeredControl:
     """Return the controller of a robot that stands at the start."""
     settings = prepared.settings
     observer = Observer(robot, settings.observer, adopt=settings.free)

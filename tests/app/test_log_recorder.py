@@ -37,8 +37,8 @@ def seen(
 ) -> dict[str, Any]:
     """Return copies of what a tick knew, one of each source of signals."""
     estimate, solution, reference, output = (
-        walk.control.observer.robot,
-        walk.control.solution,
+        walk.drives.observer.robot,
+        walk.drives.solution,
         walk.reference,
         walk.output,
     )

@@ -465,7 +465,7 @@ def walk_of(plant: Plant, **values: Any) -> Any:
     observer = SimpleNamespace(robot=robot, outside=None)
     parts = {
         "reference": SimpleNamespace(pendulum=pendulum),
-        "control": SimpleNamespace(observer=observer),
+        "drives": SimpleNamespace(observer=observer),
         "progress": progress,
         "stiffness": None,
         "ground": None,
@@ -555,7 +555,7 @@ def test_the_force_on_the_hands_is_that_of_the_surroundings_with_the_weight_of_t
     plant = Plant(load("hrp4_class"))
     walking, robot = walk_of(plant), plant.robot
     assert outside_force(walking)[0] is None
-    walking.control.observer.outside = SimpleNamespace(wrench=np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))
+    walking.drives.observer.outside = SimpleNamespace(wrench=np.array([1.0, 2.0, 3.0, 0.0, 0.0, 0.0]))
     force, place = outside_force(walking)
     assert force is not None and force.tolist() == [1.0, 2.0, 3.0]
     hands = [robot.placement(frame).translation for frame in robot.frames.values()]

@@ -55,9 +55,9 @@ def walked(ticks: int = 3) -> tuple[WalkingControl, Tick]:
     for tick in range(ticks):
         measured = at_rest(robot, tick * DT)
         command = walking.command(measured)
-    estimate = walking.control.observer.robot
+    estimate = walking.drives.observer.robot
     return walking, Tick(
-        None, walking, measured, command, solution=walking.control.solution, estimate=estimate
+        None, walking, measured, command, solution=walking.drives.solution, estimate=estimate
     )
 
 
@@ -115,7 +115,7 @@ def test_a_fall_is_an_event_once_beside_those_of_its_tick() -> None:
 
     assert events() is None
     assert events(Event.LIFT_OFF, Event.STARTED) == f"{Event.LIFT_OFF.value}; {Event.STARTED.value}"
-    walking.control.falls.reason = FallReason.DOWN
+    walking.drives.falls.reason = FallReason.DOWN
     assert events(Event.LIFT_OFF) == f"{Event.LIFT_OFF.value}; fallen: {FallReason.DOWN.value}"
     assert events() is None and events(Event.STOPPED) == Event.STOPPED.value
 

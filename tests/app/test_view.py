@@ -43,6 +43,7 @@ from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.plans.gait import Gait
+from wbc.walking.steered import SteeredControl
 
 HRP4 = wbc.load_robot("hrp4_class")
 GAIT = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
@@ -339,6 +340,13 @@ def test_contacts_of_a_sole_are_one_arrow_and_those_beside_have_one_each(
     assert zmp[2] == pytest.approx(level) and np.allclose(moment[:2], 0.0)
 
 
+@SteeredControl.register
+class Counted:
+    """A control that walks, of which the number of steps is known."""
+
+    steps_done = 0
+
+
 def test_progress_is_told_ten_times_a_second_of_the_run() -> None:
     told: list[str] = []
     bar: Any = SimpleNamespace(
@@ -346,10 +354,9 @@ def test_progress_is_told_ten_times_a_second_of_the_run() -> None:
     )
     line = live.ProgressLine(bar)
     for number in range(201):
-        now = SimpleNamespace(
-            plant=SimpleNamespace(time=0.005 * number), control=SimpleNamespace(steps_done=number)
-        )
-        line.tick(now)  # type: ignore[arg-type]
+        control = Counted()
+        control.steps_done = number
+        line.tick(SimpleNamespace(plant=SimpleNamespace(time=0.005 * number), control=control))  # type: ignore[arg-type]
     assert len(told) == pytest.approx(11, abs=1) and told[0].startswith("0.0 s") and "20 steps" in told[1]
 
 

@@ -116,7 +116,7 @@ class Height(TrialHook):
         self.velocity: list[float] = []
 
     def tick(self, tick: Any) -> None:
-        observer = tick.control.control.observer
+        observer = tick.control.drives.observer
         if self.known is not None:
             self.velocity.append(float(observer.robot.com_velocity[2] - tick.plant.truth().com_velocity[2]))
             self.lowest = min(self.lowest, *(float(tick.plant.sole_pose(side)[0][2]) for side in (0, 1)))

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import types
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -14,6 +13,7 @@ import pinocchio as pin
 import pytest
 from at_rest import at_rest
 from hanging import SimulatedTime
+from own_control import OwnControl
 from simulated_machine import (
     DESCRIPTION,
     NA,
@@ -141,7 +141,7 @@ class Ideal(Driver):
 def test_a_controller_takes_over_by_and_by() -> None:
     """From the stand to the controller's own command, here no torque at all."""
     machine = Ideal()
-    own = types.SimpleNamespace(command=lambda measurement: Command(np.zeros(NA)))
+    own = OwnControl(lambda measurement: Command(np.zeros(NA)))
     runner = make(machine, own, load=0.0, fade=0.02, stop=0.0)  # type: ignore[arg-type]
     sent = commands_by_phase(machine, runner)  # type: ignore[arg-type]
     report = runner.run(lambda: len(sent[Phase.RUN]) == 60)
@@ -159,9 +159,7 @@ def test_a_robot_that_tips_over_under_a_control_of_ones_own_is_damped_unless_it_
 ) -> None:
     machine, zero = Ideal(), np.zeros(NA)
     hold = Command(zero, machine.q.copy(), zero)
-    runner = make(
-        machine, types.SimpleNamespace(command=lambda _: hold), load=0.0, fade=0.02, stop=0.0, on_fall=on_fall
-    )  # type: ignore[arg-type]
+    runner = make(machine, OwnControl(lambda _: hold), load=0.0, fade=0.02, stop=0.0, on_fall=on_fall)  # type: ignore[arg-type]
     ran = [0]
 
     def until() -> bool:
@@ -184,9 +182,7 @@ def test_clouds_of_a_driver_reach_a_controller_that_sees_and_trouble_no_other() 
             return sent[-1:]
 
         machine.clouds = clouds  # type: ignore[method-assign]
-        control = types.SimpleNamespace(command=lambda measurement: Command(np.zeros(NA)))
-        if sees:
-            control.see = seen.append
+        control = OwnControl(lambda measurement: Command(np.zeros(NA)), seen.append if sees else None)
         make(machine, control, load=0.0).run(0.2)
         assert len(sent) > 20
         assert [cloud.time for cloud in seen] == ([cloud.time for cloud in sent] if sees else [])
@@ -205,9 +201,7 @@ def test_cameras_that_fail_leave_a_control_blind_and_the_report_says_so(
             return wrong() if 20 <= len(asked) < 40 else ()
 
         machine.clouds = clouds  # type: ignore[method-assign]
-        control = types.SimpleNamespace(
-            command=lambda measurement: Command(np.zeros(NA)), see=lambda _: 1 / 0
-        )
+        control = OwnControl(command=lambda measurement: Command(np.zeros(NA)), see=lambda _: 1 / 0)
         report = make(machine, control, load=0.0, stop=0.0).run(0.2)
         assert report.reason == "stopped" and len(asked) > 45
         assert report.blind and f"no clouds of points: {report.blind}" in str(report)
@@ -222,7 +216,7 @@ def test_a_robot_that_falls_in_a_run_is_damped(own: bool) -> None:
     machine = SimulatedMachine(SimulatedTime())
     zero = np.zeros(NA)
     hold = Command(zero, np.array(DESCRIPTION.robot().half_sitting[7:]), zero)
-    control = types.SimpleNamespace(command=lambda measurement: hold) if own else None
+    control = OwnControl(lambda measurement: hold) if own else None
     runner, heights, damp = make(machine, control, load=0.0), [], machine.damp
 
     def until() -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from hanging import SimulatedTime
 from machine_process import Process
+from own_control import OwnControl
 from simulated_machine import (
     DESCRIPTION,
     NA,
@@ -71,9 +72,7 @@ ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMac
 )
 def test_whatever_fails_ends_in_damping(end: str) -> None:
     machine, (parts, happens, reason) = SimulatedMachine(SimulatedTime()), ENDS[end]
-    runner = make(
-        machine, parts() if callable(parts) else types.SimpleNamespace(**parts) if parts else None, load=0.0
-    )
+    runner = make(machine, parts() if callable(parts) else OwnControl(**parts) if parts else None, load=0.0)
     sent = commands_by_phase(machine, runner)
 
     def until() -> bool:
@@ -102,7 +101,7 @@ def test_damping_that_fails_is_tried_again_and_the_guard_damps_meanwhile(fails: 
         damp()
 
     machine.damp = failing  # type: ignore[method-assign]
-    runner = make(machine, types.SimpleNamespace(command=lambda _: 1 / 0), load=0.0)
+    runner = make(machine, OwnControl(lambda _: 1 / 0), load=0.0)
     runner._guard = types.SimpleNamespace(  # type: ignore[assignment]
         beat=lambda: said.append("beat"),
         alarm=lambda: said.append("alarm"),

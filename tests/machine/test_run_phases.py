@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-import types
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from hanging import SimulatedTime
+from own_control import OwnControl
 
 import wbc
 from wbc import Command, Measurement
@@ -111,7 +111,7 @@ def test_a_controller_is_mixed_in_over_its_time() -> None:
     """Its torque rises in proportion from the servos to its own, which come back by themselves without it."""
     own = np.linspace(1.0, 2.0, ROBOT.na)
     machine = StillMachine(lambda time: 1.0)
-    runner = runner_of(machine, types.SimpleNamespace(command=lambda measurement: Command(own)), load=0.0)
+    runner = runner_of(machine, OwnControl(lambda measurement: Command(own)), load=0.0)
     sent: dict[float, Command] = {}
     runner.run(lambda: sent.update({machine.now: machine.sent[-1]}) or machine.now > 1.6)  # type: ignore[func-returns-value]
     begin = next(time for phase, time in runner._phases if phase is Phase.RUN)
@@ -165,7 +165,7 @@ def test_the_rate_is_that_of_the_controller_and_timeouts_are_longer_than_a_perio
     control = wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), 0.004))
     with pytest.raises(InputError, match="controller, 250 Hz, got 100 Hz"):
         Runner(machine, control, 100.0, guard=False)
-    own = types.SimpleNamespace(command=None)
+    own = OwnControl()
     for timeout, good in ((0.0101, True), (0.01, False), (0.009, False)):
         for name in ("robot_timeout", "control_timeout"):
             settings = RunSettings(**{name: timeout})  # type: ignore[arg-type]
@@ -229,7 +229,7 @@ def test_released_joints_are_held_where_they_are_unless_the_driver_sends_nothing
     machine.leaves_released = leaves
     released = np.arange(ROBOT.na) > 20
     own = Command(np.full(ROBOT.na, 1.0), released=released)
-    runner = runner_of(machine, types.SimpleNamespace(command=lambda measurement: own), load=0.0)
+    runner = runner_of(machine, OwnControl(lambda measurement: own), load=0.0)
     runner.run(1.7)
     last = [command for command in machine.sent if command.kp is None or command.kp[0] == 0.0][-1]
     assert runner._phases[-3][0] is Phase.RUN

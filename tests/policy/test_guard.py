@@ -61,7 +61,7 @@ def test_a_policy_that_fails_is_relieved_and_the_robot_stands(breaks: Any, named
     assert not guard.relieved and guard.status() == "ok"
     breaks(network)
     run_guard(plant, guard, 0.02)
-    assert guard.relieved and named in guard.relieved and guard.control is guard.walking.control
+    assert guard.relieved and named in guard.relieved and guard.drives is guard.walking.drives
     run_guard(plant, guard, 2.0)
     assert guard.fallen is None and np.linalg.norm(plant.truth().com_velocity) < 0.05
     with_walk = guard.progress.steps_done
@@ -83,7 +83,7 @@ def test_a_policy_that_takes_too_long_is_relieved() -> None:
 def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tmp_path: Path) -> None:
     plant, guard, network = guarded()
     run_guard(plant, guard, 0.5)
-    before = np.array(guard.policy.observer.robot.q)
+    before = np.array(guard.policy.drives.observer.robot.q)
     guard.take_over()
     with Recorder(tmp_path / "guard.arrow") as recorder:
         for _ in range(10):
@@ -93,7 +93,7 @@ def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tm
             plant.step(command)
     assert len(Log.open(tmp_path / "guard.arrow").time) == 10
     assert guard.relieved == "asked for"
-    assert np.abs(guard.walking.control.observer.robot.q - before).max() < 5e-3
+    assert np.abs(guard.walking.drives.observer.robot.q - before).max() < 5e-3
     run_guard(plant, guard, 1.0)
     guard.hand_back()
     seen = len(network.seen)
@@ -144,7 +144,7 @@ def test_a_robot_of_a_file_is_taken_over_and_walks_on() -> None:
 )
 def test_walks_that_cannot_take_over_are_refused(period: float, own: bool, options: dict[str, Any]) -> None:
     _, policy = bobbing()
-    observer = policy.observer if own else None
+    observer = policy.drives.observer if own else None
     settings = WalkingControlSettings(**{"mode": "torque", **options})
     walking = WalkingControl(policy.controller.robot, None, period, settings, observer=observer)
     with pytest.raises(InputError):

@@ -29,7 +29,7 @@ def test_the_network_sees_the_estimate_in_the_order_and_units_of_its_description
     description = described(joints)
     plant, policy = control(network, description)
     policy.velocity = (0.3, -0.1, 0.2)
-    robot, names = policy.observer.robot, list(G1.joint_names)
+    robot, names = policy.drives.observer.robot, list(G1.joint_names)
     for _ in range(25):
         plant.step(policy.command(plant.measure()))
     columns = [names.index(joint) for joint in joints]
@@ -60,7 +60,7 @@ def test_targets_and_gains_are_those_of_the_policy_and_other_joints_are_held() -
     command = policy.command(plant.measure())
     columns = [G1.joint_names.index(joint) for joint in LEGS]
     others = [k for k in range(len(G1.joint_names)) if k not in columns]
-    robot = policy.observer.robot
+    robot = policy.drives.observer.robot
     np.testing.assert_allclose(
         command.joint_position[columns], np.array(description.default) + 0.025, atol=1e-12
     )
@@ -78,7 +78,7 @@ def test_torques_that_a_policy_asks_for_stay_within_the_limits() -> None:
         command = policy.command(m)
         asked = command.joint_torque + command.kp * (command.joint_position - m.joint_position)
         asked += command.kd * (command.joint_velocity - m.joint_velocity)
-        assert (np.abs(asked) <= policy.observer.robot.torque_limit * (1.0 + 1e-6)).all()
+        assert (np.abs(asked) <= policy.drives.observer.robot.torque_limit * (1.0 + 1e-6)).all()
         plant.step(command)
 
 
@@ -138,7 +138,7 @@ def test_an_action_that_is_none_fails_the_tick_and_the_robot_is_damped_in_the_en
         command = policy.command(plant.measure())
         assert np.isfinite(command.joint_torque).all()
         plant.step(command)
-    assert policy.failures > 0 and policy.stopped and policy.fallen is FallReason.SOLVER
+    assert policy.drives.failures > 0 and policy.drives.stopped and policy.fallen is FallReason.SOLVER
     assert last.kp is not None and command.kp is None  # damping alone
 
 

@@ -54,7 +54,9 @@ def test_a_policy_sees_the_arms_of_the_qp_at_rest_or_as_they_are(sees: bool) -> 
     for _ in range(500):
         plant.step(policy.command(plant.measure()))
     seen = policy.network.seen[-1][2 + elbow]
-    assert policy.observer.robot.q[7 + elbow] - REST["left_elbow_joint"] == pytest.approx(0.3, abs=0.03)
+    assert policy.drives.observer.robot.q[7 + elbow] - REST["left_elbow_joint"] == pytest.approx(
+        0.3, abs=0.03
+    )
     assert seen == pytest.approx(0.3, abs=0.03) if sees else seen == 0.0
 
 
@@ -185,10 +187,10 @@ def test_a_filter_is_the_qp_of_the_whole_robot_with_the_torques_of_the_policy_as
         whole._carried.acceleration[:] = filters._carried.acceleration
         whole._others.feedforward_acceleration = filters._others.feedforward_acceleration
         torques, problem = whole.torques(measurement), whole.controller.problem
-        if not filters.remark and whole.solution.ok:
+        if not filters.remark and whole.controller.solution.ok:
             costs = [float(weight @ np.square(each - cost.target)) for each in (made, torques)]
             assert costs[0] <= costs[1] + 1e-5
-            x, rows = whole.solution.variables.copy(), problem.torque_matrix[15:]
+            x, rows = whole.controller.solution.variables.copy(), problem.torque_matrix[15:]
             x[arms] += np.linalg.solve(rows[:, arms], made - torques)
             beyond = np.maximum(
                 problem.inequality @ x - problem.upper, problem.lower - problem.inequality @ x
@@ -286,7 +288,7 @@ def test_a_leg_is_braked_before_its_stop_by_the_room_that_is_left(upper: bool) -
     plant, policy = filtered({})
     measurement = plant.measure()
     policy.command(measurement)
-    safe, robot = policy._arms, policy.observer.robot
+    safe, robot = policy._arms, policy.drives.observer.robot
     knee, room = robot.joint_index("left_knee_joint"), 0.4 * REACH
     speed = (0.1 if upper else -0.1) * REACH / AHEAD  # in AHEAD it covers a tenth of REACH
     robot.v[:] = 0.0

@@ -52,7 +52,7 @@ def test_a_policy_sees_its_clip_turned_to_where_it_stands() -> None:
     plant, policy = control(
         network, described(observation=MOTION, anchor="torso_link", default=default), clip=clip
     )
-    robot = policy.observer.robot
+    robot = policy.drives.observer.robot
     begin, seen = None, 0
     for tick in range(300):
         command = policy.command(plant.measure())
@@ -162,14 +162,14 @@ def test_a_policy_sees_the_heights_of_the_ground_about_it() -> None:
         robot, network, DT, description=described(observation=[Term("height_scan")], scan=scan), ground=ground
     )
     policy.command(plant.measure())
-    height = float(policy.observer.robot.placement("pelvis").translation[2])
+    height = float(policy.drives.observer.robot.placement("pelvis").translation[2])
     np.testing.assert_allclose(network.seen[-1], height - 0.3, atol=2e-3)  # nothing is known yet: level
     y = np.arange(-50, 51) * 0.02
     heights = np.tile(0.2 * y, (101, 1))
     policy.see(ElevationMap(heights, 0.02, (-1.01, -1.01, 0.0)))
     for _ in range(10):
         plant.step(policy.command(plant.measure()))
-    _, aside, z = policy.observer.robot.placement("pelvis").translation
+    _, aside, z = policy.drives.observer.robot.placement("pelvis").translation
     expected = z - 0.3 - 0.2 * (aside + np.array([-0.1, 0.0, 0.1]))
     np.testing.assert_allclose(network.seen[-1].reshape(3, 5), np.tile(expected[:, None], 5), atol=5e-3)
 

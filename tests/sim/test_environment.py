@@ -217,7 +217,7 @@ def test_a_stand_is_pushed_and_takes_postures() -> None:
     *_, truncated, info = [env.step([0.03, 0.0, 0.1, 0.2]) for _ in range(2)][-1]
     assert not truncated and info["fall"] is None
     assert env.trial.control.body.lean == (0.0, 0.1)
-    robot = env.trial.control.control.observer.robot
+    robot = env.trial.control.drives.observer.robot
     assert env.trial.control.body.com_height < float(robot.com[2]) + 0.04
 
 
@@ -261,7 +261,7 @@ def test_an_observation_is_the_same_wherever_the_robot_is_and_heads() -> None:
     env = WbcEnv("stand", robot="g1", noise="none")
     env.reset(seed=0)
     assert env.trial is not None
-    observer, rng = env.trial.control.control.observer, np.random.default_rng(1)
+    observer, rng = env.trial.control.drives.observer, np.random.default_rng(1)
     robot, v = observer.robot, rng.normal(size=observer.robot.nv)
     q = robot.half_sitting.copy()
     q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.2, -0.3, 0.0)).coeffs()

@@ -99,10 +99,10 @@ class Doubts(TrialHook):
 
     def tick(self, tick: TrialTick) -> None:
         if tick.control.fallen is None:
-            self.found += tick.control.control.monitor.doubts
+            self.found += tick.control.drives.monitor.doubts
 
     def start(self, trial: Any) -> None:
-        trial.control.control.watch()
+        trial.control.drives.watch()
 
 
 @pytest.mark.long
@@ -160,7 +160,7 @@ def test_nothing_is_doubted_of_good_sensors_of_a_robot_that_is_punched(seed: int
     plant = Plant(description, noise=noise, seed=seed, control_period=0.002)
     settings = WalkingControlSettings(mode="torque")
     walking = WalkingControl(description.robot(), None, plant.control_period, settings)
-    monitor, times, found = walking.control.watch(), (0.5, 1.8, 3.1, 4.4), []
+    monitor, times, found = walking.drives.watch(), (0.5, 1.8, 3.1, 4.4), []
     walking.velocity = (0.3, 0.0, 0.0) if seed % 2 else None
     links = [
         plant.model.body(i).name for i in np.flatnonzero(plant.of_robot) if plant.model.body_mass[i] > 0.1

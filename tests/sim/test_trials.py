@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+import wbc
 from wbc.robots import load
 from wbc.sim.trial.trial import StageError, Trial, TrialHook
 
 
-class Still:
+class Still(wbc.Control):
     """A loop whose robot stands still in the air, and its controller."""
 
-    diverged, fallen = None, None
+    diverged = None
     control_period = 0.005
 
     def __init__(self) -> None:

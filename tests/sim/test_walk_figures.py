@@ -34,12 +34,14 @@ from wbc.sim.walks.trial import WalkTrial, _eyes, _range_sensor
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import VelocityLimits
+from wbc.walking.steered import SteeredControl
 
 EXACT = {"noise": 0.0, "relative_noise": 0.0, "resolution": 0.0, "dropout": 0.0}
 
 # --- pushes ----------------------------------------------------------------------------------------------------------
 
 
+@SteeredControl.register
 class Pushed:
     """A plant, its controller and their tick, for a schedule of pushes."""
 
@@ -456,7 +458,7 @@ def test_a_scan_is_compared_with_the_ground_under_the_true_foot_and_as_believed(
     seen = pin.SE3(true.rotation, true.translation + move)
     meter: Any = object.__new__(StiffnessMeter)
     robot = SimpleNamespace(placement=lambda frame: seen)
-    meter._walking = SimpleNamespace(control=SimpleNamespace(observer=SimpleNamespace(robot=robot)))
+    meter._walking = SimpleNamespace(drives=SimpleNamespace(observer=SimpleNamespace(robot=robot)))
     data = SimpleNamespace(site_xpos=[true.translation], site_xmat=[true.rotation.ravel()])
     meter._plant, meter._soles = SimpleNamespace(data=data, sole_sites=[0], terrain=ground), ["left"]
     x = np.linspace(0.9, 1.3, 20)

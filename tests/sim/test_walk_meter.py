@@ -14,10 +14,12 @@ from wbc.core.robot import GRAVITY
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.meter import IMPACT_TIME, MIN_FORCE, NOTICE_TIME, WalkMeter
 from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.control import WalkingControl
 
 PERIOD, MASS = 0.01, 20.0
 
 
+@WalkingControl.register
 class Made:
     """A plant and a controller whose state a test sets."""
 
@@ -40,7 +42,7 @@ class Made:
         )
         self.output: Any = None
         self.reference: Any = None
-        self.control = SimpleNamespace(measurement=None)
+        self.drives = SimpleNamespace(measurement=None)
         self.meter = WalkMeter(self, self)  # type: ignore[arg-type]
 
     def sole_pose(self, side: int) -> tuple[np.ndarray, np.ndarray]:
@@ -100,7 +102,7 @@ def test_the_impact_is_the_greatest_force_on_a_landing_foot_from_before_it_was_n
 def test_forces_of_a_robot_without_force_sensors_are_those_that_its_control_has_found() -> None:
     made, wrenches = Made(), np.zeros((2, 6))
     made.progress.swing, wrenches[1, 2] = 1, 80.0
-    made.control.measurement = SimpleNamespace(wrenches=wrenches)
+    made.drives.measurement = SimpleNamespace(wrenches=wrenches)
     for events in ((), (Event.LATE_TOUCH_DOWN,)):
         made.progress.events = events
         made.reference = SimpleNamespace(progress=made.progress, pendulum=None)

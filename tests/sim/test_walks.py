@@ -412,7 +412,7 @@ def test_changes_reach_the_controller() -> None:
     )
     assert trial.control.stabilizer.gains.dcm_p == (3.0, 3.0)
     assert trial.control.settings.walk.adjustment is None
-    assert trial.control.control.observer.settings.min_load == 25.0
+    assert trial.control.drives.observer.settings.min_load == 25.0
     assert trial.plant.model.opt.impratio == 5.0
     assert trial.plant.foot.contact.friction == 0.5
     assert trial.plant.foot.stiffness == 7.0  # type: ignore[attr-defined]

@@ -301,7 +301,7 @@ def run(task: str, mode: str, names: Sequence[str], *, lasting: bool) -> Report:
         plan = WalkPlan(velocity=(0.1, 0.0, 0.0), steps=4)
         spec = WalkSpec(robot="hrp4_class", foot="rigid", mode=mode, plan=plan)
         trial = WalkTrial(spec)
-        plant, control, command = trial.plant, trial.control.control, trial.control.command
+        plant, control, command = trial.plant, trial.control.drives, trial.control.command
         start, end, every = 2.2, 5.5, 0.15
         if lasting:
             end, every = 5.0, None

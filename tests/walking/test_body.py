@@ -229,10 +229,10 @@ def test_a_low_body_walks_a_plan_that_is_given_on_the_way() -> None:
     body.com_height = lowest + 0.01
     while walking.progress.phase is not GaitPhase.SINGLE or plant.time < 2.0:
         plant.step(walking.command(plant.measure()))
-    walking.follow(walk_distance(FootstepPlan.standing(walking.control.observer.robot), 0.3))
+    walking.follow(walk_distance(FootstepPlan.standing(walking.drives.observer.robot), 0.3))
     while not walking.done and plant.time < 12.0:
         plant.step(walking.command(plant.measure()))
-        assert not walking.control.failing
+        assert not walking.drives.failing
     assert walking.finished
     assert float(plant.truth().com[2]) < lowest + 0.03
 

@@ -163,7 +163,7 @@ def test_the_zmp_takes_its_share_of_the_way_to_the_edge_before_the_com_moves(yaw
 
 def test_a_line_between_the_hands_has_the_heading_of_a_cart_that_they_hold() -> None:
     walking, hands = standing()
-    robot = walking.control.observer.robot
+    robot = walking.drives.observer.robot
     assert hands.heading == pytest.approx(0.0, abs=1e-6)
     for yaw in (1.2, -2.0):
         robot.update(turned(walking, yaw), np.zeros(robot.nv))
@@ -372,7 +372,7 @@ def test_the_greatest_force_is_the_one_whose_loss_moves_the_zmp_to_an_edge_of_th
     place, robot = np.array([3.0, -2.0, 0.7]), walking.controller.robot
     q = turned(walking, yaw)
     q[:3] += place
-    for each in (robot, walking.control.observer.robot):
+    for each in (robot, walking.drives.observer.robot):
         each.update(q, np.zeros(robot.nv))
     turn, sole = pin.utils.rotate("z", yaw), robot.soles[0]
     ahead, hand = turn @ direction, hands.all["left_hand"]
@@ -409,7 +409,7 @@ def test_a_tick_of_the_stabilizer_that_has_failed_is_followed_by_good_ones(
     monkeypatch.setattr(StabilizerTask, "update", fails_first)
     for tick in range(4):
         walking.command(at_rest(walking.controller.robot, 0.005 * tick))
-        assert walking.control.failing == (tick == 0)
+        assert walking.drives.failing == (tick == 0)
     assert balance.output is not None
 
 

@@ -105,7 +105,7 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
     for _ in range(3):  # the sensors drop out
         measured = replace(plant.measure(), hand_wrenches=np.full((2, 6), np.nan))
         plant.step(trial.control.command(measured))
-    assert trial.control.control.failures == 0
+    assert trial.control.drives.failures == 0
     assert [hand.pressed for hand in both] == pytest.approx(felt[-1], abs=1.0)
     assert hands.shift == pytest.approx(expected, abs=4e-3)
 

@@ -40,11 +40,11 @@ def test_a_load_in_the_hands_is_found_taken_over_by_both_models_and_let_go_of() 
     """20 % of the weight 0.35 m ahead, handed over in a second, with realistic sensors."""
     trial, mass = handed_over(0.2, "realistic")
     walking, plant, load = trial.control, trial.plant, trial.control.load
-    assert walking.control.failures == 0
+    assert walking.drives.failures == 0
     assert load.mass == pytest.approx(mass, rel=0.05)
     assert np.hypot(*(load.place - load.middle)[:2]) < 0.01
     total = walking.controller.robot.mass
-    assert total == walking.control.observer.robot.mass == walking.stabilizer.mass
+    assert total == walking.drives.observer.robot.mass == walking.stabilizer.mass
     assert total == pytest.approx(1.2 * plant.robot.mass, rel=0.01)
     # The CoM of robot and load is over the feet, and the feet bear both.
     assert abs(plant.truth().com[0]) < 0.015

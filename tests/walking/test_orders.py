@@ -144,7 +144,7 @@ def test_time_constants_of_an_observer_that_are_given_stay_and_the_others_are_th
     given = ObserverSettings(inertial=InertialSettings(velocity_time_constant=0.03, tilt_time_constant=3.0))
     observer = Observer(robot, given, adopt=True)
     walking = WalkingControl(robot, None, DT, WalkingControlSettings(mode="torque"), observer=observer)
-    inertial = walking.control.observer.inertial.settings
+    inertial = walking.drives.observer.inertial.settings
     assert (inertial.velocity_time_constant, inertial.tilt_time_constant) == (0.03, 3.0)
     assert inertial.yaw_time_constant == 1000.0
 
@@ -271,7 +271,7 @@ def test_footsteps_are_met_while_nothing_pushes(robot: str) -> None:
     plant = wbc.Plant(wbc.load_robot(robot), noise="realistic", seed=3, control_period=DT)
     plan = walk_velocity(FootstepPlan.standing(plant.description.robot()), (0.08, 0.0, 0.15), 3)
     walking = control(robot, plan)
-    landed, estimate = 0, walking.control.observer.robot
+    landed, estimate = 0, walking.drives.observer.robot
     while not walking.done:
         plant.step(walking.command(plant.measure()))
         if walking.steps_done > landed:
@@ -302,7 +302,7 @@ def test_soles_land_on_the_treads_of_stairs_that_are_told(robot: str, direction:
             done = len(off)
             if done < min(trial.control.steps_done, len(steps)):
                 side = ("left", "right").index(steps[done].side)
-                estimate = trial.control.control.observer.robot
+                estimate = trial.control.drives.observer.robot
                 place = estimate.placement(estimate.soles[side].frame).translation
                 off.append(abs(place[0] - steps[done].x))
 
@@ -324,16 +324,16 @@ def test_the_mode_chooses_the_steps(mode: Any, load: LoadSettings | None) -> Non
 def test_a_gait_begins_in_the_step_that_the_feet_are_in(mode: str) -> None:
     """Another walk on the same estimate takes over in the middle of a swing: the foot swings on, the robot stops."""
     plant, first = standing()
-    robot, observer = first.controller.robot, first.control.observer
+    robot, observer = first.controller.robot, first.drives.observer
     other = WalkingControl(robot, None, DT, WalkingControlSettings(mode=mode), observer=observer)  # type: ignore[arg-type]
     first.velocity = (0.25, 0.0, 0.0)
     air, landed = [0.0, 0.0], [9.0, 9.0]
     while not (plant.time > 2.0 and air[0] > 0.15):
-        state = first.control.estimate(plant.measure())
+        state = first.drives.estimate(plant.measure())
         for foot, load in enumerate(state.measurement.wrenches[:, 2]):
             air[foot], landed[foot] = (air[foot] + DT, 0.0) if load < 20.0 else (0.0, landed[foot] + DT)
         plant.step(first.act(state))
-    state = first.control.estimate(plant.measure())
+    state = first.drives.estimate(plant.measure())
     other.begin(state, air, landed)
     command = other.act(state)
     reference, sole = other.reference, robot.soles[0].frame
@@ -358,7 +358,7 @@ def test_a_gait_that_begins_swings_the_foot_that_is_in_the_air_whatever_load_is_
     """Without force sensors the estimate of a load is wrong for a while after an impact."""
     plant, walking = standing()
     run(plant, walking, 0.2)
-    state = walking.control.estimate(plant.measure())
+    state = walking.drives.estimate(plant.measure())
     assert min(state.measurement.wrenches[:, 2]) > 100.0
     air, landed = [0.0, 0.0], [9.0, 9.0]
     air[side], landed[side] = 0.1, 0.0
@@ -371,7 +371,7 @@ def test_a_gait_that_begins_swings_the_foot_that_is_in_the_air_whatever_load_is_
 def test_a_gait_that_begins_on_feet_that_have_stood_stands_and_one_in_position_control_is_refused() -> None:
     plant, walking = standing()
     run(plant, walking, 0.2)
-    state = walking.control.estimate(plant.measure())
+    state = walking.drives.estimate(plant.measure())
     walking.begin(state)
     plant.step(walking.act(state))
     run(plant, walking, 0.5)

@@ -63,7 +63,7 @@ def test_orders_that_cannot_be_had_are_refused_by_name(call: Callable[[], object
 def test_hands_that_keep_a_joint_may_go_on() -> None:
     walk = reaching()
     released = walk.release(whole_arm(walk)[:-1])
-    assert released is not None and walk.release([]) is None and walk.control.released is None
+    assert released is not None and walk.release([]) is None and walk.drives.released is None
 
 
 @pytest.mark.parametrize("mode", ["torque", "hybrid", "position"])
@@ -85,10 +85,10 @@ def test_nothing_of_released_joints_is_commanded_and_they_come_back(mode: str) -
         assert not command.joint_torque[index].any()
         assert command.kp is None or not (command.kp[index].any() or command.kd[index].any())  # type: ignore[index]
         assert np.abs(command.joint_torque[robot.leg_joints]).max() > 1.0
-    assert not walk.control.gate.faults and walk.control.status() == "ok"
+    assert not walk.drives.gate.faults and walk.drives.status() == "ok"
     walk.release([])
     command = walk.command(plant.measure())
-    assert command.released is None and walk.control.status() == "ok"
+    assert command.released is None and walk.drives.status() == "ok"
 
 
 @pytest.mark.parametrize("kind", [wbc.TorqueControl, wbc.HybridControl, wbc.PositionControl])
@@ -206,13 +206,13 @@ def test_an_encoder_of_theirs_beyond_its_range_is_named_and_stops_nothing() -> N
         command.joint_torque[released.index] = 0.0
         plant.step(replace(command, released=None))
         if tick > 12:
-            assert f"encoder of {ARM[0]}" in walk.control.status()
-    assert walk.control.failures == 0
+            assert f"encoder of {ARM[0]}" in walk.drives.status()
+    assert walk.drives.failures == 0
     walk.release([])  # from now on it is the walk's own, and a fault again
     for _ in range(40):
         walk.command(replace(plant.measure(), joint_position=position))
         plant.step(command)
-    assert walk.control.failures > 0
+    assert walk.drives.failures > 0
 
 
 @pytest.mark.slow

@@ -80,8 +80,8 @@ def test_a_robot_that_bows_as_its_source_does_is_upright(torso: str, trunks: int
     walking = WalkingControl(robot, Bows(robot), plant.control_period)
     while plant.time < 1.0:
         plant.step(walking.command(plant.measure()))
-    assert walking.fallen is None and walking.control.failures == 0
-    tilt = pin.rpy.matrixToRpy(walking.control.observer.robot.placement(torso).rotation)[1]
+    assert walking.fallen is None and walking.drives.failures == 0
+    tilt = pin.rpy.matrixToRpy(walking.drives.observer.robot.placement(torso).rotation)[1]
     assert tilt == pytest.approx(0.1, abs=0.03)
 
 
@@ -92,7 +92,7 @@ def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> N
         command = walking.command(plant.measure())
         assert np.isfinite(command.joint_torque).all()
         plant.step(command)
-    assert walking.control.failures == 20 and "no reference" in walking.control.reason
+    assert walking.drives.failures == 20 and "no reference" in walking.drives.reason
 
 
 def test_sources_that_the_stabilizer_cannot_follow_are_refused() -> None:

@@ -50,7 +50,7 @@ def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wr
     """Of a commanded robot that moves, while pushed feet make the stabilizer want other wrenches than the QP."""
     settings = WalkingControlSettings()
     robot, walking = standing(settings)
-    control, rng = walking.control, np.random.default_rng(4)
+    control, rng = walking.drives, np.random.default_rng(4)
     for tick in range(10):
         control.v[:] = 0.1 * rng.normal(size=robot.nv)
         q, v = control.q.copy(), control.v.copy()
@@ -116,7 +116,7 @@ def walk_as_commanded(yaw: float, distance: float) -> dict[str, np.ndarray]:
     start = FootstepPlan.standing(robot)
     plan = walk_distance(start, distance)
     walking = WalkingControl(robot, plan, DT, WalkingControlSettings(bias=None))
-    control, real = walking.control, turned(yaw)
+    control, real = walking.drives, turned(yaw)
     imu, share, out = real.frame_id(real.imu_frame), 0.5, {"joints": [], "feet": [], "com": []}
     acceleration = np.zeros(real.nv)
     for tick in range(round(20.0 / DT)):
@@ -181,7 +181,7 @@ def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: p
         speed[[robot.joint_index(f"{side}_{joint}") for side in ("left", "right")]] = 0.1 * sign
     for tick in range(40):
         walking.command(replace(sensors(robot, tick, robot.half_sitting, (0.03, 0.0)), joint_velocity=speed))
-        estimate = walking.control.observer.robot
+        estimate = walking.drives.observer.robot
         dcm = estimate.com[:2] + estimate.com_velocity[:2] / walking.walk.omega
         np.testing.assert_allclose(given[-1][:2], dcm - bias.bias, atol=1e-9)
     assert np.abs(bias.bias).max() > 1e-3 and np.abs(estimate.com_velocity[0]) > 0.02
@@ -196,7 +196,7 @@ def test_in_torque_control_the_qp_gives_the_wrenches_and_the_acceleration_that_a
         q[7 + robot.joint_index(f"{side}_ankle_roll")] -= 0.015
     for tick in range(5):
         command = walking.command(sensors(robot, tick, q))
-        solution, output = walking.control.solution, walking.output
+        solution, output = walking.drives.solution, walking.output
         assert solution is not None and solution.ok and output is not None and command.joint_position is None
         # The robot is at rest, so the Jacobian of the CoM has no drift.
         com = walking.controller.robot.com_jacobian @ solution.accelerations
@@ -251,7 +251,7 @@ def test_a_hand_that_would_go_into_a_thigh_stays_beside_it_with_a_limit_on_colli
             plant.step(walking.command(plant.measure()))
             limit.write(0.005, rows, bounds, np.zeros(limit.dim))
             near.append(limit.distances[pair])
-        assert walking.control.failures == 0
+        assert walking.drives.failures == 0
         least[kept] = min(near)
     assert least[False] < -0.05 and 0.018 < least[True] < 0.03
 
@@ -283,7 +283,7 @@ def test_knees_that_would_touch_on_narrow_steps_keep_their_distance_with_a_limit
             plant.step(walking.command(plant.measure()))
             limit.write(0.005, rows, bounds, np.zeros(limit.dim))
             near.append(min(limit.distances.values()))
-        assert walking.control.failures == 0
+        assert walking.drives.failures == 0
         assert walking.fallen is None and walking.steps_done == len(steps)
         least[kept] = min(near)
     assert least[False] < 0.0 and 0.015 < least[True] < 0.03
@@ -331,5 +331,5 @@ def test_the_bias_of_a_robot_in_the_air_is_not_estimated() -> None:
     assert output is not None
     for state in (output._replace(in_air=True), output._replace(measured_zmp=np.full(3, np.nan))):
         walking.balance.output = state
-        found = walking.balance._estimate_bias(bias, walking.control.observer.robot, walking.reference)
+        found = walking.balance._estimate_bias(bias, walking.drives.observer.robot, walking.reference)
         np.testing.assert_array_equal(found, before)

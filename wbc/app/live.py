@@ -17,6 +17,7 @@ from wbc.app.view import VIEWERS, Viewer
 from wbc.base.errors import InputError
 from wbc.base.settings import settings
 from wbc.sim.trial.trial import TrialHook
+from wbc.walking.steered import SteeredControl
 
 if TYPE_CHECKING:
     from wbc.app.repeat import RepeatWalk
@@ -157,8 +158,8 @@ class ProgressLine(TrialHook):
         time = tick.plant.time
         if time >= self._next:
             self._next = time + 0.1
-            steps = getattr(tick.control, "steps_done", None)
-            text = f"{time:.1f} s simulated" + ("" if steps is None else f", {steps} steps")
+            steps = f", {tick.control.steps_done} steps" if isinstance(tick.control, SteeredControl) else ""
+            text = f"{time:.1f} s simulated{steps}"
             self._bar.update(self._task, description=text)
 
 

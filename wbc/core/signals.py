@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -173,10 +173,3 @@ class Command:
         rate = -velocity if self.joint_velocity is None else self.joint_velocity - velocity
         torque: Array = self.joint_torque + kp * (self.joint_position - position) + kd * rate
         return torque
-
-
-class Control(Protocol):
-    """Controller that answers a measurement with a command, such as `wbc.TorqueControl` or a `wbc.WalkingControl`."""
-
-    def command(self, measurement: Measurement, /) -> Command:
-        """Run one tick."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 
@@ -13,12 +13,9 @@ from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, WbcError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import Period
-from wbc.core.drive.control import DriveControl
-from wbc.core.signals import Command, Control, Measurement
+from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
-from wbc.tasks.behaviours import Program
-from wbc.walking.control import WalkingControl
 
 LONGEST_WAIT = 1.0
 """Longest time without a measurement in a loop, s."""
@@ -94,29 +91,6 @@ def check_driver(driver: Driver) -> None:
     about = getattr(driver, "description", None)
     if not isinstance(about, RobotDescription):
         raise InputError(f"description of a driver must be a RobotDescription, got {shown(about)}")
-
-
-@runtime_checkable
-class Seeing(Protocol):
-    """Control that takes clouds of points, such as a `wbc.WalkingControl`."""
-
-    def see(self, seen: PointCloud, /) -> None:
-        """Take a cloud."""
-
-
-@runtime_checkable
-class Restartable(Protocol):
-    """Control that begins anew at half-sitting, such as a `wbc.TorqueControl`."""
-
-    def reset(self) -> None:
-        """Begin anew."""
-
-
-def drives_of(control: Control) -> DriveControl | None:
-    """Return the control of the drives that a control is, or that a walk or program has; None of one's own."""
-    while isinstance(control, (Program, WalkingControl)):
-        control = control.control
-    return control if isinstance(control, DriveControl) else None
 
 
 def with_gains(command: Command, gains: tuple[Array, Array]) -> Command:

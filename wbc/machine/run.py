@@ -17,16 +17,16 @@ import numpy as np
 from pydantic import Field
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, check_parts, shown
+from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, finite_array
 from wbc.base.settings import NonNegative, Positive, Share, settings
+from wbc.core.drive.control import Control, check_control
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.position import PositionControl
-from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.consistency import REAL_TIME
 from wbc.core.estimation.falls import FallDetector
 from wbc.core.robot import BASE_DOF, GRAVITY
-from wbc.core.signals import Command, Control, Measurement
+from wbc.core.signals import Command, Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import DAMP_PERIOD, DAMP_TIME, Guard
 from wbc.machine.inlet import Inlet
@@ -35,10 +35,7 @@ from wbc.machine.loop import (
     Driver,
     MachineError,
     Parking,
-    Restartable,
-    Seeing,
     check_driver,
-    drives_of,
     with_gains,
 )
 from wbc.machine.report import Phase, RunReport
@@ -124,13 +121,11 @@ class Runner:
         Arguments and errors are those of `run`; `clock` replaces the clock in tests.
         """
         check_driver(driver)
-        check_parts("a controller", control, "command")
+        check_control(control)
         self.period = 1.0 / rate
-        self._drives = drives_of(control)
-        if self._drives is not None and abs((dt := self._drives.controller.dt) - self.period) > ROUNDING:
+        if (dt := control.dt) is not None and abs(dt - self.period) > ROUNDING:
             raise InputError(f"rate must be that of the controller, {1.0 / dt:g} Hz, got {rate:g} Hz")
         self.driver, self.control, self.description = driver, control, driver.description
-        self._sees = control if isinstance(control, Seeing) else None
         self.settings = s = settings or RunSettings()
         shortest = min(s.robot_timeout, s.control_timeout)
         if self.period >= shortest:
@@ -155,7 +150,7 @@ class Runner:
         self._age, self._slow = 0.0, ""
         self._blind = self._blinded = ""  # reason for which no clouds come, and for which none came once
         # For a control of one's own, by the attitude that the loads follow; the library's have a test of theirs.
-        self._fallen = self.description.robot() if self._drives is None else None
+        self._fallen = self.description.robot() if control.drives is None else None
         self._falls = None if self._fallen is None else FallDetector(self._fallen, self.period)
 
     def stop(self) -> None:
@@ -288,10 +283,11 @@ class Runner:
         self._start = self._begin_start(first, self.settings.fade)
         soft = self._gains[1] if robot.servos is None else np.minimum(self._gains[1], robot.servos.soft()[1])
         self._stand: Stand | None = None
-        if not isinstance(self._drives, PositionControl):  # its servos stand by themselves
+        drives = self.control.drives
+        if not isinstance(drives, PositionControl):  # its servos stand by themselves
             self._stand = Stand(self.description, period, self._loads, soft)
-        if self._drives is not None:
-            self._drives.watch()
+        if drives is not None:
+            drives.watch()
         warm_up(self.control, robot, period, forces=first.sole_wrench is not None)
 
     def _begin_start(self, measurement: Measurement, fade: float) -> SafeStart:
@@ -300,7 +296,7 @@ class Runner:
         )
 
     def _enter(self, phase: Phase, now: float) -> None:
-        drives, good = self._drives, self._inlet.good
+        drives, good = self.control.drives, self._inlet.good
         if self.phase is Phase.RUN and drives is not None and good is not None:
             self._loads.adopt(good.time, *drives.observer.measured_state, drives.observer.load)
         self.phase = phase
@@ -392,8 +388,7 @@ class Runner:
         """Hand on what the machine's cameras see; cameras that fail leave a control blind, which walks on."""
         try:
             for cloud in self.driver.clouds():
-                if self._sees is not None:
-                    self._sees.see(cloud)
+                self.control.see(cloud)
         except Exception as error:  # of a camera, or of a cloud that is none
             blind = f"{type(error).__name__}: {error}"
             if blind != self._blind:
@@ -407,7 +402,7 @@ class Runner:
     @property
     def _checks_itself(self) -> bool:
         """True while a control runs that has a policy of its own for measurements that cannot be used."""
-        return self.phase is Phase.RUN and self._drives is not None
+        return self.phase is Phase.RUN and self.control.drives is not None
 
     def _send(self, command: Command) -> None:
         """Send a command of whatever phase, unless no machine must get it."""
@@ -468,8 +463,8 @@ class Runner:
             if self._lasts(True, LIFTED, now):
                 self._lift(measurement, now)
         elif self._lasts(share >= settings.load and self._may_run, CARRIED, now):
-            if isinstance(self._drives, (TorqueControl, PositionControl)) and stand is not None:
-                self._drives.reset(standing(self._robot, np.array(stand.control.observer.robot.q)))
+            if stand is not None:
+                self.control.reset(standing(self._robot, np.array(stand.control.observer.robot.q)))
             self._enter(Phase.RUN, now)
         return command
 
@@ -486,7 +481,7 @@ class Runner:
             raise _Over(f"{type(error).__name__} of the controller: {error}") from error
         if not self.driver.leaves_released:
             command = self._parking.hold(command, measurement.joint_position)
-        drives = self._drives
+        drives = self.control.drives
         if drives is not None and drives.stopped:
             raise _Over(f"the controller has stopped: {drives.reason}")
         if drives is None:  # else its observer knows, for a stop
@@ -503,13 +498,13 @@ class Runner:
         if self.settings.load > 0.0 and seen is not None and seen.sole_wrench is not None:
             carried = float(seen.sole_wrench[:, 2].sum()) / self._weight
             if self._lasts(carried < self.settings.touch / 3.0, LIFTED, now):
-                self._may_run = isinstance(self.control, Restartable)
+                self._may_run = self.control.restarts
                 self._lift(measurement, now)
         return command
 
     def _check_fall(self, measurement: Measurement) -> None:
         """End the run of a robot that has fallen."""
-        drives, falls, reason = self._drives, self._falls, None
+        drives, falls, reason = self.control.drives, self._falls, None
         if drives is not None:
             reason = drives.falls.reason if drives.damped else None
         elif falls is not None and self._fallen is not None and self.settings.on_fall == "damp":

@@ -10,12 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array
+from wbc.core.drive.control import Control
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.signals import Command, Control, Measurement
+from wbc.core.signals import Command, Measurement
 from wbc.core.trajectories import minimum_jerk
 from wbc.machine.loads import SoleLoads
-from wbc.machine.loop import Restartable
 from wbc.robots import RobotDescription
 from wbc.tasks.balance import BalanceGains, balance_controller
 
@@ -115,7 +115,7 @@ def warm_up(control: Control, robot: Robot, period: float, *, forces: bool) -> N
 
     A control that cannot be reset afterwards is left alone; `forces` tells whether the robot has force sensors.
     """
-    if not isinstance(control, Restartable):
+    if not control.restarts:
         return
     wrench = np.zeros((len(robot.soles), 6))
     wrench[:, 2] = robot.mass * GRAVITY / len(robot.soles)

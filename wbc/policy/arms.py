@@ -25,7 +25,6 @@ from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import Contact, ContactOptions
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
-from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks import PostureTask
@@ -88,7 +87,6 @@ class PolicyArms:
         index: Columns of their joints in arrays of the robot's joints, shape (number of joints,).
         failure: Reason for which the last tick had no torques; empty if it had them.
         remark: Words about its torques for the status; empty for none.
-        solution: Solution of the last tick; None before the first one.
     """
 
     def __init__(self, controller: Controller, joints: Sequence[str]) -> None:
@@ -103,8 +101,7 @@ class PolicyArms:
         self.controller, self._joints = controller, list(joints)
         self._carried = controller.add(Carried(robot, controller.dt))
         others = [name for name in robot.joint_names if name not in set(joints)]
-        self._others = controller.add(ReleasedJoints(robot, others, legs=True))
-        self.solution: Solution | None = None
+        self._others = controller.add(ReleasedJoints(robot, others, commanded=True))
         self.failure = self.remark = ""
 
     def follow(self, default: Array) -> PostureTask:
@@ -128,7 +125,7 @@ class PolicyArms:
 
     def _solve(self, measurement: Measurement) -> Array | None:
         self._carried.measured(measurement)
-        self.solution = solution = self.controller.solve(measurement)
+        solution = self.controller.solve(measurement)
         if not solution.ok:
             raise NoSolutionError(solution.status.value)
         return np.asarray(solution.torques[self.index])

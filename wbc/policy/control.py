@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError, WbcError, names_in, unknown_name
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Period
@@ -23,8 +24,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.ground import KnownGround, PointCloud
-from wbc.ground.cloud import ElevationMap
+from wbc.ground import KnownGround
 from wbc.motion import MotionClip
 from wbc.policy.arms import PolicyArms
 from wbc.policy.contacts import FootContacts
@@ -35,6 +35,7 @@ from wbc.policy.references import Frames, ScannedGround, Tracked, clip_frames, n
 from wbc.policy.terms import TERMS, GaitClock, Observed
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.source import Progress
+from wbc.walking.steered import SteeredControl
 
 logger = logging.getLogger(__name__)
 
@@ -55,7 +56,7 @@ class PolicyError(WbcError):
     """An action that is none: with a value that is not finite, or too late."""
 
 
-class PolicyControl(TorqueControl):
+class PolicyControl(SteeredControl):
     """Control of a robot by a policy that walks, as it is steered.
 
         policy = PolicyControl(robot, "policy.onnx", plant.control_period)
@@ -73,6 +74,8 @@ class PolicyControl(TorqueControl):
     of the `Observer`, never the truth of a simulation.
 
     Attributes:
+        drives: Torque control with controller and observer. It estimates, looks for faults and falls, and passes the
+            commands of the policy on; its QP runs for the arms alone.
         description: Joints, gains, action and observation of the policy.
         network: The network.
         observed: What the terms of the observation read.
@@ -85,6 +88,11 @@ class PolicyControl(TorqueControl):
         changed: Torques that a filter has changed in the last tick, made minus asked for, shape (na,), Nm.
         posture: Task on the posture of the arms; None without arms of the QP.
     """
+
+    restarts = True
+    drives: TorqueControl
+    observer, solution = renamed("observer", "drives.observer"), renamed("solution", "drives.solution")
+    failures, stopped = renamed("failures", "drives.failures"), renamed("stopped", "drives.stopped")
 
     @checked
     def __init__(
@@ -141,8 +149,8 @@ class PolicyControl(TorqueControl):
                 raise InputError("a network of your own needs a description: PolicyDescription(joints=…, …)")
         if arms and filter is not None:
             raise InputError("arms of a policy are those of the QP, or filtered: give arms or filter")
-        controller = Controller(robot, dt) if filter is None else filter.controller(robot, dt)
-        super().__init__(controller, observer, failures, safety=safety)
+        self.controller = Controller(robot, dt) if filter is None else filter.controller(robot, dt)
+        self.drives = TorqueControl(self.controller, observer, failures, safety=safety)
         self.network, self.description = network, description
         self._columns = columns = np.array(joint_columns(robot, description.joints))
         n = len(columns)
@@ -165,9 +173,9 @@ class PolicyControl(TorqueControl):
         self._sees_arms = bool(sees_arms)
         seen = filter is not None if sees_arms is None else sees_arms
         self._share_arms(names_in("arms", arms), filter, seen)
-        self._still = np.zeros(robot.na)
+        self._still, self._feed = np.zeros((2, robot.na))  # no velocity; torques beside arms of the QP
         self.observed = Observed(
-            self.observer.robot, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(2)
+            self.drives.observer.robot, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(2)
         )
         self._clock = GaitClock(description.phase, description.period)
         self.observed.phase = self._clock.phase
@@ -253,7 +261,7 @@ class PolicyControl(TorqueControl):
 
     def _reference(self, clip: MotionClip | None, ground: KnownGround | None) -> None:
         """Prepare the motion and the ground that the policy sees."""
-        robot, about, network = self.observer.robot, self.description, self.network
+        robot, about, network = self.drives.observer.robot, self.description, self.network
         seen = {term.name for term in about.observation}
         tracks = any(name.startswith("motion") for name in seen)
         for what, given, wanted in (("motion", clip, tracks), ("ground", ground, "height_scan" in seen)):
@@ -276,24 +284,13 @@ class PolicyControl(TorqueControl):
         """Motion that the policy tracks; None without one."""
         return self.observed.motion
 
-    def see(self, seen: PointCloud | ElevationMap) -> None:
-        """Take a cloud of points or a map of the ground; a blind policy ignores it."""
-        if self.ground is not None:
-            self.ground.add(seen)
-
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """See `DriveControl.release`: the policy sees released joints at rest in its default posture, too.
 
         With `sees_arms=True` it sees them where they are. It is an `InputError` where the QP moves arms or filters
         them: it shares the joints with the policy.
         """
-        if self._arms is not None:
-            raise InputError("joints of a policy whose arms the QP moves are shared by these two already")
-        released = super().release(joints)
-        self._masked = np.zeros(0, dtype=np.intp)
-        if released is not None and not self._sees_arms:
-            self._masked = np.flatnonzero(np.isin(self._columns, released.index))
-        return released
+        return self.drives.release(joints)
 
     @property
     def gains(self) -> tuple[Array, Array]:
@@ -315,12 +312,12 @@ class PolicyControl(TorqueControl):
 
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
-        super().reset(q)
+        self.drives.reset(q)
         self._begin_policy()
 
     def resume(self) -> None:
         """See `TorqueControl.resume`; the policy begins anew."""
-        super().resume()
+        self.drives.resume()
         self._begin_policy()
 
     @property
@@ -347,15 +344,6 @@ class PolicyControl(TorqueControl):
         """True while a stand is asked for."""
         return not any(self._velocity or ())
 
-    def stop(self) -> None:
-        """Come to a stand."""
-        self.velocity = None
-
-    @property
-    def steered(self) -> bool:
-        """True: a policy has nothing but its velocity."""
-        return True
-
     @property
     def velocity_limits(self) -> VelocityLimits:
         """Largest velocities that the policy is made for."""
@@ -368,21 +356,13 @@ class PolicyControl(TorqueControl):
         return self.contacts.progress
 
     @property
-    def steps_done(self) -> int:
-        """Number of landings."""
-        return self.contacts.steps_done
-
-    @property
     def done(self) -> bool:
         """True when no velocity has been asked for during the last 2 s, and after a fall."""
         return self._asked >= SETTLES or self.fallen is not None
 
-    def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
+    def act(self, state: State) -> Command:
         """End a tick: let the policy act once in its period, and return the command of the drives."""
-        del wrenches
-        if self.damped:
-            command = self._damp(state)
-        else:
+        if not self.drives.damped:
             self.acted = False
             self._asked = self._asked + self.controller.dt if self._stands else 0.0
             if state.ok:
@@ -398,22 +378,18 @@ class PolicyControl(TorqueControl):
                     self.lost = error
             self._ticks += 1
             if state.ok and self.lost is not None:  # until the next action
-                state = self.refuse(state, self.lost)
-            if state.ok:
-                self._failing = 0
-            command = self._damp(state) if self.stopped else self._servos(state)
-        if (released := self.controller.released) is not None and self._arms is None:
-            command = self._without(command, released)
-        if self.wrenches is not None:
-            self._sent.sent(command)
-        return command
+                state = self.drives.refuse(state, self.lost)
+        return self.drives.relay(state, self._servos)
 
     def _step(self, state: State) -> None:
         """Observe, and let the network choose the next targets."""
         observed, columns = self.observed, self._columns
         observed.position[:] = state.robot.q[7:][columns] - self._default
         observed.velocity[:] = state.robot.v[6:][columns]
-        observed.position[self._masked] = observed.velocity[self._masked] = 0.0
+        hidden: NDArray[Any] = self._masked
+        if (released := self.drives.released) is not None and not self._sees_arms:
+            hidden = released.mask[columns]
+        observed.position[hidden] = observed.velocity[hidden] = 0.0
         if self._regain:
             self._ask_for_more(state.robot)
         self._clock.tick(not (np.abs(observed.command) >= STILL).any())
@@ -460,12 +436,10 @@ class PolicyControl(TorqueControl):
         if isinstance(arms, FilteredArms):
             torque, target, velocity = self._filtered(arms, m)
         elif arms is not None:
-            torque, index, torques = self._torques, arms.index, arms.torques(m)
+            torque, index, torques = self._feed, arms.index, arms.torques(m)
             torque[index] = -self._arms_kd * m.joint_velocity[index] if torques is None else torques
             target[index] = m.joint_position[index]
-        if arms is not None:
-            self.solution = arms.solution
-        return self.gate.pass_on_with_gains(
+        return self.drives.gate.pass_on_with_gains(
             torque, target, velocity, (self._kp, self._kd), (m.joint_position, m.joint_velocity)
         )
 
@@ -489,7 +463,7 @@ class PolicyControl(TorqueControl):
         """Return the torques that the policy asks for where its joints are now, shape (na,), Nm; zeros for others."""
         torque: Array = self._kp * (self._target - measurement.joint_position)
         torque -= self._kd * measurement.joint_velocity
-        if self._arms is None and (released := self.controller.released) is not None:
+        if (released := self.drives.released) is not None:
             torque[released.index] = 0.0
         return torque
 

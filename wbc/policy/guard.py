@@ -8,13 +8,13 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError
+from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 from wbc.core.drive.control import DriveControl, State
-from wbc.core.estimation.falls import FallReason
 from wbc.core.qp.controller import Controller
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import Command
 from wbc.ground import PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.policy.control import PolicyControl
@@ -22,6 +22,7 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.plans.sources import Velocity, VelocityLimits
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress
+from wbc.walking.steered import SteeredControl
 
 logger = logging.getLogger(__name__)
 
@@ -30,7 +31,7 @@ BEYOND = 4.0
 0.9 as they walk, and for 1.8 after pushes from which they fall."""
 
 
-class PolicyGuard:
+class PolicyGuard(SteeredControl):
     """Control by a policy until it fails, and from then on by the library's walk, which brings the robot to a stand.
 
         guard = PolicyGuard(PolicyControl(robot, "policy.onnx", dt))
@@ -46,6 +47,9 @@ class PolicyGuard:
         walking: The walk that takes over, on the observer of the policy, in torque or hybrid control.
         relieved: Reason for which the policy has been relieved; empty while it controls the robot.
     """
+
+    restarts = True
+    control, stopped = renamed("control", "drives"), renamed("stopped", "drives.stopped")
 
     @checked
     def __init__(
@@ -70,11 +74,11 @@ class PolicyGuard:
         if walking is None:
             settings = WalkingControlSettings(mode="torque")
             walking = WalkingControl(
-                robot, None, dt, settings, observer=policy.observer, ground=policy.ground
+                robot, None, dt, settings, observer=policy.drives.observer, ground=policy.ground
             )
-        if walking.control.observer is not policy.observer:
+        if walking.drives.observer is not policy.drives.observer:
             raise InputError(
-                "the walk of a guard must be made with observer=policy.observer: one estimate for both"
+                "the walk of a guard must be made with observer=policy.drives.observer: one estimate for both"
             )
         if walking.dt != dt:
             raise InputError(
@@ -85,13 +89,11 @@ class PolicyGuard:
         policy.longest = longest
         self._asked = ""  # to take over in the next tick
 
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick of the policy, or of the walk."""
+    def act(self, state: State) -> Command:
+        """End a tick by the policy, or by the walk."""
         if self.relieved:
-            return self.walking.command(measurement)
-        policy = self.policy
-        state = policy.estimate(measurement)
-        command = policy.act(state)
+            return self.walking.act(state)
+        command = self.policy.act(state)
         reason = self._failure(state)
         if not reason:
             return command
@@ -115,13 +117,18 @@ class PolicyGuard:
         self.policy.resume()
         self.relieved = ""
 
+    def reset(self, q: Array | None = None) -> None:
+        """Let the policy begin anew from a configuration at rest, shape (nq,); half-sitting when None."""
+        self.policy.reset(q)
+        self.relieved = self._asked = ""
+
     def _failure(self, state: State) -> str:
         """Return why the policy is to be relieved in this tick; empty if it goes on."""
         policy = self.policy
         if self._asked:
             reason, self._asked = self._asked, ""
             return reason
-        if not state.ok or policy.damped:
+        if not state.ok or policy.drives.damped:
             return ""
         if policy.lost is not None:
             return str(policy.lost)
@@ -139,37 +146,37 @@ class PolicyGuard:
         self.walking.begin(state, contacts.air, contacts.landed)
 
     @property
-    def _now(self) -> PolicyControl | WalkingControl:
+    def acting(self) -> PolicyControl | WalkingControl:
         """The one who controls the robot now."""
         return self.walking if self.relieved else self.policy
 
     @property
-    def control(self) -> DriveControl:
+    def drives(self) -> DriveControl:  # type: ignore[override]  # nobody assigns them
         """Drives of the one who controls the robot now."""
-        return self.walking.control if self.relieved else self.policy
+        return self.acting.drives
 
     @property
     def controller(self) -> Controller:
         """Controller of the one who controls the robot now."""
-        return self.control.controller
+        return self.acting.controller
 
     @property
     def velocity(self) -> Velocity | None:
         """Velocity that is asked for of the one who controls the robot now; see `WalkingControl.velocity`."""
-        return self._now.velocity
+        return self.acting.velocity
 
     @velocity.setter
     def velocity(self, value: Sequence[float] | None) -> None:
-        self._now.velocity = value
+        self.acting.velocity = value
 
     @property
     def velocity_limits(self) -> VelocityLimits:
         """Largest velocities of the one who controls the robot now."""
-        return self._now.velocity_limits
+        return self.acting.velocity_limits
 
     def stop(self) -> None:
         """Come to a stand."""
-        self._now.stop()
+        self.acting.stop()
 
     def see(self, seen: PointCloud | ElevationMap) -> None:
         """Take a cloud of points or a map of the ground, for policy and walk."""
@@ -178,36 +185,21 @@ class PolicyGuard:
             self.walking.see(seen)
 
     @property
-    def steered(self) -> bool:
-        """True: neither of them has a plan."""
-        return True
-
-    @property
-    def stopped(self) -> bool:
-        """True while drives are stopped, or the walk is."""
-        return self._now.stopped
-
-    @property
     def done(self) -> bool:
         """True once the robot stands, and nothing else is asked of it."""
-        return self._now.done
+        return self.acting.done
 
     @property
     def progress(self) -> Progress:
         """Phase of the feet and number of steps, of the one who controls the robot now."""
-        return self._now.progress
+        return self.acting.progress
 
     @property
     def steps_done(self) -> int:
         """Number of steps of the policy and of the walk."""
         return self.policy.steps_done + (self.walking.steps_done if self.relieved else 0)
 
-    @property
-    def fallen(self) -> FallReason | None:
-        """Reason of the robot's fall; None while it has not fallen."""
-        return self.control.fallen
-
     def status(self) -> str:
         """Return in one line how the control is; see `DriveControl.status`."""
-        status = self.control.status()
+        status = self.acting.status()
         return f"policy relieved ({self.relieved}); {status}" if self.relieved else status

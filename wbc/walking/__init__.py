@@ -1,6 +1,6 @@
 """Walking: the control of a robot that walks, and the sources of references that it follows.
 
-control     the control: what is asked of a robot, and the tick
+control     the control: what is asked of a robot, and the tick; steered: what it has in common with policies
 source      what the control follows in every tick; another one derives from `ReferenceSource`
 steering    velocities and goals, for planned and free steps
 plans       footsteps: plans, gait, reach of the legs, and who is asked for them while the robot walks
@@ -28,11 +28,13 @@ from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, StandSource
+from wbc.walking.steered import SteeredControl
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.swing import FootMotion
 
 __all__ = [
     # Control: a measurement in, a command out
+    "SteeredControl",
     "WalkingControl",
     "WalkingControlSettings",
     # Sources of references

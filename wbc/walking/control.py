@@ -1,11 +1,11 @@
 """Control of a robot that stands and walks: a measurement in, a command out.
 
-    state = control.estimate(measurement)               plausibility, observer               `wbc.core.drive.control`
+    state = drives.estimate(measurement)                plausibility, observer               `wbc.core.drive.control`
     state = balance.correct(state, last)                bias of the DCM                      `wbc.walking.balance`
     reference = source.update(state)                    pendulum, feet, record of the step   `wbc.walking.source`
     reference = balance.update(reference, last, state)  desired wrenches, admittances, lean  `wbc.walking.balance`
     tasks.follow(reference, lean)                       targets of tasks and contacts        `wbc.walking.tasks`
-    command = control.act(state, balance.wrenches)      QP, drive, gate                      `wbc.core.drive.control`
+    command = drives.act(state, balance.wrenches)       QP, drive, gate                      `wbc.core.drive.control`
 
 What one step is, phase, contacts, heading, landing and times, is one record (`Progress`), made by the source alone; all
 others read it in the references of the tick. `last` are the references of the tick before.
@@ -23,22 +23,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from wbc.base.checked import checked, result
+from wbc.base.checked import checked, renamed, result
 from wbc.base.errors import InputError, names_in, shown
-from wbc.base.numbers import finite_array
+from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Angle, Number, Period
 from wbc.core.drive.control import State
+from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.frames import heading
 from wbc.core.limits.base import Limit
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import Robot
-from wbc.core.signals import Command, Measurement
-from wbc.ground import KnownGround, PointCloud
-from wbc.ground.cloud import ElevationMap
+from wbc.core.signals import Command
+from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.lean import UPRIGHT
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
@@ -60,12 +59,13 @@ from wbc.walking.plans.sources import (
 )
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
+from wbc.walking.steered import SteeredControl
 from wbc.walking.steering import Steering
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.steps import com_height, drive_of, source_of, tasks_of
 
 
-class WalkingControl:
+class WalkingControl(SteeredControl):
     """Control of a robot that stands and walks, along a plan or as it is steered.
 
         walking = WalkingControl(robot, None, plant.control_period)
@@ -76,7 +76,7 @@ class WalkingControl:
         source: Present source of the references.
         dt: Control period, s.
         controller: Whole-body controller with all tasks and contacts.
-        control: Position, torque or hybrid control, with the observer.
+        drives: Position, torque or hybrid control, with the observer.
         tasks: Tasks and contacts.
         arms: Arms with hands, whose targets can be set at any tick.
         body: Set-points of the body: height of the CoM, lean and turn of the trunk, and gaze; set them at any tick.
@@ -89,11 +89,13 @@ class WalkingControl:
     """
 
     __slots__ = (
-        "_dt", "_hands", "_outside", "arms", "balance", "body", "control", "controller", "ground", "load", "reference",
+        "_dt", "_hands", "_outside", "arms", "balance", "body", "controller", "drives", "ground", "load", "reference",
         "settings", "source", "stiffness", "stopped", "tasks",
     )  # fmt: skip
 
+    drives: PositionControl | TorqueControl
     dt: float = result("_dt", "make another control, with a robot that stands")
+    control = renamed("control", "drives")
 
     @checked
     def __init__(
@@ -134,12 +136,12 @@ class WalkingControl:
         self.settings = s = settings or WalkingControlSettings()
         self.controller = controller = Controller(robot, dt, settings=s.solver)
         observer = observer or Observer(robot, adopt=s.mode != "position")
-        self.control, self._dt = drive_of(controller, observer, s), dt
+        self.drives, self._dt = drive_of(controller, observer, s), dt
         for limit in limits:
             controller.add(limit)
         self.arms = Arms(controller, dt, s.arms)
         self.source = walk = source_of(robot, source, dt, s, extent)
-        self.tasks = tasks_of(self.control, walk, s)
+        self.tasks = tasks_of(self.drives, walk, s)
         self.arms.follow(self.tasks)
         height, (left, _), estimate = com_height(robot, walk), robot.soles, observer.robot
         self._hands: Hands | None = None
@@ -151,7 +153,7 @@ class WalkingControl:
         self._outside = None if s.load is None else observer.observe_outside()
         self.balance: Balance | None = None
         if isinstance(self.tasks.com, StabilizerTask):
-            self.balance = Balance(self.control, self.tasks.com, self._hands, self.load, s, height)
+            self.balance = Balance(self.drives, self.tasks.com, self._hands, self.load, s, height)
         self.body = Body(
             controller,
             height,
@@ -174,35 +176,26 @@ class WalkingControl:
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick.
-
-        Args:
-            measurement: Present measurement of all sensors.
-
-        Returns:
-            Command of the drives until the next tick. No error is raised: in a tick that fails, the policy of the
-            control decides.
-        """
-        return self.act(self.control.estimate(measurement))
-
     def act(self, state: State) -> Command:
-        """End a tick whose state has been estimated, by this control or by another one on the same observer."""
-        control = self.control
-        if state.ok and not control.damped:
+        """End a tick whose state has been estimated, by these drives or by others on the same observer.
+
+        No error is raised: in a tick that fails, the failure policy of the drives decides.
+        """
+        drives = self.drives
+        if state.ok and not drives.damped:
             try:
                 self._follow(state)
             except Exception as error:  # of a source, or of hands, of the user's own
-                state = control.refuse(state, error)
-        command = control.act(state, None if self.balance is None else self.balance.wrenches)
+                state = drives.refuse(state, error)
+        command = drives.act(state, None if self.balance is None else self.balance.wrenches)
         return command if self.stiffness is None else self._with_stiffness(command, self.stiffness)
 
     def check_begin(self) -> tuple[SteppingWalk, TorqueControl]:
         """Return free steps and drives; an `InputError` if `begin` is not for them."""
-        source, control = self.source, self.control
-        if not isinstance(source, SteppingWalk) or not isinstance(control, TorqueControl):
+        source, drives = self.source, self.drives
+        if not isinstance(source, SteppingWalk) or not isinstance(drives, TorqueControl):
             raise InputError("a gait begins on its way in free steps, in torque or hybrid control")
-        return source, control
+        return source, drives
 
     def begin(
         self, state: State, air: Sequence[float] = (0.0, 0.0), landed: Sequence[float] = (9.0, 9.0)
@@ -220,7 +213,7 @@ class WalkingControl:
         Raises:
             InputError: A robot in position control; times that are not two numbers, or negative.
         """
-        source, control = self.check_begin()
+        source, drives = self.check_begin()
         times = finite_array("times of the feet in the air and on the ground (s)", (air, landed), (2, 2))
         if times.min() < 0.0:
             raise InputError(
@@ -228,10 +221,20 @@ class WalkingControl:
             )
         self.tasks.begin()
         self.body.begin()
-        control.resume()
+        drives.resume()
         source.begin(heading(state.robot.placement(state.robot.base_frame).rotation))
         source.join(*times.tolist())
         self.reference, self.stopped = None, False
+
+    def reset(self, q: Array | None = None) -> None:
+        """Begin from a configuration at rest, shape (nq,), before the first tick; half-sitting when None.
+
+        Raises:
+            InputError: The robot has stood or walked already.
+        """
+        if self.reference is not None:
+            raise InputError("a walk cannot begin anew: make another control, with a robot that stands")
+        self.drives.reset(q)
 
     def _follow(self, state: State) -> None:
         """Set the targets of all tasks and contacts of this tick."""
@@ -249,7 +252,7 @@ class WalkingControl:
         reference = self.source.update(state)
         progress = reference.progress
         if progress.phase is GaitPhase.STANDING:
-            self.control.observer.inertial.rest()
+            self.drives.observer.inertial.rest()
         if body.active:
             body.update(progress.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
@@ -270,8 +273,8 @@ class WalkingControl:
 
     def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:
         """Return a command with the stiffness of both soles from the state of the swing."""
-        control, now = self.control, self.control.measurement
-        if control.failing or control.damped or now is None:
+        drives, now = self.drives, self.drives.measurement
+        if drives.failing or drives.damped or now is None:
             return replace(command, sole_stiffness=scheduler.command)
         progress = self.progress
         landing = progress.landing
@@ -279,10 +282,10 @@ class WalkingControl:
             progress.swing_side,
             min(progress.elapsed / max(progress.duration, self._dt), 1.0),
             max(progress.duration - progress.elapsed, 0.0),
-            control.observer.robot,
+            drives.observer.robot,
             now,
             None if landing is None else landing.position,
-            control.observer.sinking.compliance,
+            drives.observer.sinking.compliance,
         )
         return replace(command, sole_stiffness=soles)
 
@@ -302,17 +305,12 @@ class WalkingControl:
     @property
     def time(self) -> float:
         """Time since the start, s."""
-        return self.control.time
+        return self.drives.time
 
     @property
     def progress(self) -> Progress:
         """Record of the step in the last tick."""
         return self.source.progress if self.reference is None else self.reference.progress
-
-    @property
-    def steps_done(self) -> int:
-        """Number of steps that have ended; a foot that finds no ground counts as standing at its place."""
-        return self.progress.steps_done
 
     @property
     def finished(self) -> bool:
@@ -321,11 +319,6 @@ class WalkingControl:
         `source.reason` says why an order was dropped.
         """
         return self.source.finished and not self.source.reason
-
-    @property
-    def fallen(self) -> FallReason | None:
-        """Reason of the fall; None while the robot has not fallen."""
-        return self.control.fallen
 
     @property
     def done(self) -> bool:
@@ -356,15 +349,6 @@ class WalkingControl:
         """Output of the stabilizer in the tick of `reference`; None without a stabilizer and before the first tick."""
         return None if self.balance is None else self.balance.output
 
-    def see(self, seen: PointCloud | ElevationMap) -> None:
-        """Take a cloud of points or a map of the ground; a blind walk ignores it.
-
-        Args:
-            seen: Cloud or map.
-        """
-        if self.ground is not None:
-            self.ground.add(seen)
-
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
         """Leave exactly these joints to another controller, from the next tick on; an empty list takes all back.
 
@@ -388,7 +372,7 @@ class WalkingControl:
         for arm in self.arms.hands:
             if arm.joints and gone.issuperset(arm.joints) and arm.active:
                 raise InputError(f"'{arm.name}' must be let go before its arm is released: it is at work")
-        return self.control.release(names)
+        return self.drives.release(names)
 
     # ---- what is asked of the robot -----------------------------------------------------------------------------
 

@@ -48,7 +48,7 @@ def walk_ahead(mode: Mode, seed: int = 3, robot: str = "g1", end: float = 2.0) -
         plant.step(walking.command(plant.measure()))
         expected += walking.granted_velocity[0] * PERIOD
         stood = stood + PERIOD if walking.progress.phase is GaitPhase.STANDING else 0.0
-    assert walking.fallen is None and walking.control.failures == 0
+    assert walking.fallen is None and walking.drives.failures == 0
     assert walking.progress.phase is GaitPhase.STANDING and walking.steps_done >= 3
     travelled = plant.truth().com[:2] - start
     assert abs(travelled[1]) < 0.1

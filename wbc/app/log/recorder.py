@@ -12,24 +12,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wbc.app.log.header import make_header
-from wbc.app.log.signals import Control, Read, Signal, Signals, Tick, drives_of
+from wbc.app.log.signals import Read, Signal, Signals, Tick
 from wbc.app.log.sources import tick_signals
 from wbc.app.log.writer import LogWriter
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.files import FileError
 from wbc.base.numbers import Array
-from wbc.core.qp.controller import Controller
+from wbc.core.drive.control import Control
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.policy.guard import PolicyGuard
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.simulation.simulation import GroundTruth
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.trial.trial import TrialHook
-from wbc.tasks.behaviours import Program
 
 if TYPE_CHECKING:
     from wbc.sim.simulation.simulation import Simulation
@@ -92,7 +90,7 @@ class Recorder(TrialHook):
     def __call__(
         self,
         plant: Simulation | None,
-        control: Control | Program | PolicyGuard,
+        control: Control,
         measurement: Measurement,
         command: Command,
     ) -> None:
@@ -101,25 +99,21 @@ class Recorder(TrialHook):
         Args:
             plant: The plant or loop, for ground truth and for the robot that a replay shows; None without one: `write`
                 takes a description.
-            control: The walk, position or torque control, or a program that drives one of these; of a guard of a
-                policy, the drives of who controls the robot in this tick.
+            control: A control with drives; of a guard of a policy, that of who controls the robot in this tick is
+                recorded.
             measurement: Input of the control.
             command: Output of the control.
         """
-        program = control if isinstance(control, Program) else None
-        driven: Any = control.control if isinstance(control, (Program, PolicyGuard)) else control
-        if isinstance(driven, Controller):
+        if not isinstance(control, Control) or (drives := control.drives) is None:
             raise InputError(
-                "a Controller alone is recorded by write(…); its program by add(…, lambda: program.path)"
+                "a control without drives, or a Controller alone, is recorded by write(…); the program of a Controller "
+                "by add(…, lambda: program.path)"
             )
-        drives = drives_of(driven)
         loop = None if plant is None or isinstance(plant, Plant) else plant
         truth = None if loop is None else self._truth_of(loop)
         about = None if plant is None else plant.description
         state = drives.observer.robot
-        self._record(
-            Tick(plant, driven, measurement, command, about, drives.solution, truth, state, program=program)
-        )
+        self._record(Tick(plant, control, measurement, command, about, drives.solution, truth, state))
 
     def _truth_of(self, loop: Any) -> GroundTruth | None:
         """Return the true state that a loop knows; None for a loop whose `truth` is something else, or is not there."""

@@ -9,8 +9,7 @@ from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.core.drive.position import PositionControl
-from wbc.core.drive.torque import TorqueControl
+from wbc.core.drive.control import Control, DriveControl
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.robot import Robot
@@ -27,9 +26,6 @@ T = TypeVar("T")
 Kind = Literal["number", "double", "whole", "flag", "text", "list"]
 """Storage of a signal: 4-byte float, 8-byte float, 4-byte integer, truth value, text, list of 4-byte floats."""
 
-Control = PositionControl | TorqueControl | WalkingControl
-"""Controllers that answer a measurement with a command."""
-
 
 @dataclass(slots=True, eq=False)
 class Tick:
@@ -37,7 +33,7 @@ class Tick:
 
     Attributes:
         plant: The plant or loop.
-        control: The walk, or position or torque control.
+        control: The control.
         measurement: Input of the control.
         command: Output of the control.
         description: The robot as data.
@@ -45,9 +41,9 @@ class Tick:
         truth: True state of a loop that is no `Plant`.
         estimate: Estimated robot in this tick.
         model: Robot of a run without a control, for names and sizes.
-        program: Program that drives the control.
-        drives: Position or torque control, also that inside a walk.
-        walking: Controller of a walk.
+        program: The control, if it is a program.
+        drives: Drives of the control.
+        walking: The control that makes the commands, if it is a walk.
         reference: Reference of the walk.
         output: Output of the stabilizer to that reference.
     """
@@ -61,23 +57,24 @@ class Tick:
     truth: GroundTruth | None = None
     estimate: Robot | None = None
     model: Robot | None = None
-    program: Program | None = None
-    drives: PositionControl | TorqueControl | None = field(init=False)
+    program: Program | None = field(init=False)
+    drives: DriveControl | None = field(init=False)
     walking: WalkingControl | None = field(init=False)
     reference: Reference | None = field(init=False)
     output: StabilizerOutput | None = field(init=False)
 
     def __post_init__(self) -> None:
         control = self.control
-        self.walking = None if isinstance(control, (PositionControl, TorqueControl)) else control
-        self.drives = None if control is None else drives_of(control)
+        self.program = control if isinstance(control, Program) else None
+        self.drives, acting = (None, None) if control is None else (control.drives, control.acting)
+        self.walking = acting if isinstance(acting, WalkingControl) else None
         self.reference = None if self.walking is None else self.walking.reference
         self.output = None if self.walking is None or self.reference is None else self.walking.output
 
     @property
     def controller(self) -> Controller | None:
         """The whole-body controller."""
-        return None if self.control is None else self.control.controller
+        return None if self.drives is None else self.drives.controller
 
     @property
     def robot(self) -> Robot:
@@ -90,11 +87,6 @@ class Tick:
 
 Read = Callable[[Tick], Any]
 """Value of a signal in a tick; None where there is none."""
-
-
-def drives_of(control: Control) -> PositionControl | TorqueControl:
-    """Return position or torque control, also that inside a walk."""
-    return control if isinstance(control, (PositionControl, TorqueControl)) else control.control
 
 
 class Signal(NamedTuple):

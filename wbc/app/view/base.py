@@ -21,15 +21,14 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
-from wbc.core.drive.control import DriveControl
+from wbc.core.drive.control import Control
 from wbc.core.qp.controller import Controller
-from wbc.policy.control import PolicyControl
-from wbc.policy.guard import PolicyGuard
 from wbc.robots import RobotDescription
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.trial.trial import TrialHook
 from wbc.tasks.behaviours import Program
 from wbc.walking.control import WalkingControl
+from wbc.walking.steered import SteeredControl
 
 if TYPE_CHECKING:
     from wbc.app.view.controls import LiveControls
@@ -183,15 +182,17 @@ class View(TrialHook, ABC):
         self, source: MujocoRobot | RobotDescription, control: Any, program: Program | None
     ) -> None:
         control = program.control if control is None and program is not None else control
-        if control is not None and not isinstance(
-            control, (Controller, DriveControl, WalkingControl, PolicyGuard)
-        ):
-            raise InputError(f"a view shows a walk, a control or a Controller, got {control!r}")
+        if control is not None and not isinstance(control, (Control, Controller)):
+            raise InputError(f"a view shows a control or a Controller, got {control!r}")
         self._program, self._ending = program, ""
-        self._control = control.control if isinstance(control, WalkingControl) else control
-        self._controller = control if isinstance(control, Controller | None) else control.controller
-        self.walking = control if isinstance(control, WalkingControl) else None
-        self.steered = control if isinstance(control, (WalkingControl, PolicyControl, PolicyGuard)) else None
+        self._control: Control | None = control if isinstance(control, Control) else None
+        self._controller = control if isinstance(control, Controller) else None
+        acting = None
+        if self._control is not None:
+            drives, acting = self._control.drives, self._control.acting
+            self._controller = None if drives is None else drives.controller
+        self.walking = acting if isinstance(acting, WalkingControl) else None
+        self.steered = control if isinstance(control, SteeredControl) else None
         self.stage: SimulatedStage | DescribedStage
         if isinstance(source, RobotDescription) and self.walking is None:
             self.stage = DescribedStage(source)
@@ -287,7 +288,7 @@ class View(TrialHook, ABC):
         self.frames += 1
         if self._program is not None:
             picture.text.insert(0, self._program.path)
-        if isinstance(self._control, DriveControl):
+        if self._control is not None:
             status = shorten(self._control.status(), STATUS_LENGTH, placeholder=" …")
             picture.text.append(f"control: {status}")
         if self._ending:

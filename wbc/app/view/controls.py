@@ -38,11 +38,9 @@ from wbc.sim.trial.push import push_along
 from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
-    from wbc.policy.control import PolicyControl
-    from wbc.policy.guard import PolicyGuard
     from wbc.sim.plant.mujoco_robot import MujocoRobot
     from wbc.sim.simulation.simulation import Simulation
-    from wbc.walking.control import WalkingControl
+    from wbc.walking.steered import SteeredControl
 
 _log = logging.getLogger(__name__)
 
@@ -112,7 +110,7 @@ class LiveControls:
     def __init__(
         self,
         plant: MujocoRobot | Simulation | None,
-        walking: WalkingControl | PolicyControl | PolicyGuard | None,
+        walking: SteeredControl | None,
         controller: Controller | None = None,
         *,
         repeat: Iterable[dict[str, Any]] = (),
@@ -120,7 +118,9 @@ class LiveControls:
         """Find the controls that the run has; interventions of a former one are carried out again at their times."""
         self._plant: Any = plant
         self._walking: Any = walking
-        self.controller: Any = walking.controller if controller is None and walking else controller
+        if controller is None and walking is not None and walking.drives is not None:
+            controller = walking.drives.controller
+        self.controller: Any = controller
         self.interventions: list[dict[str, Any]] = []
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick

@@ -110,7 +110,7 @@ class WalkMarks:
 
 def outside_force(walking: WalkingControl) -> tuple[Array | None, Array]:
     """Return the estimated force on the hands with the weight of the load, N, and its place, m; None without one."""
-    observer, load = walking.control.observer, walking.load
+    observer, load = walking.drives.observer, walking.load
     estimated = observer.robot
     if observer.outside is None:
         return None, np.zeros(3)
@@ -134,7 +134,7 @@ def sole_poses(places: RobotPlaces, data: mujoco.MjData) -> list[Array]:
 
 def drift_of(robot: MujocoRobot, walking: WalkingControl) -> Drift:
     """Return the present drift of a walk's estimate, as of one tick."""
-    estimated = walking.control.observer.robot
+    estimated = walking.drives.observer.robot
     base = robot.data.xmat[robot.places.root].reshape(3, 3)
     turn = heading(base) - heading(estimated.placement(estimated.base_frame).rotation)
     feet = [[estimated.placement(sole.frame).translation for sole in estimated.soles]]

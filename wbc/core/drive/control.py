@@ -1,27 +1,28 @@
-"""One tick of a robot's drives: what all modes have in common, and ticks that fail.
+"""Controls: their protocol, one tick of a robot's drives, which is the same in all modes, and ticks that fail.
 
-    state = control.estimate(measurement)   plausibility, observer, monitor      never raises
+    state = drives.estimate(measurement)    plausibility, observer, monitor      never raises
     …targets of tasks and contacts, from the state…
-    command = control.act(state)            QP, drive, gate                      never raises
+    command = drives.act(state)             QP, drive, gate                      never raises
 
-`command` does both, for targets that come from elsewhere. The modes are in `wbc.core.drive`: `wbc.core.drive.position`
-integrates accelerations to references of the servos, `wbc.core.drive.torque` sends torques, alone or with references.
+`command` does both, for targets that come from elsewhere. A control with a law of its own ends its tick with `relay` in
+place of `act`. The modes are in `wbc.core.drive`: `wbc.core.drive.position` integrates accelerations to references of
+the servos, `wbc.core.drive.torque` sends torques, alone or with references.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from time import perf_counter
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, MeasurementError
+from wbc.base.errors import InputError, MeasurementError, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.drive.gate import CommandGate
@@ -119,7 +120,81 @@ class SafetySettings:
     on_fall: Literal["damp", "go on"] = "damp"
 
 
-class DriveControl:
+class Control:
+    """Protocol of whatever answers a measurement with a command: drives, a walk, a policy, its guard, or a program.
+
+    Whoever runs a control (`wbc.run`, trials, programs, logs and views) asks for nothing but what is here. A control of
+    your own derives from this class. With drives it writes `act`, and has the estimate, the tests of sensors and of
+    falls, and the failure policy of its drives; without drives it writes `command`:
+
+        class Sway(wbc.Control):
+            def __init__(self, robot, dt):
+                self.drives = wbc.TorqueControl(wbc.balance_controller(robot, dt))
+                self.com = self.drives.controller.task("com")
+
+            def act(self, state):
+                self.com.target = [0.02 * math.sin(state.time), 0.0, 0.8]
+                return self.drives.act(state)
+
+    Attributes:
+        drives: Position, torque or hybrid control with controller and observer, which makes the commands of this tick;
+            None for a control without.
+        restarts: True for a control that `reset` lets begin anew at any time; others are reset before their first tick
+            alone.
+    """
+
+    __slots__ = ()
+
+    drives: DriveControl | None = None
+    restarts: bool = False
+
+    def command(self, measurement: Measurement) -> Command:
+        """Run one tick, and return its command."""
+        if self.drives is None:
+            raise NotImplementedError(
+                f"{type(self).__name__} without drives must have a `command` of its own"
+            )
+        return self.act(self.drives.estimate(measurement))
+
+    def act(self, state: State) -> Command:
+        """End a tick whose state the drives have estimated, and return its command."""
+        raise NotImplementedError(f"{type(self).__name__} must have an `act` of its own")
+
+    @property
+    def acting(self) -> Control:
+        """Control that makes the commands now: itself, or the one that a program or a guard runs."""
+        return self
+
+    @property
+    def dt(self) -> float | None:
+        """Control period, s; None for any."""
+        return None if self.drives is None else self.drives.controller.dt
+
+    @property
+    def fallen(self) -> FallReason | None:
+        """Reason of the robot's fall; None while it has not fallen, or nobody looks."""
+        return None if self.drives is None else self.drives.fallen
+
+    def status(self) -> str:
+        """Return in one line how the control is; see `DriveControl.status`."""
+        return "ok" if self.drives is None else self.drives.status()
+
+    def see(self, seen: Any) -> None:
+        """Take a `wbc.ground.PointCloud` or a map of the ground; a control that does not see the ground ignores it."""
+
+    def reset(self, q: Array | None = None) -> None:
+        """Begin from a configuration at rest, shape (nq,); half-sitting when None."""
+        if self.drives is not None:
+            self.drives.reset(q)
+
+
+def check_control(control: Control) -> None:
+    """Raise an `InputError` for something that is no control."""
+    if not isinstance(control, Control):
+        raise InputError(f"a control is an object of a class derived from wbc.Control, got {shown(control)}")
+
+
+class DriveControl(Control):
     """Base of all modes: plausibility, observer, failures, the last solution and the gate.
 
     A mode has `reset`, and two methods that make a command: `_follow` a solution, or `_hold` without one.
@@ -128,7 +203,6 @@ class DriveControl:
         controller: The controller.
         observer: Observer that estimates the state from measurements.
         policy: Reaction to failures.
-        solution: Result of the last tick.
         measurement: Measurement of the last tick, with what was refused replaced by predictions.
         time: Time since the control was made, s; one control period in each tick.
         wrenches: Estimator of the wrenches of feet without force sensors; None while they are measured.
@@ -141,6 +215,7 @@ class DriveControl:
         falls: Detector of a fall, by the estimate.
     """
 
+    restarts = True
     _follows_estimate = True
     _moves_references = False  # the solution is integrated to references of the joints
 
@@ -174,7 +249,6 @@ class DriveControl:
         )
         self.failures = 0
         self.reason = ""
-        self.solution: Solution | None = None
         self.measurement: Measurement | None = None
         self.time = 0.0
         self.falls, self._on_fall = FallDetector(self.observer.robot, dt), safety.on_fall
@@ -182,6 +256,20 @@ class DriveControl:
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
+
+    @property
+    def drives(self) -> DriveControl:  # type: ignore[override]  # nobody assigns it
+        """Itself."""
+        return self
+
+    def reset(self, q: Array | None = None) -> None:
+        """Begin anew from a configuration at rest, shape (nq,); half-sitting when None."""
+        raise NotImplementedError
+
+    @property
+    def solution(self) -> Solution | None:
+        """Result of the QP in the last tick; None before the first one."""
+        return self.controller.solution
 
     @property
     def failing(self) -> bool:
@@ -206,7 +294,7 @@ class DriveControl:
     def _forget(self) -> None:
         """Clear failures, a fall, the last measurement, the last solution and the last torques."""
         self.controller.reset()
-        self.solution = self.measurement = None
+        self.measurement = None
         self.falls.reset()
         self._torques = np.zeros_like(self._torques)
         self._failing = 0
@@ -274,10 +362,6 @@ class DriveControl:
         dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
         return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._dcm_limit * height
 
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick, with the targets as they are, and return its command; a failed tick follows the policy."""
-        return self.act(self.estimate(measurement))
-
     def estimate(self, measurement: Measurement) -> State:
         """Begin a tick: estimate the state, bring the controller's robot there, and return it.
 
@@ -327,8 +411,35 @@ class DriveControl:
         else:
             solution = self._solve(state, wrenches) if state.ok else None
             command = self._hold(state) if solution is None else self._follow(state, solution)
-        if (released := self.controller.released) is not None:
-            command = self._without(command, released)
+        return self._passed_on(command)
+
+    def relay(self, state: State, law: Callable[[State], Command]) -> Command:
+        """End a tick with the command of another law than the QP's, such as that of a policy.
+
+        Torques and gains of joints that somebody else moves are taken out. The joints of a robot that has fallen, or
+        whose ticks have failed for too long, are damped. A law that raises an exception fails the tick.
+
+        Args:
+            state: State of this tick; of one that `refuse` has failed, the law returns the command to hold.
+            law: Function of the state that makes the command; it is not called where the joints are damped.
+        """
+        if self.damped or self.stopped:
+            return self._passed_on(self._damp(state))
+        try:
+            command = law(state)
+            if state.ok:
+                self._failing = 0
+        except Exception as error:  # of a law of the user's own
+            command = self._hold(self.refuse(state, error))
+        return self._passed_on(command)
+
+    def _passed_on(self, command: Command) -> Command:
+        """Return the command of a tick, whose arrays are its own, with nothing in it for joints of somebody else."""
+        if (released := self.released) is not None:
+            for part in (command.joint_torque, command.kp, command.kd):
+                if part is not None:
+                    part[released.index] = 0.0
+            command = replace(command, released=released.mask)
         if self.wrenches is not None:
             self._sent.sent(command)  # for the torques that it makes
         return command
@@ -353,15 +464,9 @@ class DriveControl:
 
     @property
     def released(self) -> ReleasedJoints | None:
-        """Joints that somebody else moves; None while there are none."""
-        return self.controller.released
-
-    def _without(self, command: Command, released: ReleasedJoints) -> Command:
-        """Return a command, whose arrays are its own, with nothing in it for joints of somebody else."""
-        for part in (command.joint_torque, command.kp, command.kd):
-            if part is not None:
-                part[released.index] = 0.0
-        return replace(command, released=released.mask)
+        """Joints that nothing is commanded for, as somebody else moves them; None while there are none."""
+        released = self.controller.released
+        return None if released is None or released.commanded else released
 
     def _begin(self) -> Sequence[pin.SE3 | None] | None:
         """Return where loaded soles are, in the world of the controller's robot; None where the observer is to say."""
@@ -399,10 +504,10 @@ class DriveControl:
     def _solve(self, state: State, wrenches: Mapping[str, Array] | None) -> Solution | None:
         """Solve, and take over the torques; None if there is no solution, and `reason` says why not."""
         try:
-            self.solution = solution = self.controller.solve(state.measurement)
+            solution = self.controller.solve(state.measurement)
             if solution.ok and not self.stopped:
                 self._torques = self._torques_of(solution, wrenches)
-                if (released := self.controller.released) is not None:
+                if (released := self.released) is not None:
                     self._torques = self._torques.copy()
                     self._torques[released.index] = 0.0
         except Exception as error:  # of tasks of the user

@@ -117,10 +117,16 @@ class Controller(Items):
 
         Args:
             joints: Names of joints that are not in a leg.
+
+        Raises:
+            UnknownNameError: The robot has no such joint.
+            InputError: A joint in a leg or given twice, or the QP shares the joints with a policy.
         """
         names = names_in("joints to release", joints)
         released = ReleasedJoints(self.robot, names) if names else None
         if self._released is not None:
+            if self._released.commanded:
+                raise InputError("joints of a policy whose arms the QP moves are shared by these two already")
             self.remove(self._released)
         return released if released is None else self.add(released)
 

@@ -47,25 +47,26 @@ class ReleasedJoints(SelectionTask):
     Attributes:
         mask: True for each of them, shape (na,).
         index: Their indices in arrays of the robot's joints, shape (dim,).
+        commanded: True where the one who moves them shares the command with the QP, as a policy beside arms of the QP.
     """
 
     unit = "rad"
 
-    def __init__(self, robot: Robot, joints: Sequence[str], *, legs: bool = False) -> None:
+    def __init__(self, robot: Robot, joints: Sequence[str], *, commanded: bool = False) -> None:
         """Take the names; an `UnknownNameError` for a joint that there is not.
 
-        A joint of a leg is an `InputError`, unless the legs are somebody else's and so is the balance. Their motion is
-        then that of the encoders: torques do not tell it without the forces on the feet.
+        A joint of a leg is an `InputError`, unless the one who moves it shares the command and keeps the balance. Their
+        motion is then that of the encoders: torques do not tell it without the forces on the feet.
         """
         names = distinct_joints(joints)
         self.index: NDArray[np.intp] = joint_columns(robot, names) - robot.base_dof
         balancing = set(robot.leg_joints) & set(self.index.tolist())
-        if balancing and not legs:
+        if balancing and not commanded:
             some = ", ".join(robot.joint_names[joint] for joint in sorted(balancing))
             raise InputError(f"legs balance the robot and cannot be released: {some}")
         super().__init__("released joints", len(names), weight=WEIGHT, stiffness=0.0, damping=0.0)
         self.joints, self._response = tuple(names), RESPONSE
-        self._by_torques = not legs
+        self.commanded = commanded
         self.mask = np.zeros(robot.na, dtype=bool)
         self.mask[self.index] = True
         self.mask.setflags(write=False)
@@ -143,7 +144,7 @@ class ReleasedJoints(SelectionTask):
         elif self._before is not None:
             self._measured += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._measured)
             known[:] = self._measured
-            if self._by_torques and torque is not None and accelerations is not None:
+            if not self.commanded and torque is not None and accelerations is not None:
                 known[:] = self._driven(q, torque, accelerations)
         self._before = velocity
         np.maximum(known, -self._most, out=known)
