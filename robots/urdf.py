@@ -15,6 +15,7 @@ import pinocchio as pin
 from wbc.base.errors import InputError, ModelError, choose, shown, shown_path
 from wbc.base.files import parse_xml, read_xml
 from wbc.base.numbers import Array
+from wbc.core.frames import yaw_rotation
 from wbc.core.model import Coupling
 from wbc.robots.mechanism import TURNED, Colour, Geometry, Mechanism, add_joint, free_name
 
@@ -172,7 +173,7 @@ class Urdf:
             parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), free_name(self.joints))
             frame = model.addJointFrame(parent, 0)
         if turn:
-            above, place = f"{self.root}{TURNED}", pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -turn), np.zeros(3))
+            above, place = f"{self.root}{TURNED}", pin.SE3(yaw_rotation(-turn), np.zeros(3))
             frame = model.addBodyFrame(above, parent, pin.SE3.Identity(), frame)
             frame = _add_fixed(model, f"{above}_fixed", parent, frame, place)
         hung = [(Joint("", "fixed", "", self.root, pin.SE3.Identity(), np.zeros(3)), parent, place, frame)]

@@ -17,7 +17,6 @@ from typing import Annotated, Any
 import gymnasium
 import mujoco
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.checked import checked
@@ -26,7 +25,7 @@ from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array
 from wbc.base.settings import Positive
 from wbc.core.estimation.observer import Observer
-from wbc.core.frames import heading
+from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 from wbc.sim.plant.mujoco_robot import MujocoRobot
@@ -307,7 +306,7 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         observer = self._observer()
         robot = observer.robot
         base = robot.placement(robot.base_frame).rotation
-        turn = pin.rpy.rpyToMatrix(0.0, 0.0, -heading(base))
+        turn = yaw_rotation(-heading(base))
         seen = np.concatenate(
             [
                 turn @ self._over_feet(),

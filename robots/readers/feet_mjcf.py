@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from wbc.base.errors import ModelError, unknown_name
 from wbc.base.numbers import ROUNDING, Array
-from wbc.core.frames import Sole
+from wbc.core.frames import Sole, yaw_rotation
 from wbc.robots.derivation.soles import SLICE, footprint, no_sole, plausible, points_of
 from wbc.robots.frames import SoleName, frame_at
 from wbc.robots.readers.shapes_mjcf import kind_of, vertices_of
@@ -72,7 +72,7 @@ class _Finder:
             start = int(self.model.jnt_qposadr[first])
             data.qpos[start : start + 7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
         mujoco.mj_kinematics(self.model, data)
-        self.base = data.xmat[tree.root].reshape(3, 3) @ pin.rpy.rpyToMatrix(0.0, 0.0, turn)
+        self.base = data.xmat[tree.root].reshape(3, 3) @ yaw_rotation(turn)
         self.touches = _touch_ground(self.model)
 
     def named(self, name: str) -> FootGeoms:

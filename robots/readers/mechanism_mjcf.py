@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from wbc.base.errors import ModelError
 from wbc.base.numbers import Array
+from wbc.core.frames import yaw_rotation
 from wbc.core.model import Closure
 from wbc.robots.mechanism import (
     TURNED,
@@ -61,7 +62,7 @@ def mechanism(
             parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), free_name(tree.joints))
             frame, own = (
                 model.addJointFrame(parent, 0),
-                pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -turn), np.zeros(3)),
+                pin.SE3(yaw_rotation(-turn), np.zeros(3)),
             )
             if turn:
                 frame = model.addBodyFrame(f"{link}{TURNED}", parent, pin.SE3.Identity(), frame)

@@ -14,6 +14,7 @@ from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array, finite_array, finite_scalar
 from wbc.base.settings import Seed
+from wbc.core.frames import yaw_rotation
 from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot
 from wbc.feet import foot as foot_by_name
@@ -105,7 +106,7 @@ class SharedPlant:
         for name, place in (places or {}).items():
             x, y, heading = finite_array(f"place of robot '{name}' (m, m, rad)", place, (3,)).tolist()
             finite_scalar(f"heading of robot '{name}' (rad)", heading, low=-math.tau, high=math.tau)
-            turn = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
+            turn = yaw_rotation(heading)
             self._places[choose("robot", name, robots)] = pin.SE3(turn, np.array([x, y, 0.0]))
         foot = foot_by_name(foot) if isinstance(foot, str) else foot
         spec = mujoco.MjSpec()

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
+from wbc.core.frames import yaw_rotation
 from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.robots.description import RobotDescription
@@ -150,7 +151,7 @@ def moved(configuration: Array, start: tuple[float, float, float]) -> Array:
     """Return a configuration moved over the ground by x and y (m), and turned about the vertical by a heading (rad)."""
     x, y, yaw = start
     q = np.array(configuration)
-    turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
+    turn = pin.SE3(yaw_rotation(yaw), np.array([x, y, 0.0]))
     base = turn * pin.XYZQUATToSE3(q[:7])
     q[:7] = pin.SE3ToXYZQUAT(base)
     return q

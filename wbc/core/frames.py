@@ -36,6 +36,12 @@ def heading(rotation: Array) -> float:
     return math.atan2(rotation[1, 0], rotation[0, 0])
 
 
+def yaw_rotation(angle: float) -> Array:
+    """Return the rotation about the vertical by an angle, rad, shape (3, 3)."""
+    rotation: Array = pin.rpy.rpyToMatrix(0.0, 0.0, angle)
+    return rotation
+
+
 def direction(rotation: Array) -> complex:
     """Return the direction in the plane of a frame's x axis, of length 1, from its rotation to the world."""
     x, y = float(rotation[0, 0]), float(rotation[1, 0])

@@ -12,6 +12,7 @@ import pinocchio as pin
 from wbc.base.numbers import Array
 from wbc.core.drive.control import Control
 from wbc.core.drive.torque import TorqueControl
+from wbc.core.frames import yaw_rotation
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.core.trajectories import minimum_jerk
@@ -104,7 +105,7 @@ def standing(robot: Robot, q: Array) -> Array:
 
     place, heading = middle(np.array(robot.half_sitting))
     q = np.array(q)
-    turn = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, heading - middle(q)[1]))
+    turn = pin.Quaternion(yaw_rotation(heading - middle(q)[1]))
     q[3:7] = (turn * pin.Quaternion(q[3:7])).coeffs()
     q[:3] += place - middle(q)[0]
     return q

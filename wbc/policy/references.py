@@ -12,7 +12,7 @@ from wbc.base.errors import choose
 from wbc.base.numbers import Array
 from wbc.base.settings import Number, Positive, settings
 from wbc.core.conventions import rotation_of
-from wbc.core.frames import heading, pose_of
+from wbc.core.frames import heading, pose_of, yaw_rotation
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.motion import MotionClip
@@ -65,7 +65,7 @@ class Tracked:
         anchor = self.frame.anchor
         if self._world is None:
             turn = heading(robot.rotation) - heading(anchor.rotation)
-            rotation = pin.rpy.rpyToMatrix(0.0, 0.0, turn)
+            rotation = yaw_rotation(turn)
             shift = robot.translation - rotation @ anchor.translation
             self._world = pose_of(rotation, np.array([shift[0], shift[1], 0.0]))
         self.relative = robot.actInv(self._world * anchor)

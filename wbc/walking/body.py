@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, finite_scalar
+from wbc.core.frames import yaw_rotation
 from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.contact import SoleContact
@@ -280,7 +281,7 @@ class Body:
 
     def leaned(self, lean: LeanMotion, heading: float) -> LeanMotion:
         """Return a lean of the trunk in the world with the one that is set, at a heading, rad."""
-        ahead = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
+        ahead = yaw_rotation(heading)
         ahead_part = np.array([1.0, 1.0, 0.0])
         set_here = ahead @ pin.exp3(ahead_part * [*self._now[1:3], 0.0]) @ ahead.T
         rates = [ahead @ np.array([*values[1:3], 0.0]) for values in (self._rate, self._acceleration)]

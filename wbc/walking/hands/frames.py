@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, finite_array, lag_gain
-from wbc.core.frames import heading, pose, pose_of
+from wbc.core.frames import heading, pose, pose_of, yaw_rotation
 from wbc.core.qp.controller import Controller
 from wbc.core.trajectories import Follower
 from wbc.walking.swing import REST, FootMotion
@@ -90,7 +90,7 @@ class Frames:
             self._lagging = middle.copy()
         point, turn = self._feet
         return (
-            pose_of(pin.rpy.rpyToMatrix(0.0, 0.0, turn.value), point.value),
+            pose_of(yaw_rotation(turn.value), point.value),
             np.array((*point.velocity, 0.0, 0.0, turn.velocity)),
             np.array((*point.acceleration, 0.0, 0.0, turn.acceleration)),
         )

@@ -19,6 +19,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
 from wbc.base.numbers import Array, finite_scalar
 from wbc.base.vectors import along
+from wbc.core.frames import yaw_rotation
 from wbc.core.robot import SIDES, Robot
 from wbc.walking.plans.gait import Gait
 
@@ -289,7 +290,7 @@ class FootstepPlan:
         later = self.steps[index + 1 :]
         if carry:
             turn = math.remainder(step.yaw - old.yaw, math.tau)
-            move = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.zeros(3))
+            move = pin.SE3(yaw_rotation(turn), np.zeros(3))
             move.translation = step.position - move.rotation @ old.position
             later = tuple(step.moved(move) for step in later)
         return replace(self, steps=(*self.steps[:index], step, *later))
@@ -313,7 +314,7 @@ class FootstepPlan:
 def _frame(place: Place, z: float) -> pin.SE3:
     """Return the level frame at a place and a height, m."""
     x, y, yaw = place
-    return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, z]))
+    return pin.SE3(yaw_rotation(yaw), np.array([x, y, z]))
 
 
 def check_start(robot: Robot, plan: FootstepPlan) -> None:
