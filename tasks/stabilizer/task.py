@@ -106,7 +106,7 @@ class StabilizerTask(CoMTask):
         self._gains, self._settings, self._given = gains, distribution or DistributionSettings(), estimate
         self.output: StabilizerOutput | None = None
         self._stabilizer: Stabilizer | None = None
-        self._applied = False  # by a walk, in this tick
+        self._applied = False  # a walk has set references in this tick
         self._away = [False, False]  # feet that have left their places
 
     @property
@@ -219,8 +219,8 @@ class StabilizerTask(CoMTask):
         zmp = rest.zmp - (*(acceleration[:2] / rest.omega**2), 0.0)
         pendulum = rest._replace(com_velocity=velocity, com_acceleration=acceleration, zmp=zmp)
         contact = (self._contacts[0].active, self._contacts[1].active)
-        self.update(pendulum, measurement.wrenches, contact, self._yaw, dt)
-        self.apply(pendulum, contact, self._places)
+        output = self.update(pendulum, measurement.wrenches, contact, self._yaw, dt)
+        self.apply(output, pendulum, contact, self._places)
         self._aim, self._applied = aim, False
 
     def unobserved(self, dt: float) -> None:
@@ -240,7 +240,7 @@ class StabilizerTask(CoMTask):
         bias: Array | None = None,
         outside: Array | None = None,
     ) -> StabilizerOutput:
-        """Run feedback, distribution and admittances for one tick.
+        """Run feedback, distribution and admittances for one tick; nothing in the QP changes.
 
         Args:
             target: Reference of the pendulum.
@@ -252,7 +252,7 @@ class StabilizerTask(CoMTask):
             outside: Wrench of the surroundings on the robot except its feet; see `Stabilizer.update`.
 
         Returns:
-            The output, which `apply` passes to the QP.
+            The output, to be passed to `apply` in the same tick.
         """
         owner, stabilizer = self.owner, self.stabilizer
         estimate: Robot = self._given or (self.robot if owner is None else owner.measured)
@@ -277,6 +277,7 @@ class StabilizerTask(CoMTask):
 
     def apply(
         self,
+        output: StabilizerOutput,
         target: Pendulum,
         contact: tuple[bool, bool],
         places: Sequence[pin.SE3],
@@ -285,13 +286,12 @@ class StabilizerTask(CoMTask):
         """Set the references of this task, of the standing feet and of their wrenches, without checks.
 
         Args:
+            output: What `update` has returned for these references in this tick.
             target: Reference of the pendulum.
             contact: True for each foot that should carry load.
             places: Placements of the left and the right sole as planned.
             beyond: Acceleration of the CoM in addition to that of the pendulum, x and y, m/s².
         """
-        output = self.output
-        assert output is not None
         self._aim, self._places, self._applied = None, list(places), True
         for side, stands in enumerate(contact):
             if not stands:

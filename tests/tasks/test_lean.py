@@ -109,8 +109,8 @@ def test_the_trunks_of_robots_have_that_inertia(robot: str) -> None:
         """Accelerations of a tick in which the walk has handed out the pendulum that is there."""
         com, pendulum = controller.task("com"), Pendulum.at_rest(np.array(body.com))
         assert isinstance(com, StabilizerTask)
-        com.update(pendulum, np.zeros((2, 6)), (True, True), 0.0, controller.dt)
-        com.apply(pendulum, (True, True), [body.placement(sole.frame) for sole in body.soles])
+        output = com.update(pendulum, np.zeros((2, 6)), (True, True), 0.0, controller.dt)
+        com.apply(output, pendulum, (True, True), [body.placement(sole.frame) for sole in body.soles])
         return controller.solve().accelerations.copy()
 
     before = solved()

@@ -125,8 +125,9 @@ def test_a_robot_stands_where_the_last_pendulum_of_a_walk_was(mode: str) -> None
         if tick * control.controller.dt > 0.1:
             shift = min(0.015, 0.05 * (tick * control.controller.dt - 0.1))
             pendulum = Pendulum.at_rest(com + [0.0, shift, 0.0])
-            task.update(pendulum, state.measurement.wrenches, (True, True), 0.0, control.controller.dt)
-            task.apply(pendulum, (True, True), places)
+            dt, wrenches = control.controller.dt, state.measurement.wrenches
+            output = task.update(pendulum, wrenches, (True, True), 0.0, dt)
+            task.apply(output, pendulum, (True, True), places)
         plant.step(control.act(state))
     np.testing.assert_allclose(task.target, com + [0.0, 0.015, 0.0], atol=1e-9)
     output = task.output

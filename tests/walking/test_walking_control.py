@@ -84,7 +84,7 @@ def test_a_source_that_moves_the_whole_body_sets_com_trunk_and_joints(mode: Mode
         pin.exp3(np.array((0.0, 0.05, 0.0))), np.array((0.0, 0.3, 0.1)), np.array((0.2, 0.1, 0.0))
     )
     pendulum = reference.pendulum._replace(com_acceleration=np.array((0.2, 0.1, 0.0)))
-    tasks.follow(reference._replace(pendulum=pendulum, body=body), lean)
+    tasks.follow(reference._replace(pendulum=pendulum, body=body), lean, output=walking.output)
     push = body.com_acceleration.copy()
     if mode == "torque":
         push[:2] += walking.output.com_acceleration[:2] - pendulum.com_acceleration[:2]

@@ -4,7 +4,7 @@
     state = balance.correct(state, last)                bias of the DCM                      `wbc.walking.balance`
     reference = source.update(state)                    pendulum, feet, record of the step   `wbc.walking.source`
     reference = balance.update(reference, last, state)  desired wrenches, admittances, lean  `wbc.walking.balance`
-    tasks.follow(reference, lean)                       targets of tasks and contacts        `wbc.walking.tasks`
+    tasks.follow(reference, lean, twist, output)        targets of tasks and contacts        `wbc.walking.tasks`
     command = drives.act(state, balance.wrenches)       QP, drive, gate                      `wbc.core.drive.control`
 
 What one step is, phase, contacts, heading, landing and times, is one record (`Progress`), made by the source alone; all
@@ -256,10 +256,10 @@ class WalkingControl(SteeredControl):
         if body.active:
             body.update(progress.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
-        lean, twist = UPRIGHT, UNTWISTED
+        lean, twist, output = UPRIGHT, UNTWISTED, None
         if balance is not None:
             reference = balance.update(reference, self.reference, state)
-            lean = balance.leaning
+            lean, output = balance.leaning, balance.output
         elif hands is not None:
             outside = hands.update(state.measurement, reference, self._dt)
             steps = progress.phase is GaitPhase.SINGLE  # from the CoM that hands have shifted
@@ -269,7 +269,7 @@ class WalkingControl(SteeredControl):
         self.arms.update(reference.feet, progress.heading, progress.fast_share)
         if body.active:
             lean, twist = body.leaned(lean, progress.heading), body.twist
-        self.tasks.follow(reference, lean, twist)
+        self.tasks.follow(reference, lean, twist, output)
 
     def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:
         """Return a command with the stiffness of both soles from the state of the swing."""

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from wbc.base.numbers import Array
-from wbc.core.frames import heading
+from wbc.base.vectors import Point
+from wbc.core.frames import heading, yaw_rotation
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
@@ -20,6 +20,8 @@ from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.body import UNTWISTED, Twist
 from wbc.walking.contact import GaitPhase
@@ -87,7 +89,9 @@ class WalkTasks:
         com, contacts, swing, trunk, posture, twist, self._stance, rise, self.reaching, self._torque = table
         self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
         self._urgency, self._swing_scale = 0.0, np.ones(6)
-        self._feet_before: tuple[object, ...] = ()  # state of the feet in the last tick, all but the boxes
+        self._carried: tuple[
+            object, ...
+        ] = ()  # state of feet without a stabilizer in the last tick, but for boxes
         self._swings = [PoseTask(sole.frame, **_named(f"{sole.name} swing", swing)) for sole in robot.soles]
         parts = [("pelvis", robot.base_frame), ("torso", robot.torso_frame)]
         if robot.torso_frame == robot.base_frame:
@@ -106,7 +110,7 @@ class WalkTasks:
         limits = [JointLimits(), TorqueLimits(), *(() if rise is None else (rise,))]
         turning = () if self._twist is None else (self._twist,)
         controller.add(com, *self._swings, *self._trunk, *turning, posture, *limits, *self.contacts)
-        forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
+        forward = yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_yaws = [heading(tilt) for tilt in self._trunk_tilts]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
@@ -127,7 +131,7 @@ class WalkTasks:
             contact.active = True
         for swing in self._swings:
             swing.scale = 0.0
-        self._feet_before = ()
+        self._carried = ()
         self._trunk_target = (None, UPRIGHT)
 
     def _hold_com(self, scale: Array, stiffness: Array, damping: Array) -> None:
@@ -159,12 +163,12 @@ class WalkTasks:
     def _carry(self, reference: Reference, feet: StanceContacts) -> None:
         """Switch contacts that steps balance, with costs, forces and boxes, where they change."""
         self._hurry(reference.urgency, feet)
-        progress, law, before = reference.progress, feet.law, self._feet_before
+        progress, law, before = reference.progress, feet.law, self._carried
         phase, stance, air = progress.phase, progress.stance, progress.air
         now = phase, progress.contact, reference.most_force, stance, air
         single = phase is GaitPhase.SINGLE
         if now != before:
-            self._feet_before = now
+            self._carried = now
             if not before or before[0] is not phase:
                 gains = feet.stand if phase is GaitPhase.STANDING else feet.shift
                 self._hold_com(ONE_FOOT if single else BOTH_FEET, *gains)
@@ -194,14 +198,22 @@ class WalkTasks:
         if full:
             contact.min_force = 0.2 * law.least_force if all(progress.contact) else law.carried
 
-    def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist = UNTWISTED) -> None:
-        """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, `UNTWISTED` no twist."""
+    def follow(
+        self,
+        reference: Reference,
+        lean: LeanMotion = UPRIGHT,
+        twist: Twist = UNTWISTED,
+        output: StabilizerOutput | None = None,
+    ) -> None:
+        """Set all targets of a tick, with the `output` of the stabilizer for these references where there is one.
+
+        `UPRIGHT` itself is no lean, `UNTWISTED` no twist.
+        """
         pendulum, body, progress = reference.pendulum, reference.body, reference.progress
         contact, air = progress.contact, progress.air
         if self._stance is not None:
             self._carry(reference, self._stance)
-        elif contact != self._feet_before:
-            self._feet_before = contact
+        else:
             for side, on in enumerate(contact):
                 if on != self.contacts[side].active:
                     self._switch(side, contact=on, swings=not on)
@@ -210,32 +222,34 @@ class WalkTasks:
         for side, (motion, stands) in enumerate(zip(reference.feet, contact, strict=True)):
             if not stands or side == air:
                 self._swings[side].follow(*motion)
-        if body is not None:
-            self._follow_body(reference, body, lean)
-            return
-        if isinstance(self.com, StabilizerTask):
+        beyond = 0.0, 0.0
+        if body is None:
+            self._turn_trunk(progress.heading, lean, twist)
+        else:
+            pendulum, beyond = self._follow_body(pendulum, body, lean)
+        if isinstance(self.com, StabilizerTask) and output is not None:
             places = [motion.placement for motion in reference.feet]
-            self.com.apply(pendulum, contact, places)
+            self.com.apply(output, pendulum, contact, places, beyond)
         else:
             self.com.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
-        self._turn_trunk(progress.heading, lean, twist)
 
-    def _follow_body(self, reference: Reference, body: WholeBody, lean: LeanMotion) -> None:
-        """Set the targets of a source that gives the motion of all joints."""
-        com, pendulum, beyond = self.com, reference.pendulum, (0.0, 0.0)
-        assert isinstance(com, StabilizerTask)
-        if self._torque:  # the feedback's acceleration is about that of the pendulum
+    def _follow_body(self, pendulum: Pendulum, body: WholeBody, lean: LeanMotion) -> tuple[Pendulum, Point]:
+        """Set the targets of a source that gives the motion of all joints.
+
+        Returns:
+            The pendulum with the acceleration of the CoM, and its part beyond that of the pendulum, which feedback of
+            a stabilizer under torques lacks, m/s².
+        """
+        beyond = 0.0, 0.0
+        if self._torque:
             x, y = (body.com_acceleration[:2] - pendulum.com_acceleration[:2]).tolist()
             beyond = x, y
-        pendulum = pendulum._replace(com_acceleration=body.com_acceleration)
-        com.apply(
-            pendulum, reference.progress.contact, [motion.placement for motion in reference.feet], beyond
-        )
         for task, (rotation, velocity, acceleration) in zip(self._trunk, body.trunk, strict=True):
             task.follow(
                 lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
             )
         self.posture.follow(body.position, body.velocity, body.acceleration)
+        return pendulum._replace(com_acceleration=body.com_acceleration), beyond
 
     def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist) -> None:
         """Turn pelvis and torso to a heading (rad), twist them and let them lean.
@@ -257,7 +271,7 @@ class WalkTasks:
             if far:
                 towards += min(max(error, -TURNED), TURNED) - error
             task.follow(
-                lean.rotation.dot(_yaw_rotation(towards)).dot(tilt),
+                lean.rotation.dot(yaw_rotation(towards)).dot(tilt),
                 lean.velocity + turn.rate * UP,
                 lean.acceleration + turn.acceleration * UP,
             )
@@ -290,8 +304,3 @@ class StanceContacts:
 
 def _named(name: str, gains: GainOptions) -> GainOptions:
     return {**gains, "name": name}
-
-
-def _yaw_rotation(yaw: float) -> Array:
-    """Rotation about the vertical, shape (3, 3)."""
-    return np.asarray(pin.rpy.rpyToMatrix(0.0, 0.0, yaw))
