@@ -42,7 +42,7 @@ from wbc.sim import Machine, MujocoLoop  # noqa: E402
 from wbc.sim.studies.intervals import CONFIDENCE, share_interval  # noqa: E402
 from wbc.sim.studies.provenance import provenance  # noqa: E402
 from wbc.walking import WalkingControl, WalkingControlSettings  # noqa: E402
-from wbc.walking.stepping import stand  # noqa: E402
+from wbc.walking.stepping import gait  # noqa: E402
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings  # noqa: E402
 
 Row = dict[str, Any]
@@ -182,7 +182,7 @@ def changed(given: list[str]) -> SteppingSettings:
     values = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
     names = {field.name for field in dataclasses.fields(SteppingConstants)}
     constants = dataclasses.replace(SteppingConstants(), **{k: v for k, v in values.items() if k in names})
-    stand.SteppingConstants = lambda: constants  # type: ignore[misc, assignment]
+    gait.SteppingConstants = lambda: constants  # type: ignore[misc, assignment]
     return SteppingSettings(**{k: v for k, v in values.items() if k not in names})
 
 

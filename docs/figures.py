@@ -50,7 +50,7 @@ def draw_pattern(path: Path) -> None:
     size = (sole.length, sole.width)
     plan = walk_distance(FootstepPlan.standing(robot), 0.58)
     supports = schedule(plan)
-    planner, _ = LipmWalk(robot, plan, float(robot.com[2]), 0.005)._law(climbs=False)  # as a walk makes it
+    planner = LipmWalk(robot, plan, float(robot.com[2]), 0.005)._preview  # as a walk makes it
     pattern = planner.plan(supports, Pendulum.at_rest(robot.com))
     times = np.arange(0.0, pattern.times[-1] + 0.5, 0.005)
     states = [pattern.at(float(t)) for t in times]

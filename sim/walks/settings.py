@@ -19,7 +19,7 @@ from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.walking.lipm.preview import PreviewSettings
-from wbc.walking.lipm.walk import PhaseSettings, WalkSettings
+from wbc.walking.lipm.settings import PhaseSettings, WalkSettings
 from wbc.walking.settings import WalkingControlSettings
 
 PRESETS = ("default", "frizza", "no_bias")

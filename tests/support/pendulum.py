@@ -12,7 +12,7 @@ from wbc.base.numbers import Array
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.schedule import HeightProfile, SupportPhase, ZmpTarget, zmp_reference
-from wbc.walking.lipm.walk import PhaseSettings
+from wbc.walking.lipm.settings import PhaseSettings
 from wbc.walking.plans.footsteps import Footstep, SoleSizes
 
 BY_TIME = PhaseSettings(touch_down=1.0, early=1.0, lift_off=1.0, stance=0.0, max_wait=0.0, max_late=0.0)

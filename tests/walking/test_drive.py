@@ -30,7 +30,8 @@ from wbc.walking import (
     walk_distance,
 )
 from wbc.walking.contact import GaitPhase
-from wbc.walking.lipm.walk import TURNED, WalkSettings
+from wbc.walking.lipm.settings import WalkSettings
+from wbc.walking.lipm.walk import TURNED
 from wbc.walking.plans.reach import Leg, Reach, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,

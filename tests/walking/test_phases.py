@@ -15,7 +15,8 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.lipm.adjustment import AdjustmentSettings, PlannedSwing
-from wbc.walking.lipm.walk import LipmWalk, PhaseSettings, WalkSettings, _most_inward
+from wbc.walking.lipm.settings import PhaseSettings, WalkSettings, most_inward
+from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, moved
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import walk_distance, walk_path
@@ -33,7 +34,7 @@ def ideal(w: LipmWalk) -> tuple[float, float]:
     """A robot that is where the plan says: the weight moves over linearly, and the ground is where it should be."""
     if w.phase is GaitPhase.SINGLE:
         landed = 0.1 if w.elapsed >= w.duration - DT else 0.0
-        return (landed, 1 - landed) if w.air == 0 else (1 - landed, landed)
+        return (landed, 1 - landed) if w.progress.air == 0 else (1 - landed, landed)
     if w.phase is GaitPhase.STANDING or w.step >= len(w.plan):
         return 0.5, 0.5
     staying = 0.5 + 0.5 * min(1.0, w.elapsed / w.duration)
@@ -72,15 +73,15 @@ def test_an_ideal_walk_keeps_the_plans_time(dt: float) -> None:
     kinds = [e for _, e in events]
     assert kinds == [Event.LIFT_OFF, Event.TOUCH_DOWN] * n + [Event.STOPPED]
     assert events[-1][0] == pytest.approx(total, abs=0.05 * n)
-    assert w.finished and w.steps_done == n and w.air is None
+    assert w.finished and w.steps_done == n and w.progress.air is None
 
 
 def test_contacts_and_schedule_follow_the_phase() -> None:
     w = walking()
-    assert w.air is None
+    assert w.progress.air is None
     total = sum(s.duration for s in w.supports())
     until(w, ideal, Event.LIFT_OFF)
-    assert w.air == 0
+    assert w.progress.air == 0
     now = w.supports()
     assert now[0].single and now[0].feet == (START.right,) and now[0].duration == pytest.approx(0.8)
     run(w, ideal, 0.3)
@@ -118,7 +119,7 @@ def test_early_ground_ends_the_swing_but_a_stumble_does_not() -> None:
     run(w, lambda w: (0.3, 0.7), 0.45)
     assert w.phase is GaitPhase.SINGLE  # 56 % of the swing
     assert until(w, lambda w: (0.3, 0.7), Event.EARLY_TOUCH_DOWN) == pytest.approx(0.03, abs=0.011)
-    assert w.phase is GaitPhase.DOUBLE and w.air is None and w.step == 1
+    assert w.phase is GaitPhase.DOUBLE and w.progress.air is None and w.step == 1
     assert w.duration == pytest.approx(0.3 + 0.32, abs=0.011)  # the rhythm is kept
 
 
@@ -275,7 +276,7 @@ def test_the_reference_of_the_com_goes_over_to_a_new_pattern_as_quickly_as_the_d
 
 @pytest.mark.parametrize(("half_width", "margin"), [(0.05, 0.01), (0.025, 0.01), (0.008, 0.01)])
 def test_the_zmp_leaves_a_margin_to_both_sides_of_narrow_soles(half_width: float, margin: float) -> None:
-    most = _most_inward(half_width, margin)
+    most = most_inward(half_width, margin)
     left = half_width - margin
     assert most == pytest.approx(max(left - margin, left / 2.0, 0.0)) and most >= 0.0
 

@@ -21,7 +21,8 @@ from wbc.walking.contact import TOUCH_DOWNS, Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.schedule import ZmpTarget, schedule
-from wbc.walking.lipm.walk import CLIMBING_INWARD, LipmWalk, WalkSettings
+from wbc.walking.lipm.settings import CLIMBING_INWARD, WalkSettings
+from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
 from wbc.walking.plans.reach import Reach

@@ -4,7 +4,6 @@ control     the control: what is asked of a robot, and the tick; steered: what i
 source      what the control follows in every tick; another one derives from `ReferenceSource`
 steering    velocities and goals, for planned and free steps
 plans       footsteps: plans, gait, reach of the legs, and who is asked for them while the robot walks
-gait        phases, contacts, swing and touch-down, for planned and free steps
 lipm        planned steps of position control: preview control, step adjustment
 stepping    free steps of torque and hybrid control, which are decided as the robot goes
 ground, swing, contact, tasks    the same for both: what is known of the ground … the targets of the tasks

@@ -104,6 +104,10 @@ class GroundEstimate:
             landing, x=place.x, y=place.y, z=place.z, pitch=-math.atan(along), roll=math.atan(across)
         )
 
+    def expect_at(self, height: float) -> None:
+        """Expect the ground at a height, m."""
+        self.height = height
+
     def level(self, full: float, none: float) -> float:
         """Return the share from 1 to 0 by which the ground counts as level, up to `full` and from `none` uneven, m."""
         return min(max((none - self.uneven) / (none - full), 0.0), 1.0)

@@ -14,7 +14,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import LeanSettings
 from wbc.walking.hands.arm import ArmSettings
 from wbc.walking.hands.hand import HandSettings
-from wbc.walking.lipm.walk import WalkSettings
+from wbc.walking.lipm.settings import WalkSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.stepping.settings import SteppingSettings

@@ -178,16 +178,17 @@ class PathSteering(Steering):
         heading: float,
         dt: float,
         extent: Extent | None = None,
+        held: float = 0.0,
     ) -> None:
-        """Stand, with settings and constants of the law in SI units, on a ground of an extent, m."""
-        self._sole, self._plan_time = scale.sole, constants.plan_time
+        """Stand, with settings and constants of the law in SI units, on a ground of an extent, m, and `held` by it."""
+        self._sole, self._plan_time, self._held_gain = scale.sole, constants.plan_time, constants.held_gain
         self._s, self._c, self._dt = settings, in_si(PathConstants(), scale), dt
         self._pace = pace = Pace.of(constants, settings, scale)
         self._path_gain = lag_gain(dt, self._c.path_lag)
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
-        self.held, self.goes, self.follows, self.climbs = 0.0, True, False, 0.0
+        self.held, self.goes, self.follows, self.climbs = held, True, False, 0.0
         self._path: Point | None = None
         self._line: tuple[Point, float] | None = None  # start and direction of the line to a far goal
         self._goal: Place | None = None  # to which that line leads
@@ -225,9 +226,23 @@ class PathSteering(Steering):
         self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
         self.follows = False
 
+    def land(self, held: float) -> None:
+        """Take in a landing: the width of the sole that has held, of that from which on steps are slow."""
+        less, more = self._held_gain
+        self.held += (less if held < self.held else more) * (held - self.held)
+
+    def climb(self, height: float) -> None:
+        """Take the height to the next stair of the footsteps to come, m; 0 on the level."""
+        self.climbs = height
+
+    def follow(self) -> None:
+        """Take the time of steps from footsteps."""
+        self.follows = True
+
     def along(self, velocity: Point, heading: float) -> None:
         """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
-        self.goes = self.follows = True
+        self.follow()
+        self.goes = True
         self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
         most = self._s.fastest_turn * self._dt
         self.turn_to(self.heading + min(max(math.remainder(heading - self.heading, math.tau), -most), most))

@@ -217,7 +217,7 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     while body.ticks[-1].reference.progress.air is None or body.ticks[-1].reference.progress.elapsed < 0.15:
         body.run(DT)
     tick, gait = body.ticks[-1], body.gait
-    steps, landing = gait._steer(), tick.reference.progress.landing
+    asked, landing = gait._asked(gait._steer()), tick.reference.progress.landing
     assert landing is not None
     side = 1.0 if tick.reference.progress.air == 0 else -1.0
     stance, dcm = tick.frames[tick.reference.progress.stance].translation, gait.felt.dcm
@@ -230,9 +230,9 @@ def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_a
     beyond = dcm._replace(x=float(stance[0]), y=float(stance[1]) - side * 0.1)
     wide = tick.state._replace(places=(behind[0], behind[1]))
     near = Footstep(SIDES[1 - tick.reference.progress.stance], stance[0], stance[1] + side * 0.15)
-    assert not gait.touch.rubs(gait._now(steps), landing), "an early foot on its own orbit has landed"
+    assert not gait.step.rubs(asked, landing), "an early foot on its own orbit has landed"
     gait.felt.state, gait.felt.dcm = wide, beyond
-    assert gait.touch.rubs(gait._now(steps), near)
+    assert gait.step.rubs(asked, near)
 
 
 def in_swing(share: float) -> PointMass:
@@ -241,7 +241,7 @@ def in_swing(share: float) -> PointMass:
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
     gait = body.gait
-    while gait.swing is None or gait.elapsed < share * gait.duration or gait._first:
+    while gait.step.swing is None or gait.elapsed < share * gait.step.duration or gait.step.first:
         body.run(DT)
     return body
 
@@ -270,7 +270,7 @@ def test_a_force_on_a_foot_that_is_pushed_or_that_is_high_up_is_no_contact(
             wrenches=wrenches if k == 2 else tick.state.wrenches,
         )
         reference = gait.advance(state, tick.frames)
-    assert (gait.met is not None) == meets
+    assert (gait.step.met is not None) == meets
     assert (reference.urgency < 0.0) == (speed > 0.0)
 
 
@@ -293,15 +293,15 @@ def test_the_expected_ground_goes_with_the_foot_that_stands(moved: float, *, fol
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
     gait = body.gait
-    while gait.swing is None or gait.elapsed < 0.4 * gait.duration:
+    while gait.step.swing is None or gait.elapsed < 0.4 * gait.step.duration:
         body.run(DT)
     tick, (x, y, z) = body.ticks[-1], body.ticks[-1].state.com
-    before = gait.swing.landing.z
+    before = gait.step.swing.landing.z
     places = [(p, q, r + moved) for p, q, r in tick.state.places]
     state = tick.state._replace(com=(x, y, z + moved), places=(places[0], places[1]))
-    for _ in range(gait._period):
+    for _ in range(gait.step._period):
         gait.advance(state, tick.frames)
-    assert gait.swing.landing.z == pytest.approx(before + (moved if follows else 0.0), abs=1e-12)
+    assert gait.step.swing.landing.z == pytest.approx(before + (moved if follows else 0.0), abs=1e-12)
 
 
 def test_the_commanded_centre_of_pressure_is_compared_with_the_measured_one_behind_the_same_low_pass() -> (
@@ -316,9 +316,9 @@ def test_the_commanded_centre_of_pressure_is_compared_with_the_measured_one_behi
         gait = body.gait
         if tick.reference.progress.air is None or tick.reference.progress.elapsed < 0.05:
             return
-        told = gait._step_state(gait._steer()).cop_command
+        told = gait.step.step_state(gait._asked(gait._steer())).cop_command
         off.append(math.dist(told[:2], gait.felt.contact[:2]))
-        moved.append(math.dist(gait.decision.cop, gait.decision.lagged))
+        moved.append(math.dist(gait.step.decision.cop, gait.step.decision.lagged))
 
     body.run(2.5, compare)
     assert max(moved) > 5e-3 and max(off) < 1.5e-3

@@ -22,7 +22,7 @@ from wbc.walking.stepping.decision import (
     steps_of_plan,
     steps_of_velocity,
 )
-from wbc.walking.stepping.law import Divergent, Orbit
+from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import Bounds, Step
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
 
@@ -61,10 +61,10 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
     contact = (*pivot, 0.0)
     dcm = Divergent(pivot[0] + cos * ahead - sin * left, pivot[1] + sin * ahead + cos * left, OMEGA)
     stance = StepState(
-        side, (cos, sin), contact, contact, contact, dcm, orbit, time, share * time, swing, 0.06
+        StanceAxes(side, (cos, sin), contact), contact, contact, dcm, orbit, time, share * time, swing, 0.06
     )
-    assert stance.offset(*stance.point(0.3, -0.2)) == pytest.approx((0.3, -0.2))
-    assert stance.offset(dcm.x, dcm.y) == pytest.approx((fall * end[0], fall * end[1]))
+    assert stance.axes.offset(*stance.axes.point(0.3, -0.2)) == pytest.approx((0.3, -0.2))
+    assert stance.axes.offset(dcm.x, dcm.y) == pytest.approx((fall * end[0], fall * end[1]))
     wish = steps_of_velocity(velocity, width, stance)
     assert wish.places == pytest.approx(
         (length, beside, length, width - side * velocity[1] * time, length, beside)
@@ -72,7 +72,7 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
     made._later = lambda stance, step, *_: step.left  # type: ignore[method-assign]
     made.decide(stance, wish, 2.0 * time, None)
     assert made.end == pytest.approx(time, abs=1e-5) and made.urgency == 0.0
-    expected = stance.point(length - CONSTANTS.carrying, beside)
+    expected = stance.axes.point(length - CONSTANTS.carrying, beside)
     assert made.place == pytest.approx(expected, abs=1e-5)
     made.press()
     assert made.cop == pytest.approx((0.0, 0.0), abs=1e-6)
@@ -88,12 +88,8 @@ def test_footsteps_are_walked_by_a_pendulum_that_rests_in_the_middle_of_the_last
         for k in range(count)
     ]
     pivot = (carrying, -0.11, 0.0)
-    still = Orbit.of((0.0, 0.0), side, SETTINGS.width, time, time, OMEGA)
-    dcm = Divergent(0.0, 0.0, OMEGA)
-    stance = StepState(
-        side, (1.0, 0.0), pivot, pivot, pivot, dcm, still, time, 0.0, (0.0, 0.11, 0.0, 0.0), 0.06
-    )
-    wish = steps_of_plan(steps, carrying, SETTINGS.width, stance)
+    axes = StanceAxes(side, (1.0, 0.0), pivot)
+    wish = steps_of_plan(steps, carrying, SETTINGS.width, axes, OMEGA, time)
     feet = [np.array(pivot[:2])] + [
         np.array([s.x + carrying * math.cos(s.yaw), s.y + carrying * math.sin(s.yaw)]) for s in steps
     ]
@@ -132,9 +128,7 @@ def stance_at(
     """State on a right foot that carries at the origin, in the heading of x."""
     still = Orbit.of((0.0, 0.0), 1.0, SETTINGS.width, SETTINGS.step_time, SETTINGS.step_time, OMEGA)
     return StepState(
-        1.0,
-        (1.0, 0.0),
-        POINT,
+        StanceAxes(1.0, (1.0, 0.0), POINT),
         POINT,
         POINT,
         Divergent(*dcm, OMEGA),
@@ -208,7 +202,7 @@ def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_a
     assert made._bounds(walks, -0.1 * reach, 0.05, 9.0).times[1] == pytest.approx(math.log(10.0) / OMEGA)
     made.area.ahead, made.area.aside = [-0.01, 0.02], [-0.03, 0.04]
     for side, low, high in ((1.0, -0.03, 0.04), (-1.0, -0.04, 0.03)):
-        area = made._bounds(stance._replace(side=side), 0.0, 0.05, 0.6).area
+        area = made._bounds(stance._replace(axes=stance.axes._replace(side=side)), 0.0, 0.05, 0.6).area
         assert area == ((-0.01, low), (0.02, high))
 
 
@@ -235,9 +229,7 @@ def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_
     ):
         x, y, _ = world(0.05, 0.1)
         stance = stance_at((0.0, 0.22, 0.0, 0.0), (x, y))._replace(
-            side=side,
-            direction=(cos, sin),
-            pivot=world(0.0, 0.0),
+            axes=StanceAxes(side, (cos, sin), world(0.0, 0.0)),
             cop_command=world(0.02, 0.01),
             contact=world(0.02 + off[0], 0.01 + off[1]),
         )
@@ -281,7 +273,8 @@ def test_a_place_on_seen_ground_costs_what_the_program_says_within_the_bounds_of
     """δᵀ K δ / 2 of the program, over its own cost in h²; the sole's centre is behind its carrying point."""
     ground = Seen(0.5, 0.0, 0.2)
     made = StepDecision(SETTINGS, CONSTANTS, SCALE, ground, DT)
-    stance = stance_at((0.0, side * 0.22, 0.0, 0.0), (0.02, side * 0.1), 0.2)._replace(side=side)
+    stance = stance_at((0.0, side * 0.22, 0.0, 0.0), (0.02, side * 0.1), 0.2)
+    stance = stance._replace(axes=stance.axes._replace(side=side))
     wish = steps_of_velocity((0.1, 0.0), SETTINGS.width, stance)
     made.decide(stance, wish, 0.5, None)
     free = made.place
@@ -380,7 +373,7 @@ def test_a_landing_on_a_stair_stays_between_its_edges_wherever_the_dcm_is(off: t
     end = wish.places[0] + wish.offsets[0] + off[0], wish.places[1] + wish.offsets[1] + off[1]
     stance = stance._replace(dcm=Divergent(grown * end[0], grown * end[1], OMEGA))
     made.decide(stance, wish, 1.2 * time, None, held=True, climbs=True)
-    ahead, _ = stance.offset(*made.place)
+    ahead, _ = stance.axes.offset(*made.place)
     assert ahead + CONSTANTS.carrying == pytest.approx(wish.places[0], abs=3.5e-3) and not made.closes
     assert made.end >= STAIR_TIME * time - 1e-9, "legs lift a foot no sooner"
 
@@ -389,9 +382,7 @@ def _stance(made: StepDecision, dcm: tuple[float, float], elapsed: float) -> Ste
     time = SETTINGS.step_time
     orbit = Orbit.of((0.2, 0.0), 1.0, SETTINGS.width, time, time, OMEGA)
     return StepState(
-        1.0,
-        (1.0, 0.0),
-        POINT,
+        StanceAxes(1.0, (1.0, 0.0), POINT),
         POINT,
         POINT,
         Divergent(*dcm, OMEGA),

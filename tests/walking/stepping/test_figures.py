@@ -25,7 +25,7 @@ from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.course import Course
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.law import Divergent
+from wbc.walking.stepping.law import Divergent, StanceAxes
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
 from wbc.walking.swing import SwingFoot
 
@@ -65,10 +65,19 @@ def gait_on(
         heading,
         SCALE.mass,
     )
-    gait._frames = frames
     return gait
 
 
+def step_on(gait: SteppingWalk, stance: int) -> None:
+    """Begin a step of 0.4 s on a foot that presses at the origin, with the DCM there."""
+    gait.phase, gait.stance, gait.elapsed = GaitPhase.SINGLE, stance, 0.0
+    gait.felt.begin(stance, CONSTANTS.carrying)
+    gait.felt._contact, gait.felt.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
+    gait.step.begin(stance, None)
+    gait.step.duration = 0.4
+
+
+STILL = StepVelocity((0.0, 0.0), True)
 LEVEL = frame_of((0.0, 0.11, 0.0, 0.0, 0.0, 0.0)), frame_of((0.0, -0.11, 0.0, 0.0, 0.0, 0.0))
 
 
@@ -96,13 +105,13 @@ def test_a_force_on_a_sole_acts_where_its_moments_say_and_within_its_edges(
     np.testing.assert_allclose(
         gait.felt.contact_point(), share * points[0] + (1.0 - share) * points[1], atol=1e-12
     )
-    for phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.carrying)):
-        gait._enter(phase, 0.4)
+    for stance, ahead in ((None, 0.0), (gait.stance, CONSTANTS.carrying)):
+        gait.felt.begin(stance, ahead)
         gait.felt.state = gait.felt.state._replace(wrenches=[[0.0] * 6] * 2)
         carrying = [frame.act(np.array([ahead, 0.0, 0.0])) for frame in frames]
         for side in (0, 1):
             np.testing.assert_allclose(gait.felt.centre_of_pressure(side), carrying[side], atol=1e-12)
-        expected = carrying[gait.stance] if gait.phase is GaitPhase.SINGLE else 0.5 * sum(carrying)
+        expected = 0.5 * sum(carrying) if stance is None else carrying[stance]
         np.testing.assert_allclose(gait.felt.contact_point(), expected, atol=1e-12)
 
 
@@ -134,9 +143,9 @@ def test_the_middle_of_a_stand_is_the_com_along_the_path_and_the_middle_of_the_f
     middle, between = np.array(gait._middle()), 0.5 * (frames[0].translation + frames[1].translation)[:2]
     assert forward @ middle == pytest.approx(forward @ (x, y), abs=1e-12)
     assert left @ middle == pytest.approx(left @ between, abs=1e-12)
-    for gait.stance, side in ((0, -1.0), (1, 1.0)):
-        assert gait._side == side
-        assert gait._outwards(x, y) == pytest.approx((forward @ (x, y), side * (left @ (x, y))), abs=1e-12)
+    for side in (-1.0, 1.0):
+        axes = StanceAxes(side, gait.steering.direction, POINT)
+        assert axes.outwards(x, y) == pytest.approx((forward @ (x, y), side * (left @ (x, y))), abs=1e-12)
 
 
 @pytest.mark.parametrize("height", [0.2, 0.6, 0.8])
@@ -225,20 +234,22 @@ def test_a_step_has_the_times_that_the_share_of_a_fast_walk_gives_it(speed: floa
     """It touches down at 0.88 of its time, of a walk of twice the speed at which hips decide at 0.95."""
     gait = gait_on(LEVEL)
     gait.steering.velocity = speed * CONSTANTS.quick, 0.0
-    gait.duration, fast_share = 0.4, min(max(abs(speed) - 1.0, 0.0), 1.0)
+    step, fast_share = gait.step, min(max(abs(speed) - 1.0, 0.0), 1.0)
+    step.duration, asked = 0.4, gait._asked(STILL)
     share = (1.0 - fast_share) * CONSTANTS.touch + fast_share * CONSTANTS.late_touch
-    assert (gait.fast_share, gait._touch) == pytest.approx((fast_share, 0.4 * share))
+    assert (gait.fast_share, step._touch_time(asked)) == pytest.approx((fast_share, 0.4 * share))
     longest = SETTINGS.longest * gait.steering.step_time
-    assert gait._longest == pytest.approx(longest)
-    gait.met = 0.3
-    assert gait._waits == pytest.approx(0.3 + longest - share * gait.steering.step_time)
+    assert step._longest(asked) == pytest.approx(longest)
+    step.met = 0.3
+    assert step._waits(asked) == pytest.approx(0.3 + longest - share * gait.steering.step_time)
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.2, -0.6, 1.2])
 def test_feet_of_a_walk_to_the_side_come_together_by_no_more_than_they_may(speed: float) -> None:
     """Of a distance w they lose v T in one of two steps, at most 0.8 of what is over the gap."""
     gait = gait_on(LEVEL)
-    width, lost = gait._width(StepVelocity((0.0, speed), True)), abs(speed) * gait.steering.step_time
+    asked = gait._asked(StepVelocity((0.0, speed), True))
+    width, lost = gait.step._width(asked), abs(speed) * gait.steering.step_time
     assert width >= SETTINGS.width and 0.8 * (width - SETTINGS.gap) >= lost - 1e-12
     assert width == SETTINGS.width or 0.8 * (width - SETTINGS.gap) == pytest.approx(lost)
 
@@ -252,12 +263,12 @@ def test_a_foot_gives_up_its_load_in_a_straight_line_and_one_that_waits_bears_it
             (0.25 * CONSTANTS.unload, 1.5),
             (1.1 * CONSTANTS.unload, 0.0),
         ):
-            most = gait.touch.most_forces(gait.stance, elapsed, met=False, stepped=True)
+            most = gait.step.touch.most_forces(gait.stance, elapsed, met=False, stepped=True)
             assert most[stands] == CONSTANTS.most_force
             assert most[swings] == pytest.approx(share * CONSTANTS.share)
-        first = gait.touch.most_forces(gait.stance, 0.0, met=False, stepped=False)
+        first = gait.step.touch.most_forces(gait.stance, 0.0, met=False, stepped=False)
         assert first[swings] == 0.0, "the first step begins without a load"
-        waits = gait.touch.most_forces(gait.stance, 0.1, met=True, stepped=False)
+        waits = gait.step.touch.most_forces(gait.stance, 0.1, met=True, stepped=False)
         assert waits[swings] == CONSTANTS.share
 
 
@@ -270,8 +281,8 @@ def test_ground_is_level_rough_or_between_by_the_height_between_the_feet() -> No
 
 def test_a_foot_comes_straight_down_as_quickly_as_a_quintic_of_its_greatest_acceleration() -> None:
     gait = gait_on((frame_of((0.0, 0.11, 0.13, 0.0, 0.0, 0.0)), LEVEL[1]))
-    gait.ground.height = 0.03
-    times = np.linspace(0.0, gait._down() - CONSTANTS.piece, 20001)
+    gait.ground.expect_at(0.03)
+    times = np.linspace(0.0, gait.step._down() - CONSTANTS.piece, 20001)
     s = times / times[-1]
     heights = 0.1 * (1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
     pushes = np.gradient(np.gradient(heights, times), times)
@@ -288,7 +299,7 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
             gait = gait_on(LEVEL)
             gait.stance = stance
             landing = Footstep(SIDES[swing_side], 0.2, LEVEL[swing_side].translation[1])
-            swing = SwingFoot(LEVEL[swing_side], landing, 0.4, gait._shape)
+            swing = SwingFoot(LEVEL[swing_side], landing, 0.4, gait.step._shape)
             place, speed = (np.array(each) for each in swing.motion(0.2))
             way = np.array([0.48, -0.6, 0.64]) * share * CONSTANTS.swing_push
             here = place - (1.0 - part) / stiffness * way
@@ -298,7 +309,7 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
             gait.felt.state = gait.felt.state._replace(
                 places=(spots[0], spots[1]), speeds=(speeds[0], speeds[1])
             )
-            thrown = gait.touch.thrown(swing_side, swing, 0.2)
+            thrown = gait.step.touch.thrown(swing_side, swing, 0.2)
             assert (thrown is not None) == (share > 1.0)
             if thrown is not None:
                 np.testing.assert_allclose(thrown, moved, atol=1e-9)
@@ -310,14 +321,14 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
         turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.array([0.3, -0.1, 0.0]))
         frames = turn * LEVEL[0], turn * LEVEL[1]
         gait = gait_on(frames, tuple(turn.act(np.array([0.01, 0.0, 0.6])).tolist()), heading=heading)
+        gait.felt.begin(None, CONSTANTS.carrying)
         gait.felt._contact = POINT
         gait.felt.follow()
-        gait._enter(GaitPhase.DOUBLE, 1.0)
-        gait.felt._contact, gait.stance, gait._from = POINT, stance, gait.felt.state.com
-        ways = []
-        for gait.elapsed in np.linspace(0.0, CONSTANTS.shift_time, 201).tolist():
-            pendulum = gait._on_both_feet(()).pendulum
-            ways.append((turn.actInv(pendulum.com)[:2], (turn.rotation.T @ pendulum.com_velocity)[:2]))
+        gait.stand.shift(stance, ())
+        ways, direction = [], gait.steering.direction
+        for elapsed in np.linspace(0.0, CONSTANTS.shift_time, 201).tolist():
+            x, y, u, v, _, _ = gait.stand.shifting(direction, SETTINGS.step_time, elapsed).motion
+            ways.append((turn.actInv(np.array((x, y, 0.0)))[:2], (turn.rotation.T @ (u, v, 0.0))[:2]))
         places, speeds = np.array(ways).transpose(1, 0, 2)
         side = 1.0 if stance == 1 else -1.0
         goal = (
@@ -364,26 +375,22 @@ def test_the_com_is_planned_as_the_pendulum_about_the_commanded_centre_of_pressu
 def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
     """The mean time of steps, and the share of the sole that has held, come to those of the last steps."""
     gait = gait_on(LEVEL)
-    gait._first, gait._pace = False, 0.9
-    gait.steering.held = 0.0
-    gait.decision.area.aside = [-0.5 * gait.decision.area.widest, 0.5 * gait.decision.area.widest]
-    share = min(0.5 * gait.decision.area.widest / CONSTANTS.slow_width, 1.0)
+    step, area = gait.step, gait.step.decision.area
+    step._pace, gait.steering.held = 0.9, 0.0
+    share = min(0.5 * area.widest / CONSTANTS.slow_width, 1.0)
     off = [1.0, 1.0]
     for _ in range(3):
-        gait._enter(GaitPhase.SINGLE, 0.4)
-        aside = gait.decision.area.aside = [-0.5 * gait.decision.area.widest, 0.5 * gait.decision.area.widest]
+        step_on(gait, gait.stance)
+        area.aside = [-0.5 * area.widest, 0.5 * area.widest]
         swing = 1 - gait.stance
-        gait.swing = SwingFoot(
-            LEVEL[swing], Footstep(SIDES[swing], *LEVEL[swing].translation[:2]), 0.4, gait._shape
+        step.swing = SwingFoot(
+            LEVEL[swing], Footstep(SIDES[swing], *LEVEL[swing].translation[:2]), 0.4, gait.step._shape
         )
         gait.elapsed, before, done = 0.36, gait.stance, gait.steps_done
-        gait.decision.area.aside = aside
-        gait._frames = LEVEL
-        gait.felt.dcm = Divergent(0.0, 0.0, OMEGA)
-        assert gait._change_feet(True) == (Event.LIFT_OFF,)
+        assert gait._change_feet(gait._asked(STILL), LEVEL) == (Event.LIFT_OFF,)
         assert (gait.stance, gait.steps_done) == (1 - before, done + 1)
         off = [off[0] * (1.0 - CONSTANTS.pace_gain), off[1] * (1.0 - CONSTANTS.held_gain[1])]
-        assert gait._pace == pytest.approx(0.36 + off[0] * (0.9 - 0.36))
+        assert step._pace == pytest.approx(0.36 + off[0] * (0.9 - 0.36))
         assert gait.steering.held == pytest.approx(share * (1.0 - off[1]))
 
 
@@ -391,28 +398,26 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
 def test_a_fast_walk_asks_for_steps_of_the_time_that_its_last_steps_have_taken(speed: float) -> None:
     """Forward v T, of a fast walk v T̄ with their mean time; what offsets of ξ make up is asked of no step."""
     gait, asked = gait_on(LEVEL), []
-    gait.felt._contact = POINT
-    gait._enter(GaitPhase.SINGLE, 0.4)
-    gait.felt._contact, gait.felt.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
-    gait.steering.velocity, gait._pace = (speed * CONSTANTS.quick, 0.0), 0.5
-    gait.decision.decide = lambda stance, wish, *_, **__: asked.append(wish)  # type: ignore[method-assign, assignment]
-    gait._solve(StepVelocity((0.25, 0.05), True, 0.05))
+    step_on(gait, 1)
+    gait.steering.velocity, gait.step._pace = (speed * CONSTANTS.quick, 0.0), 0.5
+    gait.step.decision.decide = lambda stance, wish, *_, **__: asked.append(wish)  # type: ignore[method-assign, assignment]
+    wanted = gait._asked(StepVelocity((0.25, 0.05), True, 0.05))
+    gait.step._solve(wanted)
     time, share = gait.steering.step_time, max(speed - 1.0, 0.0)
     assert asked[0].places[0] == pytest.approx(0.2 * (time + share * (0.5 - time)))
-    width, drift = gait._width(StepVelocity((0.25, 0.05), True)), gait._side * 0.05 * time
+    width, drift = gait.step._width(wanted), 0.05 * time
     assert asked[0].places[1::2] == pytest.approx((width + drift, width - drift, width + drift))
 
 
 def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None:
     """On seen ground, from the second step on; three footsteps and more lie ahead, and the next is not fixed."""
     gait, asked = gait_on(LEVEL), []
-    gait.felt._contact = POINT
-    gait._enter(GaitPhase.SINGLE, 0.4)
-    gait.felt._contact, gait.felt.dcm, gait.elapsed = POINT, Divergent(0.0, 0.0, OMEGA), 0.1
-    gait.decision.decide = lambda *arguments, **_: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
+    step_on(gait, 1)
+    step, gait.elapsed = gait.step, 0.1
+    step.decision.decide = lambda *arguments, **_: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
     swing = 1 - gait.stance
     landing = Footstep(SIDES[swing], *LEVEL[swing].translation[:2])
-    gait.swing = SwingFoot(LEVEL[swing], landing, 0.4, gait._shape)
+    step.swing = SwingFoot(LEVEL[swing], landing, 0.4, step._shape)
     ahead = [
         Footstep(SIDES[(swing + k) % 2], 0.1 * k, 0.11 if (swing + k) % 2 == 0 else -0.11) for k in range(3)
     ]
@@ -425,34 +430,35 @@ def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None
         (object(), 1, ahead[:2], False),
         (object(), 1, fixed, False),
     ):
-        gait.ground.sight, gait._first, gait.footsteps = sight, not steps, footsteps  # type: ignore[assignment]
-        gait._solve(StepVelocity((0.1, 0.0), True))
+        gait.ground.sight, step.first, gait.footsteps = sight, not steps, footsteps  # type: ignore[assignment]
+        wanted = gait._asked(StepVelocity((0.1, 0.0), True))
+        step._solve(wanted)
         longest, look = asked[-1]
-        assert longest == pytest.approx(gait._longest)
-        assert look == (pytest.approx(gait._touch - 0.1) if looks else None)
+        assert longest == pytest.approx(step._longest(wanted))
+        assert look == (pytest.approx(step._touch_time(wanted) - 0.1) if looks else None)
 
 
 def test_steps_are_decided_once_a_period_and_land_harder_on_rough_ground() -> None:
     body = PointMass()
     body.run(0.6)
-    gait, times = body.gait, []
+    gait, step, times = body.gait, body.gait.step, []
     for uneven in (0.0, 0.01, 9.0):
         gait.steering.command((0.2, 0.0, 0.0))
-        while gait.swing is None:
+        while step.swing is None:
             body.run(body.dt)
-        gait.ground.uneven, swing = uneven, gait.swing
-        decide = gait.decision.decide
-        gait.decision.decide = lambda *a, decide=decide, **kw: (times.append(gait._ticks), decide(*a, **kw))  # type: ignore[method-assign, assignment, misc]
-        while gait.swing is swing or gait.swing is None:
+        gait.ground.uneven, swing = uneven, step.swing
+        decide = step.decision.decide
+        step.decision.decide = lambda *a, decide=decide, **kw: (times.append(step._ticks), decide(*a, **kw))  # type: ignore[method-assign, assignment, misc]
+        while step.swing is swing or step.swing is None:
             gait.ground.uneven = uneven
             body.run(body.dt)
-        gait.decision.decide = decide  # type: ignore[method-assign]
-        assert gait.swing is not None
+        step.decision.decide = decide  # type: ignore[method-assign]
+        assert step.swing is not None
         left = 0.9 * uneven  # a landing on level ground leaves nine tenths of it
         harder = min(CONSTANTS.landing_speed + CONSTANTS.landing_gain * left, CONSTANTS.hardest)
-        assert gait.swing._shape.landing_speed == pytest.approx(harder)
+        assert step.swing._shape.landing_speed == pytest.approx(harder)
     steps = np.diff(times)
-    assert np.median(steps) == gait._period and (steps <= gait._period).all()
+    assert np.median(steps) == step._period and (steps <= step._period).all()
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -472,22 +478,22 @@ def test_a_foot_that_rubs_goes_on_where_the_dcm_runs_away_from_it(
 ) -> None:
     """Its landing is where ξ will be then, less the offset of a step in place; it lands in 0.1 s."""
     gait = gait_on(LEVEL)
-    gait.stance, side = (1, 1.0) if sign > 0.0 else (0, -1.0)
-    gait._enter(GaitPhase.SINGLE, 0.4)
-    gait.felt._contact, gait.felt.dcm = POINT, Divergent(dcm[0], side * dcm[1], OMEGA)
-    gait.elapsed = gait._touch - 0.1
+    stance, side = (1, 1.0) if sign > 0.0 else (0, -1.0)
+    step_on(gait, stance)
+    step, gait.felt.dcm = gait.step, Divergent(dcm[0], side * dcm[1], OMEGA)
+    asked = gait._asked(STILL)
+    touch = step._touch_time(asked)
+    asked = asked._replace(elapsed=touch - 0.1)
     spots = [POINT, POINT]
-    spots[1 - gait.stance] = (foot[0], side * foot[1], 0.0)
+    spots[1 - stance] = (foot[0], side * foot[1], 0.0)
     gait.felt.state = gait.felt.state._replace(places=(spots[0], spots[1]))
-    grown, still = math.exp(0.1 * OMEGA), gait._orbit(StepVelocity((0.0, 0.0), True))
-    there = Footstep(SIDES[1 - gait.stance], grown * dcm[0], side * (grown * dcm[1] + still.inwards))
-    steps = StepVelocity((0.0, 0.0), True)
-    assert gait.touch.rubs(gait._now(steps), there) == goes_on
-    gait.elapsed = gait._touch + 1e-6
-    assert not gait.touch.rubs(gait._now(steps), there), "it is to have landed"
-    gait.elapsed = gait._touch - 0.1
+    grown, still = math.exp(0.1 * OMEGA), step._orbit(asked)
+    there = Footstep(SIDES[1 - stance], grown * dcm[0], side * (grown * dcm[1] + still.inwards))
+    assert step.rubs(asked, there) == goes_on
+    late = asked._replace(elapsed=touch + 1e-6)
+    assert not step.rubs(late, there), "it is to have landed"
     far = dataclasses.replace(there, x=there.x + 9.0)
-    assert not gait.touch.rubs(gait._now(steps), far), "its landing does not catch the robot"
+    assert not step.rubs(asked, far), "its landing does not catch the robot"
 
 
 @pytest.mark.parametrize(("height", "lands"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)])
@@ -495,9 +501,9 @@ def test_ground_within_a_third_of_a_leg_is_landed_on(height: float, lands: bool)
     gait, z = gait_on(LEVEL), height * SCALE.leg / 3.0
     seen = SimpleNamespace(x=0.2, y=0.1, z=z, slope=(0.1, -0.2))
     gait.ground.sight = SimpleNamespace(version=1, support=lambda *_: seen)  # type: ignore[assignment]
-    landing = gait._seen(Footstep("left", 0.2, 0.1))
+    landing = gait.step._seen(Footstep("left", 0.2, 0.1))
     assert landing.z == pytest.approx(z if lands else 0.0) == gait.ground.height
-    assert gait._tilt == pytest.approx((-math.atan(0.1), math.atan(-0.2)) if lands else (0.0, 0.0))
+    assert gait.step._tilt == pytest.approx((-math.atan(0.1), math.atan(-0.2)) if lands else (0.0, 0.0))
 
 
 def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
@@ -520,10 +526,9 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
 @pytest.mark.parametrize("rise", [-0.1, 0.1, 0.0])
 def test_the_com_goes_half_of_the_way_up_or_down_a_stair_before_the_foot_lands(rise: float) -> None:
     gait = gait_on(LEVEL)
-    gait.ground.height = rise
-    assert gait._support() == 0.0, "steps of a velocity are not told of stairs"
-    gait.footsteps, gait.steering.climbs = (Footstep("left", 0.25, 0.11, rise),), rise
-    assert gait._support() == pytest.approx(0.5 * rise)
+    gait.ground.expect_at(rise)
+    assert gait.step._support(climbs=False) == 0.0, "steps of a velocity are not told of stairs"
+    assert gait.step._support(climbs=True) == pytest.approx(0.5 * rise)
 
 
 def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_downstairs() -> None:
@@ -554,8 +559,8 @@ def test_stairs_end_with_the_step_that_brings_both_feet_to_one_height(rise: floa
     gait.take(PlanSource(FootstepPlan(left, right, (onto, beside), Gait())))
     climbs = []
     for begun, feet in enumerate(((left, right), (onto, right), (onto, beside))):
-        gait.steps_done, gait._frames = begun, tuple(foot.placement for foot in feet)
-        gait._plan_steps(beside.side if begun == 1 else onto.side)
+        gait.steps_done, (left_foot, right_foot) = begun, (foot.placement for foot in feet)
+        gait._plan_steps(beside.side if begun == 1 else onto.side, (left_foot, right_foot))
         climbs.append(gait.steering.climbs)
     assert climbs == pytest.approx([rise, rise, 0.0])
 
@@ -570,7 +575,7 @@ def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole()
     for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
         area, rates = HeldArea(roomy, CONSTANTS, DT), [0.0, 0.0]
         for _ in range(3000):
-            area.update((0.0, 0.0), (0.0, 0.0, force, 0.0, 0.0, 0.0))
+            area.update((0.0, 0.0), (0.0, 0.0, force, 0.0, 0.0, 0.0), 0.0)
         most = (roomy[0] - CONSTANTS.margin - CONSTANTS.carrying, roomy[1] - CONSTANTS.margin)
         assert area.ahead[1] == pytest.approx(most[0]) and area.aside[1] == pytest.approx(most[1])
         assert area.ahead[0] == pytest.approx(CONSTANTS.margin - roomy[0] - CONSTANTS.carrying)
@@ -580,11 +585,11 @@ def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole()
         at[axis] = cop
         rates[axis] = -sign * 1.5 * CONSTANTS.turning  # the end where it presses goes down
         for _ in range(60):
-            area.update((rates[0], rates[1]), tuple(pressed(at[0], at[1], force)))
+            area.update((rates[0], rates[1]), tuple(pressed(at[0], at[1], force)), 0.0)
         found = [area.ahead, area.aside]
         end = 1 if sign > 0.0 else 0
         assert found[axis][end] == pytest.approx(sign * (0.04 - CONSTANTS.inside), abs=1e-9)
         assert found[axis][1 - end] == edges[axis][1 - end] and found[1 - axis] == edges[1 - axis]
         light = (0.0, 0.0, 0.9 * CONSTANTS.carries, 0.0, 0.0, 0.0)
-        area.update((rates[0], rates[1]), light)
+        area.update((rates[0], rates[1]), light, 0.0)
         assert found == [area.ahead, area.aside], "a foot that hardly carries says nothing"

@@ -211,7 +211,7 @@ def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
             assert settings.gap - turning <= aside <= settings.widest + turning
             widths.append(aside)
             longest = settings.longest * settings.slow_time * 1.1  # a fast walk has longer ones
-            at_once = body.gait.decision.closes or tick.reference.progress.duration < settings.shortest
+            at_once = body.gait.step.decision.closes or tick.reference.progress.duration < settings.shortest
             assert at_once or settings.shortest - 1e-9 <= tick.reference.progress.duration <= longest
     assert min(widths) == pytest.approx(settings.gap, abs=turning), "no push was hard enough"
 
@@ -399,9 +399,9 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
     body = PointMass()
     body.gait.steering.command((0.2, 0.0, 0.0))
     body.run(1.0)
-    while body.gait.swing is None or body.ticks[-1].reference.progress.elapsed > 0.02:
+    while body.gait.step.swing is None or body.ticks[-1].reference.progress.elapsed > 0.02:
         body.run(body.dt)
-    swing = body.gait.swing
+    swing = body.gait.step.swing
     ridge = Ridge(swing.landing.x + 0.03)
     body.gait.ground.sight = ridge  # type: ignore[assignment]
     body.speed[0] += 0.2
@@ -409,5 +409,5 @@ def test_a_swing_clears_what_lies_on_the_way_to_a_landing_that_has_moved() -> No
     while body.ticks[-1].reference.progress.elapsed < 0.08:
         body.run(body.dt)
         tops.append(float(swing.at(swing.apex_time).placement.translation[2]))
-    assert body.gait.swing is swing and swing.landing.x > ridge.at
+    assert body.gait.step.swing is swing and swing.landing.x > ridge.at
     assert swing.over == 0.04 and tops[-1] > swing.over + 0.02

@@ -18,7 +18,7 @@ from wbc.core.robot import GRAVITY
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.decision import StepDecision, StepState
-from wbc.walking.stepping.law import Divergent, Orbit
+from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import COSTS, SHIFT, Bounds, Step, StepProgram, Wish
 from wbc.walking.stepping.program import TIME as TIME_COST
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
@@ -188,25 +188,25 @@ def test_an_area_grows_while_the_foot_is_still_and_ends_where_it_turns() -> None
     area, still, cop = HeldArea(SIZE.sole, c, dt), (0.0, 0.0), (0.02, 0.01)
     wrench = (0.0, 0.0, weight, cop[1] * weight, -cop[0] * weight, 0.0)
     for _ in range(1000):
-        area.update(still, wrench)
+        area.update(still, wrench, 0.0)
     assert area.aside == pytest.approx([c.margin - SIZE.sole[1], SIZE.sole[1] - c.margin])
     assert area.ahead == pytest.approx(
         [c.margin - SIZE.sole[0] - c.carrying, SIZE.sole[0] - c.margin - c.carrying]
     )
     for _ in range(100):  # its left end goes down: it turns over the left edge
-        area.update((0.0, -3.0 * c.turning), wrench)
+        area.update((0.0, -3.0 * c.turning), wrench, 0.0)
     assert area.aside[1] == pytest.approx(cop[1] - c.inside)
     assert area.aside[0] == pytest.approx(c.margin - SIZE.sole[1]), "the other side holds"
     for rate, turns in ((5.0, True), (0.5, False)):  # a rate is low-passed
         area.forget()
         for _ in range(200):
-            area.update(still, wrench)
+            area.update(still, wrench, 0.0)
         full = area.aside[1]
-        area.update((0.0, -rate * c.turning / area._spin_gain), wrench)
+        area.update((0.0, -rate * c.turning / area._spin_gain), wrench, 0.0)
         assert (area.aside[1] < full) is turns
     area.forget()
     for _ in range(1000):
-        area.update(still, (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0))
+        area.update(still, (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0), 0.0)
     assert area.width == 0.0, "it carries too little to say"
 
 
@@ -216,10 +216,9 @@ def test_on_level_ground_the_area_of_a_narrow_sole_counts_in_full_and_grows_soon
     sole, found = (0.085, 0.03), {}
     for level in (0.0, 1.0):
         area = HeldArea(sole, c, dt)
-        area.level = level
         for ticks in (10, 1000):
             for _ in range(ticks):
-                area.update((0.0, 0.0), (0.0, 0.0, weight, 0.0, 0.0, 0.0))
+                area.update((0.0, 0.0), (0.0, 0.0, weight, 0.0, 0.0, 0.0), level)
             found[level, ticks] = area.ahead[1] - area.ahead[0], area.width
     assert found[1.0, 1000][0] == pytest.approx(2.0 * (sole[0] - c.margin))
     assert found[0.0, 1000][0] < 0.5 * found[1.0, 1000][0]
@@ -241,7 +240,7 @@ def test_a_foot_is_put_down_at_once_where_the_other_one_has_to_step(
     still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
     swing = (-c.carrying, distance, 0.0, 0.0)
     dcm = Divergent(0.0, -0.1, OMEGA)
-    stance = StepState(1, (1.0, 0.0), zero, zero, zero, dcm, still, TIME, elapsed, swing, 0.06)
+    stance = StepState(StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, elapsed, swing, 0.06)
     decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
     assert decision.closes == down
     if down:
@@ -264,7 +263,7 @@ def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: boo
         still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
         zero = (0.0, 0.0, 0.0)
         swing = (-constants.carrying, 0.22, 0.0, 0.0)
-        stance = StepState(1, (1.0, 0.0), zero, zero, zero, dcm, still, TIME, 0.0, swing, 0.05)
+        stance = StepState(StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.0, swing, 0.05)
         decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
         found[push] = decision.end, math.dist(decision.place, swing[:2])
     (slow, far), (quick, near) = found[4.5], found[100.0]
@@ -285,7 +284,7 @@ def test_the_swing_foot_goes_before_the_trunk_the_more_the_further_its_landing_i
         decision = StepDecision(SteppingSettings().in_si(SIZE), c, SIZE, GroundEstimate(0.5, 0.0, 0.2), 0.002)
         dcm = Divergent(speed / OMEGA, still.inwards, OMEGA)
         swing = (-c.carrying, 0.22, 0.0, 0.0)
-        stance = StepState(1, (1.0, 0.0), zero, zero, zero, dcm, still, TIME, 0.0, swing, 0.05)
+        stance = StepState(StanceAxes(1, (1.0, 0.0), zero), zero, zero, dcm, still, TIME, 0.0, swing, 0.05)
         decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
         found.append(decision.urgency)
     assert found == sorted(found) and found[0] == 0.0 and found[-1] == 1.0

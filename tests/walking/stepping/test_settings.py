@@ -43,7 +43,7 @@ def test_steps_that_cannot_be_walked_are_refused_by_name(changes: dict[str, floa
 def test_the_quickest_steps_have_the_time_that_their_swings_need() -> None:
     """From lift-off to touch-down, at the earliest share of a step at which a foot touches down."""
     walk = SteppingWalk(SteppingSettings(swing_height=0.02, shortest=QUICKEST_SWING), SCALE, 0.0, 0.002)
-    assert walk.constants.touch * walk.settings.shortest >= walk._shape.shortest
+    assert walk.constants.touch * walk.settings.shortest >= walk.step._shape.shortest
 
 
 @pytest.mark.parametrize("name", ROBOTS)

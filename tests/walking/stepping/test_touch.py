@@ -13,9 +13,9 @@ from point_mass import SCALE
 from wbc.core.robot import GRAVITY
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.stepping.felt import BodyState, Felt
-from wbc.walking.stepping.law import Divergent, Orbit, takes_over, viability
+from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes, takes_over, viability
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
-from wbc.walking.stepping.touch import SwingStep, SwingTouch
+from wbc.walking.stepping.touch import SwingTouch
 
 DT = 0.004
 LAW, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
@@ -44,9 +44,12 @@ def touching(
     return touch, felt
 
 
-def step_of(stance: int, elapsed: float = 0.3, **changes: Any) -> SwingStep:
-    usual = SwingStep(stance, (1.0, 0.0), STILL, elapsed, 0.35, 0.6, 0.0, LAW.patience)
-    return usual._replace(**changes)
+def carries(
+    touch: SwingTouch, stance: int, yaw: float = 0.0, fast_share: float = 0.0, *, late: bool = False
+) -> bool:
+    """Whether the foot in contact is to carry, in steps in place that have a heading, rad."""
+    axes = StanceAxes(1.0 if stance == 1 else -1.0, (math.cos(yaw), math.sin(yaw)), POINT)
+    return touch.is_to_carry(stance, axes, STILL, LAW.patience, fast_share, late=late)
 
 
 @pytest.mark.parametrize("stance", [0, 1])
@@ -72,7 +75,7 @@ def test_a_foot_meets_the_ground_where_it_is_low_bears_a_force_and_half_of_its_s
         places = [(0.0, 0.11, stands), (0.0, -0.11, stands)]
         places[1 - stance] = (*places[1 - stance][:2], height)
         touch, _ = touching(stance, 2.0 * LAW.met, places=tuple(places))
-        touch._ground.height = ground
+        touch._ground.expect_at(ground)
         assert touch.bears(stance, 0.3, 0.4) == meets
     touch, _ = touching(stance, 2.0 * LAW.met)
     touch.push(0.3 - 0.99 * LAW.pushed_time)
@@ -107,7 +110,7 @@ def test_a_foot_in_contact_carries_where_the_other_one_no_longer_does_or_it_has_
     touch, felt = touching(stance, 300.0)
     felt.dcm = far
     touch.carry(1 - stance, met=False)
-    assert not touch.is_to_carry(step_of(stance, 0.59)) and touch.is_to_carry(step_of(stance, 0.61))
+    assert not carries(touch, stance) and carries(touch, stance, late=True)
     for swing, stands, unloads in (
         (1.01 * LAW.held, 0.99 * LAW.held, True),
         (0.99 * LAW.held, 0.5 * LAW.held, False),
@@ -118,9 +121,8 @@ def test_a_foot_in_contact_carries_where_the_other_one_no_longer_does_or_it_has_
         touch.carry(1 - stance, met=False)
         ticks = math.ceil(0.5 * LAW.lost_time / DT + 1e-9)
         for tick in range(1, ticks + 2):
-            carries = touch.is_to_carry(step_of(stance, 0.3, fast_share=0.5))
-            assert carries == (unloads and tick * DT > 0.5 * LAW.lost_time)
-        assert touch.is_to_carry(step_of(stance, 0.3)) == unloads, "at once in a slow walk"
+            assert carries(touch, stance, fast_share=0.5) == (unloads and tick * DT > 0.5 * LAW.lost_time)
+        assert carries(touch, stance) == unloads, "at once in a slow walk"
 
 
 @pytest.mark.parametrize("stance", [0, 1])
@@ -144,9 +146,8 @@ def test_a_foot_in_contact_carries_where_waiting_makes_it_no_more_viable(stance:
         places[1 - stance] = (*foot, 0.0)
         felt.state.places, felt.contact = tuple(places), (*contact, 0.0)
         touch.carry(1 - stance, met=False)
-        step = step_of(stance, direction=(c, s))
         expected = takes_over(tuple(there), tuple(here), STILL, LAW.stretch, LAW.wait, LAW.patience)
-        assert touch.is_to_carry(step) == expected
+        assert carries(touch, stance, yaw) == expected
         found.add(expected)
     assert found == {True, False}
 

@@ -17,44 +17,40 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import field, replace
-from typing import Annotated
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import NonNegative, Share, in_units, settings
 from wbc.core.drive.control import State
-from wbc.core.frames import heading
+from wbc.core.frames import heading, yaw_rotation
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.contact import Event, GaitPhase, touch_down
-from wbc.walking.gait import REPLAN, GaitMachine
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
-from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
-from wbc.walking.lipm.preview import PreviewController, PreviewSettings
-from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule
+from wbc.walking.lipm.adjustment import FREEZE, PlannedSwing, StepAdjuster
+from wbc.walking.lipm.schedule import SupportPhase, schedule
+from wbc.walking.lipm.settings import WalkSettings, law_of
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading, other
 from wbc.walking.plans.reach import Extent, Reach, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,
+    REPLAN,
     DriveSettings,
     FootstepSource,
     PlanSource,
+    Standing,
     Velocity,
+    answer_of,
     close_up,
 )
-from wbc.walking.source import Reference
+from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steering import PLANNED_NEAR, SteeredSteps, Steering
-from wbc.walking.swing import SwingFoot
+from wbc.walking.swing import FootMotion, SwingFoot
 
 logger = logging.getLogger(__name__)
-
-CLIMBING_INWARD = 0.01
-"""Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further inward the ZMP, the more
-torque the hips need, and on a stair they have none to spare."""
 
 TURNED, MOST_TURN = 0.02, 0.04
 """Angle by which soles have turned on the ground from which on the landings to come are turned back, and greatest angle
@@ -68,54 +64,20 @@ DEBOUNCE, HOLD = 0.01, 0.05
 foot, s."""
 
 
-@settings
-class PhaseSettings:
-    """Loads and times at which phases change. Loads are over the robot's weight.
-
-    Attributes:
-        touch_down: Load at which a swing foot has met the ground; 0.08 is 30 N of 39 kg.
-        early: Ratio of the swing before which a load is a stumble, not a touch-down.
-        lift_off: Greatest load of the foot that leaves.
-        stance: Least load of the foot that stays.
-        max_wait: Longest time that lift-off waits for these two loads, s; then the foot lifts all the same.
-        max_late: Longest time that a foot searches for ground, s; then it is taken to stand where it is.
-    """
-
-    touch_down: Share = 0.08
-    early: Share = 0.6
-    lift_off: Share = 0.25
-    stance: Share = 0.5
-    max_wait: Annotated[NonNegative, "s"] = 0.3
-    max_late: Annotated[NonNegative, "s"] = 0.5
-
-
-@settings
-class WalkSettings:
-    """Settings of planned steps.
-
-    Attributes:
-        preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
-            robots outward. It stays one margin within the margin of a sole, that of the preview or of the adjustment,
-            whichever is greater: 10 mm to the inner side of `g1`, 18 mm of `hrp4_class`.
-        phases: Loads and times at which phases change.
-        adjustment: Step adjustment; None for none.
-        ground_memory: Share of the unexpected height of a landing by which the next landings are moved.
-        rise_memory: Share of that height by which the expected rise from step to step changes. Without it feet would
-            land too early where the ground keeps rising, or where the estimate drifts (by one or two mm a step).
-    """
-
-    preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.02)))
-    phases: PhaseSettings = field(default_factory=PhaseSettings)
-    adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
-    ground_memory: Share = 0.5
-    rise_memory: Share = 0.1
-
-
-class LipmWalk(GaitMachine):
+class LipmWalk(ReferenceSource):
     """Walk of one robot along planned steps: those of a plan, a velocity, a goal or a planner.
 
     Attributes:
         settings: Settings.
+        dt: Control period, s.
+        time: Time since the walk began, s.
+        phase: Phase now.
+        stance: Foot that carries while the present or next step swings: 0 left, 1 right.
+        elapsed: Time since the start of this phase, s.
+        duration: Planned length of this phase, s.
+        steps_done: Steps that have ended with a foot on the ground.
+        swing: Swing of this step; None on both feet.
+        ground: What is known of the ground.
         plan: Steps from the one that swings or swings next on, as they are now; landings move.
         step: Index of the step that swings, or that swings next; the number of steps at the end.
         com_height: Height of the CoM over the support while walking, m.
@@ -125,7 +87,8 @@ class LipmWalk(GaitMachine):
     """
 
     com_height: float
-    reach: Reach
+    ground: GroundEstimate
+    steering: Steering
 
     def __init__(
         self,
@@ -155,10 +118,9 @@ class LipmWalk(GaitMachine):
         self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)  # of plans to come
         self._drive = drive or DriveSettings()
         self.steering = Steering(self._drive.limits, PLANNED_NEAR, extent)
-        ground = GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
-        super().__init__(dt, ground, DEBOUNCE)
+        self.dt, self.ground = dt, GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
-        self._laws = [self._law(climbs) for climbs in (False, True)]
+        self._laws = [law_of(s, robot, com_height, self.reach, climbs=climbs) for climbs in (False, True)]
         if com is None:
             com = 0.5 * (plan.left.position + plan.right.position) + (0.0, 0.0, com_height)
         self._first: FootstepSource | None = None  # from the start on
@@ -169,27 +131,12 @@ class LipmWalk(GaitMachine):
             self.plan_steps()
         self.progress = self._record()
 
-    def _law(self, climbs: bool) -> tuple[PreviewController, StepAdjuster | None]:
-        """Return preview and step adjustment, those of a plan that climbs or not."""
-        s, robot = self.settings, self._robot
-        lengths = {"m": robot.length_scale}  # a small robot has its share of each
-        preview, adjustment = in_units(s.preview, lengths), s.adjustment and in_units(s.adjustment, lengths)
-        margin, inward = preview.margin, preview.target.inward
-        if climbs:  # as planned: on rough ground, landings make a plan that climbs, too
-            inward = min(inward, CLIMBING_INWARD)
-        most = _most_inward(
-            0.5 * min(width for _, width in self.reach.soles),
-            margin if adjustment is None else max(margin, adjustment.margin),
-        )
-        target = replace(preview.target, inward=max(-most, min(most, inward)))
-        planner = PreviewController(self.reach.soles, self.com_height, replace(preview, target=target))
-        if adjustment is None:
-            return planner, None
-        return planner, StepAdjuster(self.com_height, self.reach, target, adjustment)
-
     def _stand(self, feet: FootstepPlan, com: Array) -> None:
         """Stand on feet, with the CoM at a place, m."""
-        super().begin(0.0)
+        self.time, self.steps_done = 0.0, 0
+        self._enter(GaitPhase.STANDING, 0.0)
+        self.planner, self.reason = None, ""
+        self.ground.forget()
         self.plan, self.step = replace(feet, gait=feet.gait.full.on_grid(self.dt)[0]), 0
         self.steering.command(None)
         self._pace = 0.0  # of the last plan, m/s
@@ -279,22 +226,35 @@ class LipmWalk(GaitMachine):
         self._landed = False
         self._next = time + REPLAN
         self._asked = planner, planner.order
-        swings, first = self.phase is GaitPhase.SINGLE, self._next_side
-        feet, drift = self.plan.feet(self.step + swings), self.drift_correction
+        feet, drift = self.plan.feet(self.step + (self.phase is GaitPhase.SINGLE)), self.drift_correction
         turns = not drift.isIdentity(0.0)  # then the planner sees the feet in the world that it was taken in
         seen = [foot.moved(drift.inverse()) for foot in feet] if turns else feet
-        plan = self._ask(planner, seen, first, swings=swings)
+        plan = self._ask(planner, seen)
         if plan is not None:
             self._steer(plan.moved(drift) if turns else plan)
             self._pace, self._asked = planner.pace, (planner, planner.order)
             return
         self.steering.command(None)  # the robot comes to a stand
         self.planner = stand = self._steered_steps()
-        plan = self._ask(stand, feet, first, swings=swings)
+        plan = self._ask(stand, feet)
         if plan is None:
-            plan = FootstepPlan(*feet, (), self.plan.gait)
+            plan, first = FootstepPlan(*feet, (), self.plan.gait), self._next_side
             plan = plan if first is None else close_up(plan, first)
         self._steer(plan)
+
+    def _ask(self, planner: FootstepSource, feet: Sequence[Footstep]) -> FootstepPlan | None:
+        """Return a planner's steps from where the feet stand, the one that swings where it lands.
+
+        The answer is None where the planner has none, and `reason` says why.
+        """
+        swings, (left, right) = self.phase is GaitPhase.SINGLE, feet
+        start, begun = FootstepPlan(left, right, (), self._gait), self.steps_done + swings
+        now = Standing(start, self._next_side, begun, swings, self.time, self.reach)
+        answer = answer_of(planner, now, self.steering.extent, self.dt)
+        if isinstance(answer, str):
+            self.reason = answer
+            return None
+        return answer
 
     @property
     def _next_side(self) -> str | None:
@@ -316,7 +276,7 @@ class LipmWalk(GaitMachine):
         full = plan.gait.full
         swings, waited = self.phase is GaitPhase.SINGLE, self.step < len(self.plan)
         steps = self.ground.settled(plan.steps, swings=swings)
-        self.ground.height = 0.0
+        self.ground.expect_at(0.0)
         left, right = self.plan.feet(self.step)
         begun = self.plan.steps[self.step : self.step + 1] if swings else ()
         self.plan, self.step = FootstepPlan(left, right, (*begun, *steps), full), 0
@@ -374,6 +334,12 @@ class LipmWalk(GaitMachine):
         """Set the landing of the foot that swings; see `FootstepPlan.with_step`."""
         self.plan = self.plan.with_step(self.step, step, carry=carry)
 
+    def _enter(self, phase: GaitPhase, duration: float) -> None:
+        """Begin a phase, planned to last for a time, s."""
+        self.phase, self.elapsed, self.duration = phase, 0.0, duration
+        self.swing: SwingFoot | None = None
+        self._loaded = 0.0  # time for which the swing foot has borne the load of a touch-down, s
+
     def _phases(self, loads: Sequence[float], places: Sequence[pin.SE3]) -> tuple[Event, ...]:
         """Change the phase where contact, by the normal force on left and right foot, N, and time say so.
 
@@ -398,7 +364,9 @@ class LipmWalk(GaitMachine):
     def _single(self, load: float, places: Sequence[pin.SE3]) -> tuple[Event, ...]:
         """End the single support where the swing foot has met the ground, by its load over the weight, or must."""
         s, credit = self.settings.phases, 0.0
-        touched = self._touches(load >= s.touch_down)
+        loaded = load >= s.touch_down
+        self._loaded = self._loaded + self.dt if loaded else 0.0
+        touched = loaded and self._loaded >= DEBOUNCE - ROUNDING
         left = self.duration - self.elapsed
         if left > ROUNDING:
             if not (touched and self.elapsed >= s.early * self.duration):
@@ -459,10 +427,20 @@ class LipmWalk(GaitMachine):
             if self.ground.news:
                 self._look(swing)
             self._yaws[1 - self.stance] = swing.heading(self.elapsed)
-        return self._reference(self._pendulum(), self._places, events)
+        feet = [FootMotion.at_rest(place) for place in self._places]
+        if swing is not None:
+            side = 1 - self.stance
+            feet[side] = swing.at(self.elapsed)
+            self._places[side] = feet[side].placement
+        self.progress = self._record(events)
+        return Reference(self._pendulum(), (feet[0], feet[1]), self.progress)
 
-    def _ahead(self) -> tuple[float, tuple[Footstep, ...], float]:
-        return mean_heading(*self._yaws), self.plan.steps[self.step :], self.plan.gait.full.cycle
+    def _record(self, events: tuple[Event, ...] = ()) -> Progress:
+        """Return the record of the step as it is now, with the events of a tick."""
+        swing = 1 - self.stance if self.phase is GaitPhase.SINGLE else None
+        heading, (plan, step) = mean_heading(*self._yaws), (self.plan, self.step)
+        now = self.phase, self.stance, swing, (swing != 0, swing != 1), heading, self.steps_done, self.elapsed
+        return Progress(*now, self.duration, plan.steps[step:], plan.gait.full.cycle, events)
 
     def _lift(self, places: Sequence[pin.SE3]) -> None:
         """Start a swing from the foot's placement."""
@@ -473,7 +451,8 @@ class LipmWalk(GaitMachine):
         self.set_landing(landing, carry=False)
         # Where what is seen is not there, the ground is where it was felt.
         shape = shape._replace(search_depth=shape.search_depth + self.ground.raised)
-        self._begin_swing(places, landing, self.duration, shape)
+        start = places[1 - self.stance]
+        self.swing = SwingFoot(start, landing, self.duration, shape, self.ground.way(start, landing))
         self._replan()
         self._plan_swing()
 
@@ -483,7 +462,7 @@ class LipmWalk(GaitMachine):
             return
         turn = max(-MOST_TURN, min(MOST_TURN, -self._turned))
         self._turned += turn
-        rotation = pin.rpy.rpyToMatrix(0.0, 0.0, turn)
+        rotation = yaw_rotation(turn)
         move = pin.SE3(rotation, stance.translation - rotation.dot(stance.translation))
         self.drift_correction = move * self.drift_correction
         self.set_landing(self.plan.steps[self.step].moved(move))
@@ -503,7 +482,7 @@ class LipmWalk(GaitMachine):
         seen = self.ground.under(now)
         if abs(seen.z - now.z) < NOTICED:
             return
-        self.ground.height += seen.z - now.z
+        self.ground.expect_at(self.ground.height + (seen.z - now.z))
         self._retarget(swing, seen, swing.duration, carry=False)
 
     def _land(self, places: Sequence[pin.SE3]) -> None:
@@ -572,14 +551,3 @@ class LipmWalk(GaitMachine):
         self.set_landing(landing, carry=carry)
         swing.retarget(self.elapsed, landing, duration)
         self._replan()
-
-
-def _most_inward(half_width: float, margin: float) -> float:
-    """Return the greatest distance of the planned ZMP from the middle of a sole to a side, m.
-
-    Step adjustment answers what no ZMP within the sole's margin can. Without room on a side it would answer every error
-    of the DCM to that side, the constant ones of sensors as well, and the walk would leave its line. The room is one
-    margin, or half of what the margin leaves of a sole that is narrower than six margins.
-    """
-    left = half_width - margin
-    return max(left - margin, 0.5 * left, 0.0)

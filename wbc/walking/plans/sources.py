@@ -6,6 +6,7 @@ without steps is a stand. Sources are exchanged at any time; the step that has b
 
 from __future__ import annotations
 
+import logging
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -18,6 +19,11 @@ from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, other
 from wbc.walking.plans.reach import Extent, Reach, check_plan
+
+logger = logging.getLogger(__name__)
+
+REPLAN = 0.1
+"""Time between questions to a planner on both feet, s."""
 
 Velocity = tuple[float, float, float]
 """Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle."""
@@ -199,6 +205,24 @@ def next_steps(planner: FootstepSource, now: Standing, extent: Extent | None = N
         checked = replace(plan, left=now.start.left, right=now.start.right, steps=steps)
         check_plan(checked, now.reach, extent, effort=planner.to_check is None)
     return plan
+
+
+def answer_of(planner: FootstepSource, now: Standing, extent: Extent | None, dt: float) -> FootstepPlan | str:
+    """Return a planner's steps from where the feet stand, with timings in whole periods of a time, s.
+
+    The answer is the reason why there are none, which is logged, where the planner fails or asks for a step out of
+    reach. The planner sees the feet level.
+    """
+    left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in (now.start.left, now.start.right))
+    try:
+        plan = next_steps(planner, now._replace(start=replace(now.start, left=left, right=right)), extent)
+        return replace(plan, gait=plan.gait.full.on_grid(dt)[0])
+    except Exception as error:  # of a planner of the user's own, too
+        ours = isinstance(error, InputError)
+        reason = str(error) if ours else f"{type(error).__name__}: {error}"
+        trace = None if ours else error
+        logger.warning("footsteps refused (%s); the robot comes to a stand", reason, exc_info=trace)
+        return reason
 
 
 def close_up(start: FootstepPlan, side: str) -> FootstepPlan:

@@ -1,5 +1,5 @@
 """Free steps, which balance the robot: place and time of each step are decided while the robot goes.
 
-A rule for the place or the time of steps goes into `law`; what a robot does on both feet is in `stand`, what it does in
-a step in `gait`.
+Read `gait` first: it has the order of a tick. A rule for the place or the time of steps goes into `law`; what a robot
+does on both feet is in `double_support`, what it does in a step in `single_support`.
 """

@@ -60,8 +60,12 @@ class HeldArea:
         (behind, right), (ahead, left) = self._least, self._most
         return (trust * behind, trust * ahead), (trust * right, trust * left)
 
-    def update(self, tilting: Point, wrench: Vector) -> None:
-        """Take in a tick: the rates at which the far and the left end of the sole rise, rad/s, and the wrench on it."""
+    def update(self, tilting: Point, wrench: Vector, level: float) -> None:
+        """Take in a tick: the rates at which the far and the left end of the sole rise, rad/s, and the wrench on it.
+
+        The ground counts as level by a share from 0 to 1.
+        """
+        self.level = level
         c, dt, gain = self._c, self._dt, self._spin_gain
         self._spin = [spin + gain * (rate - spin) for spin, rate in zip(self._spin, tilting, strict=True)]
         _, _, force, roll, pitch, _ = wrench

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wbc.base.vectors import Point, Vector
@@ -13,6 +15,16 @@ from wbc.walking.swing import REST
 
 Motion = tuple[float, float, float, float, float, float]
 """Place, m, velocity, m/s, and acceleration, m/s², over the ground."""
+
+
+class PhaseReference(NamedTuple):
+    """References of one tick of a stand, of a shift of weight or of a step."""
+
+    motion: Motion  # planned motion of the centre of mass
+    level: float  # height of the feet over which it is held, m
+    most_force: tuple[float, float]  # greatest normal force of each foot of a robot that holds no load, N
+    cop: Point = (0.0, 0.0)  # shift of the centre of pressure of the foot that stands; see `Reference`
+    urgency: float = 0.0  # of the swing foot; see `Reference`
 
 
 class Course:

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.base.numbers import Array, lag_gain
-from wbc.base.vectors import Point, Vector, along
+from wbc.base.vectors import Point, Vector
 from wbc.ground.height_map import Places
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.area import HeldArea
-from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit
+from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, StanceAxes
 from wbc.walking.stepping.program import OFFSETS, Bounds, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.swing import RISE
@@ -43,9 +43,7 @@ class StepState(NamedTuple):
     """State that a step is decided by.
 
     Attributes:
-        side: 1 if the left foot swings, −1 if the right one does.
-        direction: Cosine and sine of the heading.
-        pivot: Carrying point of the foot that stands, m.
+        axes: Axes about the carrying point of the foot that stands.
         cop_command: Commanded centre of pressure on it, with the low-pass of the measured one, m.
         contact: Measured one, low-passed, m.
         dcm: Divergent component of motion about it.
@@ -56,9 +54,7 @@ class StepState(NamedTuple):
         down: Time that the swing foot needs to come straight down, s.
     """
 
-    side: float
-    direction: Point
-    pivot: Vector
+    axes: StanceAxes
     cop_command: Vector
     contact: Vector
     dcm: Divergent
@@ -67,16 +63,6 @@ class StepState(NamedTuple):
     elapsed: float
     swing: tuple[float, float, float, float]
     down: float
-
-    def offset(self, x: float, y: float) -> Point:
-        """Return how far a point is ahead and outwards of the pivot, m."""
-        ahead, left = along(self.direction, x - self.pivot[0], y - self.pivot[1])
-        return ahead, self.side * left
-
-    def point(self, ahead: float, outwards: float) -> Point:
-        """Return the point in the world that is so far ahead and outwards of the pivot, m."""
-        (cos, sin), left = self.direction, self.side * outwards
-        return self.pivot[0] + cos * ahead - sin * left, self.pivot[1] + sin * ahead + cos * left
 
 
 class StepDecision:
@@ -150,13 +136,12 @@ class StepDecision:
         """
         self._climbs = climbs
         c, omega, elapsed = self._c, stance.dcm.omega, stance.elapsed
-        offset = stance.offset(stance.dcm.x, stance.dcm.y)
+        axes = stance.axes
+        offset = axes.offset(stance.dcm.x, stance.dcm.y)
         (x, y, _), (p, q, _) = stance.contact, stance.cop_command
-        ahead, left = along(stance.direction, x - p, y - q)
-        contact = (
-            min(max(ahead, -c.cop_error), c.cop_error),
-            stance.side * min(max(left, -c.cop_error), c.cop_error),
-        )
+        ahead, outwards = axes.outwards(x - p, y - q)
+        most = c.cop_error
+        contact = min(max(ahead, -most), most), min(max(outwards, -most), most)
         bounds = self._bounds(stance, offset[0] - contact[0], offset[1] - contact[1], longest)
         remaining = max(stance.nominal - elapsed, 0.0)
         last = max(self.end - elapsed, 0.0) if self._decided else remaining
@@ -181,10 +166,10 @@ class StepDecision:
         free = self._centre(stance, step.place)
         chosen = None if look is None else self._choose(stance, free, look)
         if chosen is not None:
-            x, y = stance.offset(*chosen)
+            x, y = axes.offset(*chosen)
             there = (x + c.carrying, y), (x + c.carrying, y)
             step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds, there) or step
-        self.end, self._wanted = elapsed + step.left, (step.shift[0], stance.side * step.shift[1])
+        self.end, self._wanted = elapsed + step.left, (step.shift[0], axes.side * step.shift[1])
         self.place = free if chosen is None else self._centre(stance, step.place)
 
     def _held(
@@ -219,7 +204,7 @@ class StepDecision:
     def _bounds(self, stance: StepState, ahead: float, outwards: float, longest: float) -> Bounds:
         """Return the limits of a step, by the offset of ξ from the contact, m."""
         s, c, area, elapsed = self._s, self._c, self.area, stance.elapsed
-        low, high = area.aside if stance.side > 0.0 else (-area.aside[1], -area.aside[0])
+        low, high = area.aside if stance.axes.side > 0.0 else (-area.aside[1], -area.aside[0])
         # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
         shortest = max(max(s.shortest, STAIR_TIME * stance.nominal * self._climbs) - elapsed, 0.0)
         most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(ahead), LEAST_OFFSET)
@@ -265,7 +250,7 @@ class StepDecision:
             grown = math.exp(omega * after)
             return math.hypot((ahead * grown - x) * growth + x, (d + beyond * grown) * growth - d)
 
-        x, d = stance.offset(x, y)
+        x, d = stance.axes.offset(x, y)
         near, far = (place[0] - self._c.carrying for place in self._near(stance, closing))
         closed = min(max(ahead * math.exp(omega * closing), near), far)
         if way(x, d, time) < way(closed, s.gap, closing):
@@ -274,7 +259,7 @@ class StepDecision:
     def _near(self, stance: StepState, time: float) -> tuple[Point, Point]:
         """Return the least and the greatest place, m, that the swing foot reaches within a time, s."""
         s, (x, y, _, _) = self._s, stance.swing
-        ahead, outwards = stance.offset(x, y)
+        ahead, outwards = stance.axes.offset(x, y)
         ahead, way = ahead + self._c.carrying, time * time * self._c.swing_push / RISE
         low = min(max(ahead - way, -s.reach), s.reach), min(max(outwards - way, s.gap), s.widest)
         high = min(max(ahead + way, low[0]), s.reach), min(max(outwards + way, low[1]), s.widest)
@@ -297,10 +282,9 @@ class StepDecision:
         is v t/2 + a t² √3/10, with its greatest acceleration a.
         """
         (x, y, u, v), carrying = stance.swing, self._c.carrying
-        ahead, outwards = stance.offset(x, y)
+        ahead, outwards = stance.axes.offset(x, y)
         ahead += carrying
-        on, left = along(stance.direction, u, v)
-        rates, a = (on, stance.side * left), self._c.swing_push / RISE
+        rates, a = stance.axes.outwards(u, v), self._c.swing_push / RISE
 
         def missed(time: float, place: Point) -> float:
             """Return by how much the foot misses a place, as far as it is within reach, m."""
@@ -339,7 +323,7 @@ class StepDecision:
 
     def _centre(self, stance: StepState, place: Point) -> Point:
         """Return the centre of a landing whose carrying point is ahead and outwards of that of the stance foot."""
-        return stance.point(place[0] - self._c.carrying, place[1])
+        return stance.axes.point(place[0] - self._c.carrying, place[1])
 
     def _choose(self, stance: StepState, free: Point, look: float) -> Point | None:
         """Return the place near the program's landing where the sole is to rest; None where none is chosen."""
@@ -349,18 +333,18 @@ class StepDecision:
         if early or look <= LAST_LOOK or not moved:
             return self._chosen
         k = self._program.stiffness() * (c.balance_cost / self._scale.height**2)
-        aside = stance.side * k[0, 1]
+        aside = stance.axes.side * k[0, 1]
 
         def cost(moves: Places) -> Array:
             u, v = moves.real, moves.imag
             return np.asarray(0.5 * (k[0, 0] * u * u + 2.0 * aside * u * v + k[1, 1] * v * v))
 
         def allowed(x: float, y: float) -> bool:
-            ahead, outwards = stance.offset(x, y)
+            ahead, outwards = stance.axes.offset(x, y)
             return abs(ahead + c.carrying) <= s.reach and s.gap <= outwards <= s.widest
 
-        heading = math.atan2(stance.direction[1], stance.direction[0])
-        place = Footstep("left" if stance.side > 0.0 else "right", *free, self._ground.height, heading)
+        (cos, sin), left = stance.axes.direction, stance.axes.side > 0.0
+        place = Footstep("left" if left else "right", *free, self._ground.height, math.atan2(sin, cos))
         chosen = self._ground.choose(place, allowed, cost)
         self._about = free
         self._chosen = None if (chosen.x, chosen.y) == free else (chosen.x, chosen.y)
@@ -386,22 +370,24 @@ def _box(place: Point, asked: Sequence[float], bounds: Bounds) -> tuple[Point, P
 def steps_of_velocity(velocity: Point, width: float, stance: StepState) -> Wish:
     """Return the steps of a velocity, forward and left, m/s, with feet so far apart, m."""
     orbit, time = stance.orbit, stance.nominal
-    length, drift = velocity[0] * time, stance.side * velocity[1] * time
+    length, drift = velocity[0] * time, stance.axes.side * velocity[1] * time
     b, inwards, closing = orbit.ahead, -orbit.inwards, -orbit.closing
     places = length, width + drift, length, width - drift, length, width + drift
     return Wish(places, (b, inwards, b, closing, b, inwards), time)
 
 
-def steps_of_plan(footsteps: Sequence[Footstep], carrying: float, width: float, stance: StepState) -> Wish:
+def steps_of_plan(
+    footsteps: Sequence[Footstep], carrying: float, width: float, axes: StanceAxes, omega: float, time: float
+) -> Wish:
     """Return planned steps, and offsets from which a pendulum reaches rest at their end, E b = s⁺ + b⁺.
 
-    Feet carry so far ahead of their centres, m; after the plan they would stand so far apart, m.
+    Feet carry so far ahead of their centres, m; after the plan they would stand so far apart, m. Steps take a time, s.
     """
-    growth, ways = math.exp(stance.dcm.omega * stance.nominal), []
+    growth, ways = math.exp(omega * time), []
     at = 0j
     for step in footsteps[:HORIZON]:
         x, y = step.x + carrying * math.cos(step.yaw), step.y + carrying * math.sin(step.yaw)
-        ways.append(complex(*stance.offset(x, y)) - at)
+        ways.append(complex(*axes.offset(x, y)) - at)
         at += ways[-1]
     offsets = [-0.5 * ways[-1]]  # in the middle of the feet
     for way in ways[:0:-1]:
@@ -411,4 +397,4 @@ def steps_of_plan(footsteps: Sequence[Footstep], carrying: float, width: float, 
         offsets.append(growth * offsets[-1] - ways[-1])
     (s0, s1, s2), (b0, b1, b2) = ways[:3], offsets[:3]
     places = s0.real, s0.imag, s1.real, -s1.imag, s2.real, s2.imag
-    return Wish(places, (b0.real, b0.imag, b1.real, -b1.imag, b2.real, b2.imag), stance.nominal)
+    return Wish(places, (b0.real, b0.imag, b1.real, -b1.imag, b2.real, b2.imag), time)

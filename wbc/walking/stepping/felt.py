@@ -119,6 +119,11 @@ class Felt:
         """Feel anew on one foot, 0 left and 1 right, or on both; soles carry so far ahead of their centres, m."""
         self._stance, self._ahead, self._contact = stance, ahead, None
 
+    def stand_on(self, stance: int | None, ahead: float) -> None:
+        """Go on from this tick on about the contact of one foot, or of both; see `begin`."""
+        self.begin(stance, ahead)
+        self.follow()
+
     _contact: Vector | None
 
     @property

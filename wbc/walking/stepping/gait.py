@@ -3,50 +3,101 @@
     standing ── a velocity, a goal ──▶ shifting ── weight on one foot ──▶ stepping ── slow, feet together ──▶ standing
         └───────────────── a push: the DCM leaves both soles ────────────────▲
 
-A step is decided by `wbc.walking.stepping.decision`; `law` and `program` beside it have the equations, and
-docs/stepping_law.md the rules.
+`SteppingWalk` decides which of these phases it is in, and its parts do the work of a tick in this order:
+
+    felt.take(state)                        state, contact point and DCM of the robot       `felt`
+    stand.joined, pushed, shift             on both feet: does a step begin?                `double_support`
+    steering.update → Asked                 velocity or footsteps that are asked for        `wbc.walking.steering`
+    step.update(asked)                      on one foot: time, place, contact of the swing  `single_support`
+        decision.decide(state, wish)        where and when the foot lands                   `decision`, `program`
+        touch.bears, rubs, is_to_carry      whether it has landed, and is to carry          `touch`
+    step.end(asked)                         the foot that has landed carries
+    stand or step → PhaseReference          CoM, forces of the feet, centre of pressure     `course`
+
+`law` and `program` have the equations, and docs/stepping_law.md the rules.
 """
 
 from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Sequence
 
 from wbc.base.checked import checked
+from wbc.base.vectors import Point, along
+from wbc.core.drive.control import State
 from wbc.core.frames import heading
 from wbc.core.robot import SIDES, Robot
-from wbc.walking.contact import Event, GaitPhase, touch_down
-from wbc.walking.ground import LAST_LOOK
-from wbc.walking.plans.footsteps import Footstep, mean_heading
-from wbc.walking.plans.reach import Extent, Reach
-from wbc.walking.source import Reference
-from wbc.walking.steering import StepVelocity
-from wbc.walking.stepping.decision import StepState, steps_of_plan, steps_of_velocity
-from wbc.walking.stepping.law import SIDEWAYS, Orbit
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings
-from wbc.walking.stepping.stand import StandingWalk
-from wbc.walking.stepping.touch import SwingStep
-from wbc.walking.swing import RISE
+from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.ground import GroundEstimate
+from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, mean_heading
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.reach import Extent, Reach, over
+from wbc.walking.plans.sources import REPLAN, FootstepSource, PlanSource, Standing, Velocity, answer_of
+from wbc.walking.source import Progress, Reference, ReferenceSource
+from wbc.walking.steering import PathSteering, StepVelocity
+from wbc.walking.stepping.course import Course
+from wbc.walking.stepping.double_support import DoubleSupport
+from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.single_support import Asked, SingleSupport
+from wbc.walking.swing import FootMotion
 
 logger = logging.getLogger(__name__)
-
-LOOKS = 2
-"""Number of decisions between two looks at the ground under a landing that moves with each of them."""
 
 LET_GO = 0.01
 """Distance of a landing from its footstep from which on a walk says that it was let go, m."""
 
-HALF = 0.5
-"""Part of the way up or down a stair by which the CoM rises or sinks before the foot lands: a leg reaches no deeper,
-and a knee that is bent further has no torque to spare."""
 
-STAIR = {"edge": 0.25, "apex": 0.5, "heel": 0.5, "stair": 0.0, "level": 1.0}
-"""Shape of the swing on stairs: a sole as long as the tread travels later up and earlier down, above the edge, and up
-with its heel first: level behind the body it would meet the end of the ankle's range, and turn the pelvis."""
+class SteppingWalk(ReferenceSource):
+    """Walk with free steps, which balance the robot: it stands, walks where it is steered, and stands.
 
+    Attributes:
+        settings: Settings in SI units.
+        constants: Constants of the law in SI units.
+        scale: Size of the robot.
+        dt: Control period, s.
+        com_height: Height of the CoM over the soles while walking, m.
+        reach: Reach of the legs, which bounds footsteps that are asked for; None where they are taken as they are.
+        ground: What is known of the ground.
+        steering: Velocity, goal and heading.
+        felt: State of the robot in the last tick, with its contact point and its DCM.
+        course: Planned motion of the centre of mass.
+        stand: Both feet on the ground.
+        step: The step, on one foot.
+        footsteps: Last answer of the planner, from the step that swings now on; none of a walk that is steered.
+        phase: Phase now.
+        stance: Foot that carries while the present or next step swings: 0 left, 1 right.
+        elapsed: Time since the start of this phase, s.
+        time: Time since the gait began, s.
+        steps_done: Steps that have ended with a foot on the ground.
+    """
 
-class SteppingWalk(StandingWalk):
-    """Walk with free steps, which balance the robot: it stands, walks where it is steered, and stands."""
+    com_height: float
+    ground: GroundEstimate
+    steering: PathSteering
+
+    def __init__(
+        self,
+        settings: SteppingSettings,
+        scale: RobotSize,
+        heading: float,
+        dt: float,
+        reach: Reach | None = None,
+        extent: Extent | None = None,
+    ) -> None:
+        """Stand, with a heading, rad; an `InputError` for steps that cannot be walked.
+
+        Without a `reach` of the legs, footsteps that are asked of a planner are taken as they are. Without an `extent`
+        the ground is endless.
+        """
+        self.settings, self.scale, self.com_height = settings.in_si(scale), scale, scale.height
+        self.constants = c = in_si(SteppingConstants(), scale)
+        self.dt, self.reach, self._extent = dt, reach, extent
+        self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
+        self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for
+        self.felt, self.course = Felt(scale, c, dt), Course(scale, dt)
+        self.begin(heading)
 
     @staticmethod
     @checked
@@ -66,63 +117,91 @@ class SteppingWalk(StandingWalk):
         scale = RobotSize.of(robot, s.bend, com_height)
         return SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height), extent)
 
-    # ---- stepping ---------------------------------------------------------------------------------------------
+    def begin(self, heading: float) -> None:
+        """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
+        s, c, scale, dt, felt = self.settings, self.constants, self.scale, self.dt, self.felt
+        self.phase, self.stance, self.steps_done = GaitPhase.STANDING, 1, 0
+        self.time = self.elapsed = 0.0
+        self._duration = 0.0  # planned length of a phase on both feet, s
+        self.planner, self.reason = None, ""
+        self.footsteps: Sequence[Footstep] = ()
+        self._idle = False  # while the planner asks for a stand
+        self._next = 0.0  # time of the next question to a planner in a stand, s
+        self.ground.forget()
+        self.course.begin()
+        felt.begin(None, 0.0)
+        self.stand = DoubleSupport(s, c, felt)
+        self.step = SingleSupport(s, c, scale, felt, self.ground, self.course, dt)
+        held = min(self.step.decision.area.widest / c.slow_width, 1.0)
+        self.steering = PathSteering(s, scale, c, heading, dt, self._extent, held)
+        self._reader: BodyReader | None = None
+        # Times for which each foot has been in the air and on the ground, s, of a robot that walks already.
+        self._joins: tuple[Sequence[float], Sequence[float]] | None = None
+        self.progress = self._record()
 
-    def _step(self, events: tuple[Event, ...]) -> Reference:
-        """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
-        swing, touch = 1 - self.stance, self.touch
-        if self.swing is not None:
-            paced, speed = self.duration / self.steering.step_time, math.hypot(*self.steering.velocity)
-            touch.fly(swing, self.elapsed, self.decision.urgency, paced, speed)
-        self._follow_ground()
-        steps = self._steer()
-        self._decide(steps)
-        events = (*events, *self._meet(steps))
-        # Footsteps are planned from where feet are to carry, and those meet the ground at an inner edge.
-        touch.carry(swing, met=self.met is not None and not self.footsteps)
-        if self.met is not None and touch.is_to_carry(self._now(steps)):
-            events = (*events, *self._change_feet(steps.go))
-            self.felt.follow()
-            if self.phase is GaitPhase.STANDING:
-                return self._on_both_feet(events)
-            self._decide(steps)
-        state = self.felt.state
-        self._level += self._level_gain * (self._support() - self._level)
-        most = touch.most_forces(self.stance, self.elapsed, met=self.met is not None, stepped=not self._first)
-        ahead, aside = self.decision.cop
-        zmp = state.on_sole(self.stance, self.constants.carrying + ahead, aside)
-        return self._references(events, most, self.course.fall(state, zmp), self._level)
+    def join(self, air: Sequence[float], landed: Sequence[float]) -> None:
+        """Begin anew in the step that a robot is in which walks already, after `begin`.
 
-    def _support(self) -> float:
-        """Return the height over which the CoM is to be, m: on stairs it goes half of the way before the landing."""
-        stands = self.felt.state.places[self.stance][2]
-        return stands + HALF * (self.ground.height - stands) if self.steering.climbs else stands
+        A foot in the air swings on from its place and with its velocity. Of two feet on the ground the one that has
+        landed a moment ago carries, and the other one swings; the robot stands if both have stood for longer.
 
-    def _now(self, steps: StepVelocity) -> SwingStep:
-        """Return the step of this tick."""
-        c, fast_share = self.constants, self.fast_share
-        patience = c.patience_of_plans if self.footsteps else c.patience
-        return SwingStep(
-            self.stance,
-            self.steering.direction,
-            self._orbit(steps),
-            self.elapsed,
-            self._touch,
-            max(self._longest, self._waits),
-            fast_share,
-            patience + fast_share * (1.0 - patience),  # a fast walk needs all of its time
-        )
-
-    def _follow_ground(self) -> None:
-        """Move the expected ground with the foot that stands.
-
-        This foot stays where it is. What moves is its estimate, after impacts and flights, and without the ground the
-        swing foot would end above the true one.
+        Args:
+            air: Time for which the left and the right foot have been in the air, s; 0 for one on the ground.
+            landed: Time since each of them has landed, s; 0 for one in the air.
         """
-        moved = self.felt.state.places[self.stance][2] - self._stood
-        if abs(moved) > self.constants.drifted and self.ground.sight is None:
-            self.ground.height += moved
-            self._stood += moved
+        self._joins = air, landed
+
+    # ---- what is asked for --------------------------------------------------------------------------------------
+
+    @property
+    def finished(self) -> bool:
+        """True when nothing asks for steps and the robot has stood for as long as a step takes."""
+        stood = self.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
+        return stood and (self.planner is None or self._idle) and not self.steering.pending
+
+    @property
+    def fast_share(self) -> float:
+        """Share from 0 to 1 by which the walk is a fast one."""
+        return 0.0 if self.footsteps else self.steering.fast_share
+
+    @property
+    def granted(self) -> Velocity:
+        """Velocity of the steps now: forward (m/s), left (m/s) and turn (rad/s)."""
+        return (*self.steering.velocity, self.steering.turn)
+
+    @property
+    def standing_box(self) -> Point:
+        """Half of the box of a sole in which the centre of pressure stays in a stand, along and across it, m."""
+        length, width = self.constants.standing_box
+        return 0.5 * length, 0.5 * width
+
+    def take(self, planner: FootstepSource | None) -> None:
+        """Take footsteps from a planner, from the next step on; None for those of the steering."""
+        super().take(planner)
+        self._idle, self._next = False, 0.0
+
+    # ---- the tick -----------------------------------------------------------------------------------------------
+
+    def update(self, state: State) -> Reference:
+        """Decide the step, and return where it leaves the robot."""
+        if self._reader is None or self._reader.robot is not state.robot:  # in the first tick
+            self._reader = BodyReader(state.robot)
+        return self.advance(self._reader.read(state), self._reader.frames)
+
+    def advance(self, state: BodyState, frames: Frames) -> Reference:
+        """Stand, shift the weight or step for a tick; feet that stand keep the placements of left and right sole."""
+        self.elapsed += self.dt
+        self.time += self.dt
+        self.felt.take(state)
+        events: tuple[Event, ...] = ()
+        if self.phase is not GaitPhase.SINGLE:
+            events = self._leave_stand(frames)
+        if self.phase is GaitPhase.SINGLE:
+            asked = self._asked(self._steer())
+            events += self.step.update(asked, frames)
+            if self.step.is_over(asked):
+                events += self._change_feet(asked, frames)
+        return self._references(events, frames)
 
     def _steer(self) -> StepVelocity:
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
@@ -133,200 +212,129 @@ class SteppingWalk(StandingWalk):
             return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
         landing, (x, y, _) = self.footsteps[0], state.places[self.stance]
         (a, _, _), (b, _, _), _ = state.turns[self.stance]
-        ahead, _ = self._outwards(landing.x - x, landing.y - y)
+        ahead, _ = along(self.steering.direction, landing.x - x, landing.y - y)
         going = len(self.footsteps) > 1
         velocity = ahead / self.steering.step_time if going else 0.0
         self.steering.along((velocity, 0.0), mean_heading(math.atan2(b, a), landing.yaw))
         return StepVelocity((velocity, 0.0), going)
 
-    def _orbit(self, steps: StepVelocity) -> Orbit:
-        """Return the orbit of the steps that are asked for."""
-        if self._planned is not None:
-            return self._planned
-        time, omega = self.steering.step_time, self.felt.dcm.omega
-        return Orbit.of(steps.velocity, self._side, self._width(steps), time, self._pace, omega)
+    def _asked(self, steps: StepVelocity) -> Asked:
+        """Return what the step is asked for in this tick, with the velocity of the next steps."""
+        s, speed, fast_share = self.steering, math.hypot(*self.steering.velocity), self.fast_share
+        axes = s.heading, s.direction, s.turn
+        return Asked(steps, speed, fast_share, *axes, s.step_time, self.elapsed, self.footsteps, s.climbs)
 
-    def _width(self, steps: StepVelocity) -> float:
-        """Return the distance between feet, m: of a robot that walks sideways they come apart and together."""
-        s = self.settings
-        return max(s.width, s.gap + abs(steps.velocity[1]) * self.steering.step_time / SIDEWAYS)
-
-    def _decide(self, steps: StepVelocity) -> None:
-        """Decide time, place and centre of pressure of the step, and send the swing foot there."""
-        if self.met is not None:
-            return
-        s, c, side, frames = self.settings, self.constants, 1 - self.stance, self._frames
-        state = self.felt.state
-        swing, self._ticks = self.swing, self._ticks + 1
-        self.decision.area.level = self.ground.level(*c.even)
-        self.decision.area.update(state.tilting(self.stance), state.wrenches[self.stance])
-        decides = swing is None or self._ticks % self._period == 0
-        if decides:
-            self._solve(steps)
-        nominal, longest = self.steering.step_time, self._longest
-        shortest = min(s.shortest, self.decision.end) if self.decision.closes else s.shortest
-        wanted = min(max(self.decision.end, shortest), longest)
-        if swing is None:
-            self.duration = nominal if self._first else min(wanted, c.later * nominal)
-        elif self.decision.closes:
-            self.duration = wanted
+    def _references(self, events: tuple[Event, ...], frames: Frames) -> Reference:
+        """Return the references of a tick in the phase that it has led to."""
+        felt, step, steering, state = self.felt, self.step, self.steering, self.felt.state
+        if self.phase is GaitPhase.SINGLE:
+            now = step.references(self.elapsed, climbs=bool(steering.climbs))
+        elif self.phase is GaitPhase.STANDING:
+            now = self.stand.standing()
         else:
-            self.duration += self._time_gain * (wanted - self.duration)
-        self.duration = min(max(self.duration, shortest), longest)
-        self.decision.press()
-        thrown = None if swing is None else self.touch.thrown(side, swing, self.elapsed - self.dt)
-        if not decides and thrown is None:
-            return
-        touch = self._touch
-        turn = self.steering.heading + self.steering.turn * max(self.duration - self.elapsed, 0.0)
+            now = self.stand.shifting(steering.direction, steering.step_time, self.elapsed)
+        high, speed = self.course.rise(state.com[2] - now.level)
+        pendulum = self.course.pendulum(now.motion, (high + now.level, speed), felt.contact[2])
+        laden = state.mass / self.scale.mass  # by what it holds
+        most_force = laden * now.most_force[0], laden * now.most_force[1]
+        self.progress = progress = self._record((most_force[0] > 0.0, most_force[1] > 0.0), events)
+        feet = [
+            step.swing.at(self.elapsed, self.constants.swing_push)
+            if side == progress.air and step.swing is not None
+            else FootMotion.at_rest(place.copy())
+            for side, place in enumerate(frames)
+        ]
+        return Reference(pendulum, (feet[0], feet[1]), progress, most_force, now.cop, now.urgency)
+
+    def _record(self, contact: tuple[bool, bool] = (True, True), events: tuple[Event, ...] = ()) -> Progress:
+        """Return the record of the step as it is now, with the contacts and events of a tick."""
+        step, swing = self.step, 1 - self.stance if self.phase is GaitPhase.SINGLE else None
+        now = self.phase, self.stance, swing, contact, self.steering.heading, self.steps_done, self.elapsed
+        duration = self._duration if swing is None else step.duration
+        landings, cycle = (() if step.swing is None else (step.swing.landing,)), self.settings.step_time
+        return Progress(*now, duration, landings, cycle, events, step.met is not None, self.fast_share)
+
+    # ---- from phase to phase ------------------------------------------------------------------------------------
+
+    def _leave_stand(self, frames: Frames) -> tuple[Event, ...]:
+        """Walk on, shift the weight, or step, where the feet, the time, orders or a push ask for it."""
+        stand, joins = self.stand, self._joins
+        self._joins = None
+        if joins is not None:
+            stance = stand.joined(*joins)
+            if stance is not None:
+                return self._set_off(stance, frames, walks=max(joins[0]))
+        elif self.phase is GaitPhase.DOUBLE:
+            if self.elapsed >= self._duration:
+                return self._set_off(self.stance, frames)
+        elif self._is_to_walk(frames):
+            return self._shift()
+        kicked = self.felt.kicked()
+        stance = stand.pushed(self.steering.direction) if kicked is None else 1 - kicked
+        return () if stance is None else self._set_off(stance, frames, kicked=kicked is not None)
+
+    def _is_to_walk(self, frames: Frames) -> bool:
+        """Return True if a robot that stands is asked for steps; its planner is asked for footsteps."""
+        asks = self.planner is not None and self.time >= self._next
+        if self.elapsed <= self.constants.rest or not (asks or self.steering.pending):
+            return False
+        self._plan_steps(None, frames)
         if self.footsteps:
-            turn = self.footsteps[0].yaw
-        landing = Footstep(SIDES[side], *self.decision.place, self.ground.height, turn, *self._tilt)
-        if swing is None:
-            self.ground.lift(self.stance, frames[self.stance])
-            landing = self._seen(landing)
-            speed = min(c.landing_speed + c.landing_gain * self.ground.uneven, c.hardest)
-            shape = self._shape._replace(landing_speed=speed)
-            if self.steering.climbs:
-                shape = shape._replace(**STAIR)
-            self._begin_swing(frames, landing, touch, shape)
-            if self._joins is not None and self.swing is not None:
-                self._joins, ground = None, self.ground.height
-                self.swing.join(self.elapsed, frames[side], state.speeds[side], ground, c.swing_push)
-                self.swing.retarget(self.elapsed, landing, touch)
-            return
-        looks = self.ground.sight is not None and self._ticks // self._period % LOOKS == 0
-        if looks and touch - self.elapsed > LAST_LOOK:
-            landing = self._seen(landing)
-            swing.over = max(swing.over, self.ground.way(frames[side], landing))  # of what is left
-        if thrown is not None:
-            swing.restart(self.elapsed, frames[side], thrown, c.swing_push)
-        swing.retarget(self.elapsed, landing, touch, c.hardest if self.decision.closes else None)
+            return True
+        self._stay_on_ground()  # a goal where the robot stands asks for nothing
+        return self.steering.pending and not self.steering.arrives(self._middle())
 
-    @property
-    def _touch_share(self) -> float:
-        """Share of the time of a step at which the foot meets the expected ground."""
-        c = self.constants
+    def _shift(self) -> tuple[Event, ...]:
+        """Begin to shift the weight over the foot that will stand."""
         if self.footsteps:
-            return c.touch_of_plans
-        return c.touch + self.fast_share * (c.late_touch - c.touch)
+            self.stance = 1 - SIDES.index(self.footsteps[0].side)
+            self.steering.follow()
+        self.phase, self.elapsed = GaitPhase.DOUBLE, 0.0
+        self._duration = self.stand.shift(self.stance, self.footsteps) + self.constants.rest
+        self.felt.stand_on(None, self.constants.carrying)
+        return (Event.STARTED,)
 
-    @property
-    def _touch(self) -> float:
-        """Time of this step at which the foot meets the expected ground, s."""
-        return self._touch_share * self.duration
+    def _set_off(
+        self, stance: int, frames: Frames, *, walks: float | None = None, kicked: bool = False
+    ) -> tuple[Event, ...]:
+        """Begin to step from a stand.
 
-    @property
-    def _longest(self) -> float:
-        """Longest time of this step, s."""
-        return self.settings.longest * self.steering.step_time
+        A robot that walks already has a foot that has been in the air for a time, s; another foot was kicked away.
+        """
+        pace = self.steering.step_time
+        self.ground.expect_at(self.felt.state.places[stance][2])
+        self.steering.rest(self._middle())
+        # A foot may land in the second half of its step.
+        elapsed = 0.0 if walks is None else min(walks, 0.5 * self.steering.step_time)
+        self._lift(stance, frames, elapsed)
+        self.step.set_off(pace, walks=walks is not None, kicked=kicked)
+        return (Event.LIFT_OFF,)
 
-    @property
-    def _waits(self) -> float:
-        """Time since lift-off until which a foot that has met the ground may wait, s: a late one as long as others."""
-        return (self.met or 0.0) + (self.settings.longest - self._touch_share) * self.steering.step_time
+    def _lift(self, stance: int, frames: Frames, elapsed: float = 0.0) -> None:
+        """Begin a step on a foot, for which the planner is asked, at a time since lift-off, s."""
+        self.phase, self.stance, self.elapsed = GaitPhase.SINGLE, stance, elapsed
+        self.felt.stand_on(stance, self.constants.carrying)
+        self._plan_steps(SIDES[1 - stance], frames)
+        self.step.begin(stance, self.footsteps[0].z if self.footsteps else None)
 
-    def _solve(self, steps: StepVelocity) -> None:
-        """Decide the step by what stands now."""
-        c, footsteps, stance = self.constants, self.footsteps, self._step_state(steps)
-        self.course.decide()
-        stays = self.ground.sight is None or self.swing is None or self._first
-        if footsteps:
-            wish = steps_of_plan(footsteps, c.carrying, self.settings.width, stance)
-            self._planned = Orbit.of_wish(wish.places, wish.offsets)
-            stance = stance._replace(orbit=self._planned)
-            stays = stays or len(footsteps) < 3 or footsteps[0].place == "fixed"
-        else:
-            forward, left = steps.velocity
-            time = self.steering.step_time
-            forward = (forward - steps.made_up) * (1.0 + self.fast_share * (self._pace / time - 1.0))
-            wish = steps_of_velocity((forward, left), self._width(steps), stance)
-        look = None if stays else self._touch - self.elapsed
-        self.decision.decide(
-            stance, wish, self._longest, look, held=bool(footsteps), climbs=bool(self.steering.climbs)
-        )
-
-    def _step_state(self, steps: StepVelocity) -> StepState:
-        """Return the state that a step is decided by."""
-        felt, (u, v) = self.felt, self.decision.lagged
-        return StepState(
-            self._side,
-            self.steering.direction,
-            felt.carrying_point(self.stance),
-            felt.state.on_sole(self.stance, self.constants.carrying + u, v),
-            felt.contact,
-            felt.dcm,
-            self._orbit(steps),
-            self.steering.step_time,
-            self.elapsed,
-            self._swinging(),
-            self._down(),
-        )
-
-    def _swinging(self) -> tuple[float, float, float, float]:
-        """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
-        if self.swing is None:
-            x, y, _ = self.felt.state.places[1 - self.stance]
-            return x, y, 0.0, 0.0
-        (x, y, _), (u, v, _) = self.swing.motion(self.elapsed)
-        return x, y, u, v
-
-    def _down(self) -> float:
-        """Return the time that the swing foot needs to come straight down, s."""
-        height = max(self.felt.state.places[1 - self.stance][2] - self.ground.height, 0.0)
-        return self.constants.piece + math.sqrt(RISE * height / self.constants.lift)
-
-    def _seen(self, landing: Footstep) -> Footstep:
-        """Return a landing at the height and tilt that are seen under it, which are expected from now on."""
-        landing = self.ground.under(landing)
-        self.ground.height, self._tilt = landing.z, (landing.pitch, landing.roll)
-        return landing
-
-    def _meet(self, steps: StepVelocity) -> tuple[Event, ...]:
-        """Detect that the swing foot has met the ground, or has lost it again."""
-        if self.swing is None:
-            return ()
-        touch, elapsed = self.touch, self.elapsed
-        if self.met is None:
-            bears = touch.bears(self.stance, elapsed, self.duration)
-            if self._touches(bears and not touch.rubs(self._now(steps), self.swing.landing)):
-                self.met = elapsed
-                soon = 0.05 * self.settings.step_time
-                return (touch_down(elapsed - self._touch, soon, soon),)
-        elif touch.loses(self.stance, elapsed - self.met, elapsed):
-            self.met = None
-            self.swing.resume(elapsed, self._frames[1 - self.stance])
-        return ()
-
-    def _change_feet(self, go: bool) -> tuple[Event, ...]:
+    def _change_feet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
-        c, state = self.constants, self.felt.state
-        left, right = state.places
-        self._pace += c.pace_gain * (min(self.elapsed, self._longest) - self._pace)
-        held = min(self.decision.area.width / c.slow_width, 1.0)
-        gain = c.held_gain[0] if held < self.steering.held else c.held_gain[1]
-        self.steering.held += gain * (held - self.steering.held)
+        c, felt, state, steering = self.constants, self.felt, self.felt.state, self.steering
+        steering.land(self.step.end(asked))
         self.stance = 1 - self.stance
-        assert self.swing is not None
-        if self.footsteps:
-            self._say_missed(self.decision.missed)
-        unexpected = state.places[self.stance][2] - self.swing.landing.z
-        # Stairs are rough ground only where they are not as planned.
-        self.ground.land(unexpected, unexpected if self.steering.climbs else left[2] - right[2])
         self.steps_done += 1
-        self._first = False
-        slow = math.hypot(*self.steering.velocity) < c.stop_speed
-        if (
-            not go
-            and slow
-            and state.apart() < c.stop_length
-            and self.felt.outside(self.felt.dcm, c.stop_box) <= 0.0
-        ):
-            self._enter(GaitPhase.STANDING, 0.0)
+        if self.footsteps:
+            self._say_missed(self.step.decision.missed)
+        slow = math.hypot(*steering.velocity) < c.stop_speed
+        near = slow and state.apart() < c.stop_length
+        if not asked.steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
+            self.phase, self.elapsed, self._duration = GaitPhase.STANDING, 0.0, 0.0
+            felt.stand_on(None, 0.0)
             self.reason = "" if self.footsteps else self.reason
-            self.steering.rest(self._middle())
+            steering.rest(self._middle())
             return (Event.STOPPED,)
-        self._lift()
+        self._lift(self.stance, frames)
+        self.step.decide(self._asked(asked.steps), frames)
         return (Event.LIFT_OFF,)
 
     def _say_missed(self, missed: float) -> None:
@@ -339,3 +347,41 @@ class SteppingWalk(StandingWalk):
                 "the balance, the next sole could not have caught"
             )
             logger.info("%s", self.reason)
+
+    # ---- what asks for steps ------------------------------------------------------------------------------------
+
+    def _plan_steps(self, first: str | None, frames: Frames) -> None:
+        """Take the planner's footsteps; `first` is the side that steps, None for either.
+
+        A plan that is walked, and a planner that fails, are left. A planner that asks for a stand is asked again.
+        """
+        climbed, self.footsteps, climbs = self.steering.climbs, (), 0.0
+        if self.planner is not None:
+            left, right = (Footstep.of(*foot) for foot in zip(SIDES, frames, strict=True))
+            start = FootstepPlan(left, right, (), self._gait)
+            now = Standing(start, first, self.steps_done, False, self.time, self.reach)
+            plan = answer_of(self.planner, now, self._extent, self.dt)
+            self._next = self.time + REPLAN
+            if isinstance(plan, str):
+                self.take(None)
+                self.reason = plan
+            elif not plan.steps and isinstance(self.planner, PlanSource):
+                reason = self.reason
+                self.take(None)
+                self.reason = reason
+            else:
+                self.footsteps, self._idle = plan.steps, not plan.steps
+                level = abs(left.z - right.z) < LEAST_STAIR  # else the last stair is still ahead of one foot
+                climbs = plan.rise or (0.0 if level else climbed)
+        self.steering.climb(climbs)
+
+    def _stay_on_ground(self) -> None:
+        """Come to a stand where the velocity would lead beyond the ground."""
+        if self._extent is not None and self.steering.overruns(self._middle()):
+            self.steering.command(None)
+            self.reason = f"the velocity leads beyond the ground, which {over(self._extent)}"
+            logger.warning("%s; the robot comes to a stand", self.reason)
+
+    def _middle(self) -> Point:
+        """Return the place of the robot: along the heading that of the CoM, across it the middle of the feet, m."""
+        return self.felt.state.middle(self.steering.direction)

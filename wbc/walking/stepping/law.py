@@ -26,7 +26,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from wbc.base.vectors import Point, Vector, add_cross
+from wbc.base.vectors import Point, Vector, add_cross, along
 from wbc.core.robot import GRAVITY
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.swing import RISE
@@ -34,8 +34,33 @@ from wbc.walking.swing import RISE
 SIDEWAYS = 0.8
 """Greatest ratio of the distance between the feet by which they come together in a walk to the side."""
 
+SIDE = -1.0, 1.0
+"""Side of the foot that swings while the left or the right one stands: 1 for the left foot, −1 for the right one."""
+
 LEAST_OFFSET = 1e-3
 """Regularisation of divisions by a DCM offset, m: an offset this small takes longer than any step to grow."""
+
+
+class StanceAxes(NamedTuple):
+    """Axes of a step: ahead, along the heading, and outwards, to the side of the foot that swings."""
+
+    side: float  # 1 if the left foot swings, −1 if the right one does
+    direction: Point  # cosine and sine of the heading
+    pivot: Vector  # carrying point of the foot that stands, m
+
+    def outwards(self, x: float, y: float) -> Point:
+        """Return the parts of a vector ahead and outwards."""
+        ahead, left = along(self.direction, x, y)
+        return ahead, self.side * left
+
+    def offset(self, x: float, y: float) -> Point:
+        """Return how far a point is ahead and outwards of the pivot, m."""
+        return self.outwards(x - self.pivot[0], y - self.pivot[1])
+
+    def point(self, ahead: float, outwards: float) -> Point:
+        """Return the point in the world that is so far ahead and outwards of the pivot, m."""
+        (cos, sin), left = self.direction, self.side * outwards
+        return self.pivot[0] + cos * ahead - sin * left, self.pivot[1] + sin * ahead + cos * left
 
 
 class Divergent(NamedTuple):

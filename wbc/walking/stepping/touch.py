@@ -3,53 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from wbc.base.numbers import lag_gain
-from wbc.base.vectors import Point, Vector, along, part_way
+from wbc.base.vectors import Vector, part_way
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.felt import ORIGIN, Felt
-from wbc.walking.stepping.law import Orbit, takes_over, viability
+from wbc.walking.stepping.law import Orbit, StanceAxes, takes_over, viability
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
 from wbc.walking.swing import SwingFoot
 
 MOST_URGENCY, LEAST_TIME = 0.5, 0.8
 """Urgency of the swing foot up to which its speed is a sign of a push, and time of the step over T from which on."""
-
-
-class SwingStep(NamedTuple):
-    """Step of a tick, as its gait has it.
-
-    Attributes:
-        stance: Foot that stands: 0 left, 1 right.
-        direction: Cosine and sine of the heading.
-        orbit: Orbit of the steps that are asked for.
-        elapsed: Time since lift-off, s.
-        touch: Time at which the foot meets the expected ground, s.
-        longest: Time since lift-off from which on a foot in contact waits no longer, s.
-        fast_share: Share from 0 to 1 by which the walk is a fast one.
-        patience: Offset of ξ over that of the orbit up to which the foot in contact takes over.
-    """
-
-    stance: int
-    direction: Point
-    orbit: Orbit
-    elapsed: float
-    touch: float
-    longest: float
-    fast_share: float
-    patience: float
-
-    @property
-    def side(self) -> float:
-        """1 if the left foot swings, −1 if the right one does."""
-        return 1.0 if self.stance == 1 else -1.0
-
-    def outwards(self, x: float, y: float) -> Point:
-        """Return the parts of a vector along the heading and outwards, to the side of the foot that swings."""
-        ahead, left = along(self.direction, x, y)
-        return ahead, self.side * left
 
 
 class SwingTouch:
@@ -133,22 +98,21 @@ class SwingTouch:
         lost = loads[1 - stance][2] < c.lost and since > c.lost_time and loads[stance][2] > c.held
         return lost or self.is_pushed(elapsed)
 
-    def rubs(self, step: SwingStep, landing: Footstep) -> bool:
+    def rubs(self, stance: int, axes: StanceAxes, orbit: Orbit, left: float, landing: Footstep) -> bool:
         """Return True if the swing foot is to go on over what it has met: waiting would not help there.
 
         That is where ξ runs away from the foot that stands, aside or ahead, and is caught from the landing at its time,
-        and not from here.
+        and not from here. The time that is `left` until then is in s.
         """
-        c, felt, orbit = self._c, self._felt, step.orbit
-        dcm, left = felt.dcm, step.touch - step.elapsed
-        (x, y, _), (p, q, _) = felt.state.places[1 - step.stance], felt.contact
-        ahead, beyond = step.outwards(dcm.x - x, dcm.y - y)
-        on, out = step.outwards(dcm.x - p, dcm.y - q)
+        c, felt, dcm = self._c, self._felt, self._felt.dcm
+        (x, y, _), (p, q, _) = felt.state.places[1 - stance], felt.contact
+        ahead, beyond = axes.outwards(dcm.x - x, dcm.y - y)
+        on, out = axes.outwards(dcm.x - p, dcm.y - q)
         ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
         if left <= 0.0 or not (ahead_of_orbit or out < 0.0):
             return False
         grown = math.exp(dcm.omega * left)
-        there = step.outwards(p + grown * (dcm.x - p) - landing.x, q + grown * (dcm.y - q) - landing.y)
+        there = axes.outwards(p + grown * (dcm.x - p) - landing.x, q + grown * (dcm.y - q) - landing.y)
         now = viability(ahead, -beyond, orbit, c.stretch)
         return c.rubs * now < viability(there[0], -there[1], orbit, c.stretch)
 
@@ -166,20 +130,25 @@ class SwingTouch:
         else:
             self._carrying = felt.carrying_point(side)
 
-    def is_to_carry(self, step: SwingStep) -> bool:
-        """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
+    def is_to_carry(
+        self, stance: int, axes: StanceAxes, orbit: Orbit, patience: float, fast_share: float, *, late: bool
+    ) -> bool:
+        """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long.
+
+        The offset of ξ may be `patience` times that of the orbit. A step is `late` that has lasted its longest time.
+        """
         felt, c = self._felt, self._c
         loads, dcm = felt.state.wrenches, felt.dcm
-        unloaded = loads[step.stance][2] < c.held < loads[1 - step.stance][2]
+        unloaded = loads[stance][2] < c.held < loads[1 - stance][2]
         self._unloaded = self._unloaded + self._dt if unloaded else 0.0
-        if self._unloaded > step.fast_share * c.lost_time:
+        if self._unloaded > fast_share * c.lost_time:
             return True  # it has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long
-        if step.elapsed > step.longest:
+        if late:
             return True
         (x, y, _), (p, q, _) = self._carrying, felt.contact
-        ahead, beyond = step.outwards(dcm.x - x, dcm.y - y)
-        there, here = (ahead, -beyond), step.outwards(dcm.x - p, dcm.y - q)
-        return takes_over(there, here, step.orbit, c.stretch, c.wait, step.patience)
+        ahead, beyond = axes.outwards(dcm.x - x, dcm.y - y)
+        there, here = (ahead, -beyond), axes.outwards(dcm.x - p, dcm.y - q)
+        return takes_over(there, here, orbit, c.stretch, c.wait, patience)
 
     def most_forces(self, stance: int, elapsed: float, *, met: bool, stepped: bool) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`.

@@ -1,0 +1,106 @@
+"""A robot on both feet: it stands, or shifts its weight over one foot before the first step.
+
+    stance = stand.joined(air, landed)        foot that carries already
+    stance = stand.pushed(direction)          foot that is to carry in a step out of a push
+    stand.standing()                          references: the CoM rests over the middle of the feet
+    stand.shift(…), stand.shifting(…)         the weight begins to shift; references: the CoM on its way
+
+State, contact point and DCM are those that `felt` has taken in.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from wbc.base.vectors import Point, Vector, along
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.stepping.course import PhaseReference, shifted
+from wbc.walking.stepping.decision import steps_of_plan
+from wbc.walking.stepping.felt import Felt
+from wbc.walking.stepping.law import SIDE, StanceAxes
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
+
+SHIFTED = 0.6
+"""Part of the standing box to which the weight shifts ahead before footsteps: ξ must not leave the box on the way."""
+
+
+class DoubleSupport:
+    """Both feet of one walk on the ground."""
+
+    def __init__(self, settings: SteppingSettings, constants: SteppingConstants, felt: Felt) -> None:
+        """Stand, with settings and constants in SI units."""
+        self._s, self._c, self._felt = settings, constants, felt
+        self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
+        self._stance, self._shift_time = 1, 0.0
+        self._footsteps: Sequence[Footstep] = ()
+
+    # ---- which foot is to carry ---------------------------------------------------------------------------------
+
+    def pushed(self, direction: Point) -> int | None:
+        """Return the foot that is to stand in a step out of a push: the DCM has left both soles; else None.
+
+        The other foot is the one on whose side the DCM is, in a heading given by its cosine and sine.
+        """
+        state, dcm = self._felt.state, self._felt.dcm
+        if self._felt.outside(dcm, 1.0) <= 0.0:
+            return None
+        left, right = (abs(along(direction, dcm.x - x, dcm.y - y)[1]) for x, y, _ in state.places)
+        stance, loads = (0 if left > right else 1), [row[2] for row in state.wrenches]
+        if loads[stance] < self._c.least_force < loads[1 - stance]:
+            stance = 1 - stance  # a foot that has been kicked away carries nothing
+        return stance
+
+    def joined(self, air: Sequence[float], landed: Sequence[float]) -> int | None:
+        """Return the foot that carries in the step of a robot that walks, else None; see `SteppingWalk.join`."""
+        least, loads = self._c.least_force, [row[2] for row in self._felt.state.wrenches]
+        up = [time > 0.0 for time in air]
+        if up[0] == up[1]:
+            up = [loads[side] < least < loads[1 - side] for side in (0, 1)]
+        if max(loads) < least or not (any(up) or min(landed) < self._c.landed):
+            return None
+        return up.index(False) if any(up) else int(landed[1] < landed[0])
+
+    # ---- the centre of mass -------------------------------------------------------------------------------------
+
+    def standing(self) -> PhaseReference:
+        """Return the references of a stand: the CoM rests over the middle of the feet."""
+        (left, right), most = self._carrying_points(), self._c.most_force
+        x, y, level = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
+        return PhaseReference((x, y, 0.0, 0.0, 0.0, 0.0), level, (most, most))
+
+    def shift(self, stance: int, footsteps: Sequence[Footstep]) -> float:
+        """Begin to shift the weight to beside the foot that is to stand; return the time that it takes, s.
+
+        Footsteps follow; without them, steps of a velocity.
+        """
+        (x, y, _), (u, v) = self._felt.state.com, self._felt.offset  # hands shift the CoM by −δ
+        self._from = x + u, y + v
+        self._stance, self._footsteps = stance, footsteps
+        self._shift_time = self._c.shift_to_plans if footsteps else self._c.shift_time
+        return self._shift_time
+
+    def shifting(self, direction: Point, time: float, elapsed: float) -> PhaseReference:
+        """Return the references of the shift, at a time since it began, s.
+
+        The heading is given by its cosine and sine, and a step along footsteps takes a `time`, s.
+        """
+        feet, most, stance = self._carrying_points(), self._c.most_force, self._stance
+        axes = StanceAxes(SIDE[stance], direction, feet[stance])
+        ahead, outwards = self._rest_of_dcm(axes, time)
+        motion = shifted(self._from, axes.point(ahead, outwards), elapsed, self._shift_time)
+        return PhaseReference(motion, 0.5 * (feet[0][2] + feet[1][2]), (most, most))
+
+    def _rest_of_dcm(self, axes: StanceAxes, time: float) -> Point:
+        """Return where ξ rests when the weight has shifted, ahead and outwards of the foot that is to stand, m."""
+        s, c, omega = self._s, self._c, self._felt.dcm.omega
+        if not self._footsteps:
+            return 0.0, c.shift * s.width / (1.0 + math.exp(omega * s.step_time))
+        wish = steps_of_plan(self._footsteps, c.carrying, s.width, axes, omega, time)
+        grown, most = math.exp(omega * time), SHIFTED * 0.5 * c.standing_box[0]
+        ahead, outwards = ((s + b) / grown for s, b in zip(wish.places[:2], wish.offsets[:2], strict=True))
+        return min(max(ahead, -most - c.carrying), most - c.carrying), outwards
+
+    def _carrying_points(self) -> tuple[Vector, Vector]:
+        """Return the points of the left and of the right sole that carry, m."""
+        return self._felt.carrying_point(0), self._felt.carrying_point(1)

@@ -1,0 +1,357 @@
+"""One step on one foot: its time and place are decided as the robot goes, until the foot that has landed takes over.
+
+    step.begin(stance, ground)              at lift-off
+    events = step.update(asked, frames)     push on the swing foot, expected ground, decision, contact
+    step.is_over(asked)                     the foot that has landed is to carry
+    held = step.end(asked)                  what the landing says of the ground
+    step.references(elapsed)                CoM, forces of the feet, centre of pressure
+
+`Asked` says what velocity or footsteps ask for in this tick.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from wbc.base.numbers import lag_gain
+from wbc.base.vectors import Point
+from wbc.core.robot import SIDES
+from wbc.walking.contact import Event, touch_down
+from wbc.walking.ground import LAST_LOOK, GroundEstimate
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.steering import StepVelocity
+from wbc.walking.stepping.course import Course, PhaseReference
+from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
+from wbc.walking.stepping.felt import Felt, Frames
+from wbc.walking.stepping.law import SIDE, SIDEWAYS, Orbit, StanceAxes
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, swing_shape
+from wbc.walking.stepping.touch import SwingTouch
+from wbc.walking.swing import RISE, SwingFoot
+
+LOOKS = 2
+"""Number of decisions between two looks at the ground under a landing that moves with each of them."""
+
+HALF = 0.5
+"""Part of the way up or down a stair by which the CoM rises or sinks before the foot lands: a leg reaches no deeper,
+and a knee that is bent further has no torque to spare."""
+
+STAIR = {"edge": 0.25, "apex": 0.5, "heel": 0.5, "stair": 0.0, "level": 1.0}
+"""Shape of the swing on stairs: a sole as long as the tread travels later up and earlier down, above the edge, and up
+with its heel first: level behind the body it would meet the end of the ankle's range, and turn the pelvis."""
+
+
+class Asked(NamedTuple):
+    """Steps that are asked for in one tick, by a velocity or as footsteps."""
+
+    steps: StepVelocity  # velocity of the next steps; of footsteps that of the one that swings
+    speed: float  # speed of the steps without their way back to a path, m/s
+    fast_share: float  # share from 0 to 1 by which the walk is a fast one
+    heading: float  # heading of the steps, rad
+    direction: Point  # its cosine and sine
+    turn: float  # turn of the steps, rad/s
+    time: float  # time T of a step, s
+    elapsed: float  # time since lift-off, s
+    footsteps: Sequence[Footstep]  # from the one that swings on; empty of steps by a velocity
+    climbs: float  # height to the next stair of the footsteps, up or down, m; 0 on the level
+
+
+class SingleSupport:
+    """Step of one walk: one foot stands, and the other one swings.
+
+    Attributes:
+        decision: Decision of the step.
+        touch: Contact of the swing foot.
+        stance: Foot that stands: 0 left, 1 right.
+        first: True in the step that begins in a stand.
+        duration: Time of the step, s.
+        swing: Swing of this step, which has its landing; None before the first decision on it, and after the step.
+        met: Time since lift-off at which the swing foot met the ground while the other one still carries, s; else None.
+    """
+
+    def __init__(
+        self,
+        settings: SteppingSettings,
+        constants: SteppingConstants,
+        scale: RobotSize,
+        felt: Felt,
+        ground: GroundEstimate,
+        course: Course,
+        dt: float,
+    ) -> None:
+        """Make all parts, with settings and constants in SI units."""
+        self._s, self._c, self._felt, self._ground, self._course = settings, constants, felt, ground, course
+        self._dt, self._period = dt, max(1, round(constants.period / dt))  # of decisions, ticks
+        self._time_gain = lag_gain(dt, constants.time_lag)
+        self._level_gain = lag_gain(dt, constants.level_lag)
+        self._shape = swing_shape(settings, constants)
+        self.decision = StepDecision(settings, constants, scale, ground, dt)
+        self.touch = SwingTouch(felt, ground, settings, constants, dt)
+        self.stance, self.first, self.duration = 1, True, 0.0
+        self.swing: SwingFoot | None = None
+        self.met: float | None = None
+        self._ticks = 0  # with a decision on time and place that is open
+        self._pace = settings.step_time  # mean time of the last steps, s
+        self._level = 0.0  # height of the feet that carry, low-passed, m
+        self._walks = False  # the robot has been in this step before the walk began
+        self._planned: Orbit | None = None  # offsets of ξ in this step, along footsteps
+        self._stood = 0.0  # height of the foot that stands to which the expected ground belongs, m
+        self._tilt = 0.0, 0.0  # pitch and roll of the landing, rad
+
+    # ---- from lift-off to take-over -----------------------------------------------------------------------------
+
+    def begin(self, stance: int, ground: float | None) -> None:
+        """Begin a step on a foot; the other one lands at a height, m, if that is planned."""
+        self.stance, self.first, self._walks = stance, False, False
+        self.decision.begin()
+        self.touch.begin()
+        if ground is not None:
+            self._ground.expect_at(ground)
+        self._planned = None
+        self._stood, self._tilt = self._felt.state.places[stance][2], (0.0, 0.0)
+
+    def set_off(self, pace: float, *, walks: bool, kicked: bool) -> None:
+        """Make the step that has begun the first one, of steps that take a time, s.
+
+        A robot that `walks` already has its foot in the air, with a speed; one that was `kicked` away has been pushed.
+        """
+        self.first, self._walks, self._pace = not walks, walks, pace
+        self._level = self._felt.state.places[self.stance][2]
+        if kicked:
+            self.touch.push(0.0)
+
+    def update(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
+        """Decide time and place of the step, move the swing foot, and detect its contact."""
+        touch, swing, elapsed = self.touch, 1 - self.stance, asked.elapsed
+        if self.swing is not None:
+            touch.fly(swing, elapsed, self.decision.urgency, self.duration / asked.time, asked.speed)
+        self._follow_ground()
+        self.decide(asked, frames)
+        events = self._meet(asked, frames)
+        # Footsteps are planned from where feet are to carry, and those meet the ground at an inner edge.
+        touch.carry(swing, met=self.met is not None and not asked.footsteps)
+        return events
+
+    def is_over(self, asked: Asked) -> bool:
+        """Return True if the foot that has landed is to carry."""
+        if self.met is None:
+            return False
+        c, fast_share = self._c, asked.fast_share
+        patience = c.patience_of_plans if asked.footsteps else c.patience
+        patience += fast_share * (1.0 - patience)  # a fast walk needs all of its time
+        late = asked.elapsed > max(self._longest(asked), self._waits(asked))
+        axes, orbit = self._axes(asked), self._orbit(asked)
+        return self.touch.is_to_carry(self.stance, axes, orbit, patience, fast_share, late=late)
+
+    def end(self, asked: Asked) -> float:
+        """End a step whose foot has landed.
+
+        Returns:
+            Half of the width of the sole that has held, over the one from which on steps are slow, 1 at most.
+        """
+        assert self.swing is not None
+        c, (left, right) = self._c, self._felt.state.places
+        self._pace += c.pace_gain * (min(asked.elapsed, self._longest(asked)) - self._pace)
+        unexpected = (left, right)[1 - self.stance][2] - self.swing.landing.z
+        # Stairs are rough ground only where they are not as planned.
+        self._ground.land(unexpected, unexpected if asked.climbs else left[2] - right[2])
+        self.swing = self.met = None
+        return min(self.decision.area.width / c.slow_width, 1.0)
+
+    def references(self, elapsed: float, *, climbs: bool) -> PhaseReference:
+        """Return the references of a tick, at a time since lift-off, s, on stairs or not."""
+        c, state, touch = self._c, self._felt.state, self.touch
+        self._level += self._level_gain * (self._support(climbs=climbs) - self._level)
+        most = touch.most_forces(self.stance, elapsed, met=self.met is not None, stepped=not self.first)
+        ahead, aside = cop = self.decision.cop
+        motion = self._course.fall(state, state.on_sole(self.stance, c.carrying + ahead, aside))
+        urgency = -1.0 if touch.is_pushed(elapsed) else self.decision.urgency
+        return PhaseReference(motion, self._level, most, cop, urgency)
+
+    # ---- the ground ---------------------------------------------------------------------------------------------
+
+    def _support(self, *, climbs: bool) -> float:
+        """Return the height over which the CoM is to be, m: on stairs it goes half of the way before the landing."""
+        stands = self._felt.state.places[self.stance][2]
+        return stands + HALF * (self._ground.height - stands) if climbs else stands
+
+    def _follow_ground(self) -> None:
+        """Move the expected ground with the foot that stands.
+
+        This foot stays where it is. What moves is its estimate, after impacts and flights, and without the ground the
+        swing foot would end above the true one.
+        """
+        moved = self._felt.state.places[self.stance][2] - self._stood
+        if abs(moved) > self._c.drifted and self._ground.sight is None:
+            self._ground.expect_at(self._ground.height + moved)
+            self._stood += moved
+
+    def _seen(self, landing: Footstep) -> Footstep:
+        """Return a landing at the height and tilt that are seen under it, which are expected from now on."""
+        landing = self._ground.under(landing)
+        self._ground.expect_at(landing.z)
+        self._tilt = landing.pitch, landing.roll
+        return landing
+
+    # ---- time and place -----------------------------------------------------------------------------------------
+
+    def decide(self, asked: Asked, frames: Frames) -> None:
+        """Decide time, place and centre of pressure of the step, and send the swing foot there."""
+        if self.met is not None:
+            return
+        side, state, decision, elapsed = 1 - self.stance, self._felt.state, self.decision, asked.elapsed
+        swing, self._ticks = self.swing, self._ticks + 1
+        level = self._ground.level(*self._c.even)
+        decision.area.update(state.tilting(self.stance), state.wrenches[self.stance], level)
+        decides = swing is None or self._ticks % self._period == 0
+        if decides:
+            self._solve(asked)
+        self.duration = self._time(asked)
+        decision.press()
+        if swing is None:
+            self._lift(self._landing(asked), asked, frames)
+            return
+        thrown = self.touch.thrown(side, swing, elapsed - self._dt)
+        if not decides and thrown is None:
+            return
+        landing, touch = self._landing(asked), self._touch_time(asked)
+        looks = self._ground.sight is not None and self._ticks // self._period % LOOKS == 0
+        if looks and touch - elapsed > LAST_LOOK:
+            landing = self._seen(landing)
+            swing.over = max(swing.over, self._ground.way(frames[side], landing))  # of what is left
+        if thrown is not None:
+            swing.restart(elapsed, frames[side], thrown, self._c.swing_push)
+        swing.retarget(elapsed, landing, touch, self._c.hardest if decision.closes else None)
+
+    def _solve(self, asked: Asked) -> None:
+        """Decide the step by what stands now."""
+        c, footsteps, stance = self._c, asked.footsteps, self.step_state(asked)
+        self._course.decide()
+        stays = self._ground.sight is None or self.swing is None or self.first
+        if footsteps:
+            omega, width = stance.dcm.omega, self._s.width
+            wish = steps_of_plan(footsteps, c.carrying, width, stance.axes, omega, asked.time)
+            self._planned = Orbit.of_wish(wish.places, wish.offsets)
+            stance = stance._replace(orbit=self._planned)
+            stays = stays or len(footsteps) < 3 or footsteps[0].place == "fixed"
+        else:
+            forward, left = asked.steps.velocity
+            longer = 1.0 + asked.fast_share * (self._pace / asked.time - 1.0)
+            forward = (forward - asked.steps.made_up) * longer
+            wish = steps_of_velocity((forward, left), self._width(asked), stance)
+        look = None if stays else self._touch_time(asked) - asked.elapsed
+        self.decision.decide(
+            stance, wish, self._longest(asked), look, held=bool(footsteps), climbs=bool(asked.climbs)
+        )
+
+    def _time(self, asked: Asked) -> float:
+        """Return the time of the step, s: that which was decided, low-passed."""
+        s, decision, longest = self._s, self.decision, self._longest(asked)
+        shortest = min(s.shortest, decision.end) if decision.closes else s.shortest
+        time = min(max(decision.end, shortest), longest)
+        if self.swing is None:
+            time = asked.time if self.first else min(time, self._c.later * asked.time)
+        elif not decision.closes:
+            time = self.duration + self._time_gain * (time - self.duration)
+        return min(max(time, shortest), longest)
+
+    def _landing(self, asked: Asked) -> Footstep:
+        """Return the landing that was decided, on the expected ground."""
+        yaw = asked.heading + asked.turn * max(self.duration - asked.elapsed, 0.0)
+        if asked.footsteps:
+            yaw = asked.footsteps[0].yaw
+        place, side = self.decision.place, SIDES[1 - self.stance]
+        return Footstep(side, *place, self._ground.height, yaw, *self._tilt)
+
+    def _lift(self, landing: Footstep, asked: Asked, frames: Frames) -> None:
+        """Begin the swing from where the foot stands, or go on with that of a robot that walks already."""
+        c, ground, side, touch = self._c, self._ground, 1 - self.stance, self._touch_time(asked)
+        ground.lift(self.stance, frames[self.stance])
+        landing, start = self._seen(landing), frames[side]
+        speed = min(c.landing_speed + c.landing_gain * ground.uneven, c.hardest)
+        shape = self._shape._replace(landing_speed=speed)
+        if asked.climbs:
+            shape = shape._replace(**STAIR)
+        self.swing = swing = SwingFoot(start, landing, touch, shape, ground.way(start, landing))
+        if self._walks:
+            swing.join(asked.elapsed, start, self._felt.state.speeds[side], ground.height, c.swing_push)
+            swing.retarget(asked.elapsed, landing, touch)
+
+    def step_state(self, asked: Asked) -> StepState:
+        """Return the state that the step is decided by."""
+        felt, elapsed, (u, v) = self._felt, asked.elapsed, self.decision.lagged
+        axes, orbit, swing = self._axes(asked), self._orbit(asked), self._swinging(elapsed)
+        told = felt.state.on_sole(self.stance, self._c.carrying + u, v)
+        return StepState(axes, told, felt.contact, felt.dcm, orbit, asked.time, elapsed, swing, self._down())
+
+    def _axes(self, asked: Asked) -> StanceAxes:
+        """Return the axes about the carrying point of the foot that stands."""
+        return StanceAxes(SIDE[self.stance], asked.direction, self._felt.carrying_point(self.stance))
+
+    def _orbit(self, asked: Asked) -> Orbit:
+        """Return the orbit of the steps that are asked for."""
+        if self._planned is not None:
+            return self._planned
+        velocity, width, omega = asked.steps.velocity, self._width(asked), self._felt.dcm.omega
+        return Orbit.of(velocity, SIDE[self.stance], width, asked.time, self._pace, omega)
+
+    def _width(self, asked: Asked) -> float:
+        """Return the distance between feet, m: of a robot that walks sideways they come apart and together."""
+        s = self._s
+        return max(s.width, s.gap + abs(asked.steps.velocity[1]) * asked.time / SIDEWAYS)
+
+    def _swinging(self, elapsed: float) -> tuple[float, float, float, float]:
+        """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
+        if self.swing is None:
+            x, y, _ = self._felt.state.places[1 - self.stance]
+            return x, y, 0.0, 0.0
+        (x, y, _), (u, v, _) = self.swing.motion(elapsed)
+        return x, y, u, v
+
+    def _down(self) -> float:
+        """Return the time that the swing foot needs to come straight down, s."""
+        height = max(self._felt.state.places[1 - self.stance][2] - self._ground.height, 0.0)
+        return self._c.piece + math.sqrt(RISE * height / self._c.lift)
+
+    # ---- contact of the swing foot ------------------------------------------------------------------------------
+
+    def _meet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
+        """Detect that the swing foot has met the ground, or has lost it again."""
+        swing, touch, elapsed = self.swing, self.touch, asked.elapsed
+        if swing is None:
+            return ()
+        if self.met is None:
+            bears = touch.bears(self.stance, elapsed, self.duration)
+            if bears and not self.rubs(asked, swing.landing):
+                self.met = elapsed
+                soon = 0.05 * self._s.step_time
+                return (touch_down(elapsed - self._touch_time(asked), soon, soon),)
+        elif touch.loses(self.stance, elapsed - self.met, elapsed):
+            self.met = None
+            swing.resume(elapsed, frames[1 - self.stance])
+        return ()
+
+    def rubs(self, asked: Asked, landing: Footstep) -> bool:
+        """Return True if the swing foot is to go on to its landing over what it has met; see `SwingTouch.rubs`."""
+        left = self._touch_time(asked) - asked.elapsed
+        return self.touch.rubs(self.stance, self._axes(asked), self._orbit(asked), left, landing)
+
+    def _touch_share(self, asked: Asked) -> float:
+        """Return the share of the time of a step at which the foot meets the expected ground."""
+        c = self._c
+        if asked.footsteps:
+            return c.touch_of_plans
+        return c.touch + asked.fast_share * (c.late_touch - c.touch)
+
+    def _touch_time(self, asked: Asked) -> float:
+        """Return the time of this step at which the foot meets the expected ground, s."""
+        return self._touch_share(asked) * self.duration
+
+    def _longest(self, asked: Asked) -> float:
+        """Return the longest time of this step, s."""
+        return self._s.longest * asked.time
+
+    def _waits(self, asked: Asked) -> float:
+        """Return until when since lift-off a foot on the ground may wait, s: a late one as long as others."""
+        return (self.met or 0.0) + (self._s.longest - self._touch_share(asked)) * asked.time
