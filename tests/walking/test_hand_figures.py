@@ -129,20 +129,20 @@ def test_hands_that_grip_yield_to_squeezes_and_to_a_sum_beyond_their_limits() ->
     mean, squeeze = np.array([12.0, 5.0, 0.0]), 7.0
     mean -= (mean @ line) * line
     pair[0].felt, pair[1].felt = mean + squeeze * line + (0, 0, 3.0), mean - squeeze * line - (0, 0, 3.0)
-    hands._yield(False)
+    excess = hands._yielded(False)
     over = mean * (1.0 - 10.0 / np.linalg.norm(mean))
     for hand, sign in zip(pair, (1.0, -1.0), strict=True):
-        np.testing.assert_allclose(hand.excess[:2], (over + sign * squeeze * line)[:2], atol=1e-6)
-        assert hand.excess[2] == pytest.approx(hand.felt[2])
-    hands._yield(True)
+        np.testing.assert_allclose(excess[hand.name][:2], (over + sign * squeeze * line)[:2], atol=1e-6)
+        assert excess[hand.name][2] == pytest.approx(hand.felt[2])
+    excess = hands._yielded(True)
     for hand, sign in zip(pair, (1.0, -1.0), strict=True):
         rest = hand.felt - over - sign * squeeze * line
         np.testing.assert_allclose(
-            hand.excess[:2], (over + sign * squeeze * line + 0.1 * rest)[:2], atol=1e-6
+            excess[hand.name][:2], (over + sign * squeeze * line + 0.1 * rest)[:2], atol=1e-6
         )
     pair[0].felt = pair[1].felt = 0.9 * 10.0 * mean / np.linalg.norm(mean)
-    hands._yield(False)
-    np.testing.assert_allclose([hand.excess for hand in pair], 0.0, atol=1e-9)
+    excess = hands._yielded(False)
+    np.testing.assert_allclose(list(excess.values()), 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.2])

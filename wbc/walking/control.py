@@ -139,10 +139,9 @@ class WalkingControl(SteeredControl):
         self.drives, self._dt = drive_of(controller, observer, s), dt
         for limit in limits:
             controller.add(limit)
-        self.arms = Arms(controller, dt, s.arms)
         self.source = walk = source_of(robot, source, dt, s, extent)
         self.tasks = tasks_of(self.drives, walk, s)
-        self.arms.follow(self.tasks)
+        self.arms = Arms(controller, dt, s.arms, self.tasks)
         height, (left, _), estimate = com_height(robot, walk), robot.soles, observer.robot
         self._hands: Hands | None = None
         if robot.frames:  # a loss is survived within a sole: while the robot walks it has no more

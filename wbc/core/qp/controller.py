@@ -72,9 +72,10 @@ class Controller(Items):
         self.measured = robot
         self.drives: Drives | None = None
         self._torques: Array | None = None  # of the last solution
-        self._commanded: Array | None = None  # in the last tick: the same array, where nothing else was
-        self._before: Array | None = None  # commanded in the tick before
-        self._differed = False  # from those of its solution
+        # Commanded in the last tick and in the one before, and True for others than those of the solution.
+        self._commanded: Array | None = None
+        self._before: Array | None = None
+        self._differs = self._differed = False
         self._close_chains()
         self._rebuild()
 
@@ -159,7 +160,7 @@ class Controller(Items):
         if self._dirty:
             self._rebuild()
         self._move_targets()
-        self._before, self._differed = self._commanded, self._commanded is not self._torques
+        self._before, self._differed = self._commanded, self._differs
         assembly, solver = self._assembly, self._solver
         for task in assembly.listening:
             if measurement is None:
@@ -178,7 +179,7 @@ class Controller(Items):
             self._torques = torques = solver.values[assembly.torque_rows] + assembly.problem.torque_bias
             if self.robot.passive.size:  # zero up to the solver's tolerance
                 torques[self.robot.passive] = 0.0
-            self._commanded = torques
+            self._commanded, self._differs = torques, False
             residual = assembly.residuals(x, solver.values, assembly.targets)
             multipliers = solver.multipliers
         else:
@@ -224,7 +225,7 @@ class Controller(Items):
             return solution.torques
         torques = self._with(solution, wrenches) if wrenches else solution.torques
         torques = self._assembly.kept(torques, self._dt, self._before, self.released)
-        self._commanded = torques if (torques != solution.torques).any() else self._torques
+        self._commanded, self._differs = torques, bool((torques != solution.torques).any())
         return torques
 
     def _with(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
@@ -249,6 +250,7 @@ class Controller(Items):
     def reset(self) -> None:
         """Reset tasks, contacts (places and force ramps), torques of the last tick and guesses of the solver."""
         self._torques = self._commanded = self._solution = None
+        self._differs = False
         self._dirty = True
         for task in self._tasks:
             task.reset()

@@ -28,7 +28,7 @@ from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import Ramp, approach
 from wbc.tasks.force.compliance import AdmittanceTask
-from wbc.walking.hands.frames import WORLD, Frames, carried
+from wbc.walking.hands.frames import PELVIS, WORLD, Frames, carried
 from wbc.walking.swing import REST
 
 ARRIVED = 1e-3
@@ -42,6 +42,9 @@ ERROR_BOUND = (0.05, 0.3)
 
 TURN_SPEED, TURN_ACCELERATION = 1.5, 6.0
 """Greatest angular speed, rad/s, and acceleration, rad/s², of the reference."""
+
+COMPLIANCE = 3e-4
+"""Compliance at the hand of servos without gains, m/N."""
 
 LEAD = 0.1
 """Error of the hand at which its reference waits, m (of the rotation, rad)."""
@@ -84,7 +87,7 @@ class Arm:
         length: Length of the stretched arm, from its first joint to the frame of the hand, m.
         task: Motion of the hand; it is added to the controller with the first target.
         within: Name of the frame of the target.
-        pressing: True while `wbc.walking.hands.hand.Hand` moves the hand: it presses, grips, or is on its way.
+        pressing: True while `wbc.walking.hands.hand.Hand` moves the hand, from `occupy` to `leave`.
         place: Placement of the hand as it is commanded, in the world; a view.
     """
 
@@ -342,6 +345,26 @@ class Arm:
         if self._goal is not None:
             self._goal, self._moves = None, []
             self._blend.to(0.0, BLEND)
+
+    def occupy(self) -> None:
+        """Refuse targets from `reach`: the hand presses, grips, or is on its way."""
+        self.pressing = True
+
+    def leave(self) -> None:
+        """Take targets from `reach` again, and let the arm go back to its posture, from where it is."""
+        self.pressing = False
+        self.stop(PELVIS)
+        self.release()
+
+    def yield_by(self, lag: float, speed: float) -> None:
+        """Let the hand yield by 1 / (4 T K), with the stiffness K of the servos at the hand.
+
+        Args:
+            lag: Delay T of force sensor and servos, s.
+            speed: Greatest speed with which the hand yields, m/s.
+        """
+        self.task.admittance = ((self.compliance() or COMPLIANCE) / (4.0 * lag), 0.0)
+        self.task.velocity_bound = (speed, 0.1)
 
     def yield_to(self, measured: Array, target: Array) -> None:
         """Yield to the difference of two wrenches on the hand, in its frame, shape (6,), N and Nm."""

@@ -36,7 +36,7 @@ from wbc.core.qp.move import least_turn
 from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import Arm
-from wbc.walking.hands.frames import FEET, PELVIS, WORLD
+from wbc.walking.hands.frames import FEET, WORLD
 from wbc.walking.swing import REST
 
 logger = logging.getLogger(__name__)
@@ -53,8 +53,11 @@ LOSS, LOSS_TIME, LOSS_RAMP, SILENCE = 0.3, 0.02, 0.15, 0.05
 """Ratio of measured to planned force below which, and time after which, a contact is lost; time over which a lost force
 is faded out of the balance; time without a reading after which a pressing hand has lost its contact, s."""
 
-COMPLIANCE = 3e-4
-"""Compliance at the hand of servos without gains, m/N."""
+HELP_TIME = 0.02
+"""Time constant with which hands take over a moment that the feet cannot give, s."""
+
+HELP_LEAK = 0.05
+"""Ratio of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
 
 FILTER_TIME, SLOW_TIME = 0.05, 1.0
 """Time constants of two low-passes on measured forces, s: mc_rtc's. The quick one is what feet do not have to give; the
@@ -130,7 +133,6 @@ class Hand:
             its last approach; zero before the first.
         extra: Force for the balance on top of the one that is asked for, N.
         felt: Force on it while it grips, smoothed, in the world, shape (3,), N.
-        excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
         bounded: True while the QP gives less force than is asked for: the arm has no more torque.
     """
 
@@ -139,8 +141,7 @@ class Hand:
         self.name, self.arm, self.index, self._settings = arm.name, arm, index, settings
         self._controller, robot, name, frame = controller, controller.robot, arm.name, arm.frame
         self._touch = settings.touch * robot.force_scale
-        arm.task.admittance = ((arm.compliance() or COMPLIANCE) / (4.0 * settings.lag), 0.0)
-        arm.task.velocity_bound = (2.0 * settings.approach, 0.1)
+        arm.yield_by(settings.lag, 2.0 * settings.approach)
         options: ContactOptions = {  # the motion is the task's
             "active": False,
             "ramp": 0.0,
@@ -160,9 +161,9 @@ class Hand:
 
     def _enter(self, state: HandState) -> None:
         """Begin without a force."""
-        self.state, self.force, self.arm.pressing = state, Ramp(), state is not HandState.FREE
+        self.state, self.force = state, Ramp()
         self.pressed = self.extra = 0.0
-        self.felt, self.excess, self.bounded = np.zeros(3), np.zeros(3), False
+        self.felt, self.bounded = np.zeros(3), False
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
         self._most = math.inf  # force that the arm has, N
         self.contact.active = self.grasp.active = False
@@ -226,6 +227,7 @@ class Hand:
             if not any(item is other for other in present):
                 self._controller.add(item)
         self._enter(HandState.REACH)
+        self.arm.occupy()
         self.direction, self.force.goal = direction, force
 
     def _go(self, point: Array, then: HandState) -> None:
@@ -274,11 +276,22 @@ class Hand:
         if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
             self._lose()
 
-    def update(self, wrench: Array, rotation: Array, chosen: Array | None, dt: float) -> None:
-        """Advance by one tick with the measured wrench on the hand, less its tare, and its orientation.
+    def help(self, force: float, dt: float) -> None:
+        """Press with a force for the balance on top of the one that is asked for, N, by and by."""
+        self.extra += dt / HELP_TIME * (force - HELP_LEAK * self.extra)
 
-        The wrench is [force; moment] in its frame, shape (6,), N and Nm. The QP has chosen a force in the last tick, in
-        the frame of the contact, shape (3,), N, the one that it was asked for when None.
+    def update(
+        self, wrench: Array, rotation: Array, chosen: Array | None, dt: float, excess: Array = ZERO
+    ) -> None:
+        """Advance by one tick.
+
+        Args:
+            wrench: Measured wrench on the hand less its tare, [force; moment] in its frame, shape (6,), N and Nm.
+            rotation: Its orientation, shape (3, 3).
+            chosen: Force that the QP has chosen in the last tick, in the frame of the contact, shape (3,), N; that
+                which it was asked for when None.
+            dt: Control period, s.
+            excess: Part of the force on all hands to which this one yields while it grips, in the world, shape (3,), N.
         """
         state = self.state
         if state is HandState.FREE:
@@ -287,7 +300,7 @@ class Hand:
         if state is HandState.HOLD:
             self._press(wrench, rotation, chosen, dt)
         elif state is HandState.GRIP:
-            self._carry(wrench, rotation, dt)
+            self._carry(wrench, rotation, excess, dt)
         elif state is HandState.REACH:
             self._reach(wrench, dt)
         elif state is HandState.APPROACH:
@@ -295,10 +308,10 @@ class Hand:
         else:
             self.force.advance(dt)
 
-    def _carry(self, wrench: Array, rotation: Array, dt: float) -> None:
+    def _carry(self, wrench: Array, rotation: Array, excess: Array, dt: float) -> None:
         """Yield to the excess of the force on all hands, and ask the QP for the slow part of the wrench on this one."""
-        self.arm.yield_to(np.concatenate((self.excess @ rotation, ZERO)), REST)
-        self.bounded = bool(np.abs(self.excess[:2]).max() > self._touch)
+        self.arm.yield_to(np.concatenate((excess @ rotation, ZERO)), REST)
+        self.bounded = bool(np.abs(excess[:2]).max() > self._touch)
         force, moment = rotation @ wrench[:3], rotation @ wrench[3:]
         self.felt += lag_gain(dt, FILTER_TIME) * (force - self.felt)
         self._borne += lag_gain(dt, SLOW_TIME) * (np.concatenate((force, moment)) - self._borne)
@@ -373,5 +386,4 @@ class Hand:
     def _free(self) -> None:
         """Let the arm go back to its posture, from where it is."""
         self._enter(HandState.FREE)
-        self.arm.stop(PELVIS)
-        self.arm.release()
+        self.arm.leave()

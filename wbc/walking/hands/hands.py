@@ -33,7 +33,7 @@ from wbc.core.signals import Measurement
 from wbc.core.trajectories import Follower
 from wbc.tasks.stabilizer.pendulum import Pendulum, zmp_offset
 from wbc.walking.contact import GaitPhase
-from wbc.walking.hands.hand import FILTER_TIME, SLOW_TIME, Hand, HandSettings, HandState
+from wbc.walking.hands.hand import FILTER_TIME, HELP_TIME, SLOW_TIME, ZERO, Hand, HandSettings, HandState
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.source import Reference
@@ -45,15 +45,9 @@ RELAX = 0.1
 """Ratio of the forces on them to which hands that grip yield while the robot stands: forces that remain when a walk
 ends decay within about a second, as slowly as the CoM follows them, so that the next walk begins upright."""
 
-HELP_TIME = 0.02
-"""Time constant with which hands take over a moment that the feet cannot give, s."""
-
 HELP_FROM = 1.0
 """Moment that the feet cannot give from which hands help, Nm; of a light robot, its share: their distribution leaves a
 little at any time."""
-
-HELP_LEAK = 0.05
-"""Ratio of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
 
 
 class Hands:
@@ -93,6 +87,7 @@ class Hands:
         self.outside = np.zeros(6)  # measured, filtered, at the world origin
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._missing = np.zeros(2)
+        self._excess: dict[str, Array] = {}  # hand that grips → force to which it yields in the next tick, N
         self.measurement: Measurement | None = None
         self.active = False
         # Views, which move on with the estimate.
@@ -300,7 +295,7 @@ class Hands:
         rests = reference.progress.phase is GaitPhase.STANDING
         self._watch_slip(measurement, rests, dt)
         felt, pulled, planned = self._advance(measurement.hand_wrenches, dt)
-        self._yield(rests)
+        self._excess = self._yielded(rests)
         self.outside += lag_gain(dt, FILTER_TIME) * (felt + pulled - self.outside)
         self._slow += lag_gain(dt, SLOW_TIME) * (pulled - self._slow)
         offset = zmp_offset(planned + self._slow, reference.pendulum.zmp, self._weight)
@@ -330,7 +325,8 @@ class Hands:
                 continue
             hand.sense(None if readings is None else readings[hand.index], dt)
             place, wrench = self._places[hand.name], hand.reading - hand.tare
-            hand.update(wrench, place.rotation, self._chosen(hand), dt)
+            excess = self._excess.get(hand.name, ZERO)
+            hand.update(wrench, place.rotation, self._chosen(hand), dt, excess)
             if hand.state is HandState.GRIP:
                 pulled += place.act(pin.Force(wrench)).vector
             elif hand.state in (HandState.HOLD, HandState.LOST):
@@ -347,11 +343,14 @@ class Hands:
         at = solution.layout.contacts.get(hand.contact.name)
         return None if at is None else solution.variables[at]
 
-    def _yield(self, rests: bool) -> None:
-        """Let hands that grip yield to vertical forces, a squeeze, a sum beyond the limits, at rest to a tenth."""
+    def _yielded(self, rests: bool) -> dict[str, Array]:
+        """Return the forces to which hands that grip yield, shape (3,) each, N.
+
+        They are vertical forces, a squeeze, a sum beyond the limits, and of a robot at rest a tenth of the others.
+        """
         gripping = [hand for hand in self.all.values() if hand.state is HandState.GRIP]
         if not gripping:
-            return
+            return {}
         forces = np.array([hand.felt for hand in gripping])
         mean = forces.mean(axis=0)
         size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.force.goal for hand in gripping)
@@ -363,8 +362,7 @@ class Hands:
         if rests:
             excess += RELAX * (forces - excess)
         excess[:, 2] = forces[:, 2]
-        for hand, force in zip(gripping, excess, strict=True):
-            hand.excess = force
+        return {hand.name: force for hand, force in zip(gripping, excess, strict=True)}
 
     def _beyond_zmp(self, goal: Array, yaw: float) -> Array:
         """Return the shift of the CoM that remains once the ZMP of the feet has moved by `edge` of the distance."""
@@ -395,4 +393,4 @@ class Hands:
         square = levers @ levers.T + 1e-3 * np.eye(2)
         wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)
         for hand, force in zip(pressing, wanted.tolist(), strict=True):
-            hand.extra += dt / HELP_TIME * (force - HELP_LEAK * hand.extra)
+            hand.help(force, dt)

@@ -44,14 +44,9 @@ class Arms:
         settings: Settings.
     """
 
-    _tasks: WalkTasks  # of the CoM and of all joints now
-
-    def __init__(self, controller: Controller, dt: float, settings: ArmSettings) -> None:
-        """Leave the arms to the posture; no task is added before a hand is given a target.
-
-        `follow` says which tasks are those of the CoM and of all joints.
-        """
-        self.settings, self._controller, self._dt = settings, controller, dt
+    def __init__(self, controller: Controller, dt: float, settings: ArmSettings, tasks: WalkTasks) -> None:
+        """Leave the arms to the posture of the tasks; no task is added before a hand is given a target."""
+        self.settings, self._controller, self._dt, self._tasks = settings, controller, dt, tasks
         robot, self._frames = controller.robot, Frames(controller)
         self._hands = {name: Arm(controller, name, dt, settings, self._frames) for name in robot.frames}
         self._rest = np.array(robot.q[robot.base_nq :])
@@ -59,10 +54,6 @@ class Arms:
         self._swung = 0.0  # swing in the last tick, m/m
         self._swings = self._rest  # target of the posture by the swing
         self._spared: tuple[Arm, ...] = ()
-
-    def follow(self, tasks: WalkTasks) -> None:
-        """Take the tasks of the CoM and of all joints; they are made after the arms."""
-        self._tasks = tasks
 
     def __getitem__(self, name: str) -> Arm:
         """Return a hand by its role."""
