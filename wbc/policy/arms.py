@@ -11,7 +11,7 @@ with the specific force s and the angular rate ω of the IMU, its rotation R, an
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -87,7 +87,11 @@ class PolicyArms:
         index: Columns of their joints in arrays of the robot's joints, shape (number of joints,).
         failure: Reason for which the last tick had no torques; empty if it had them.
         remark: Words about its torques for the status; empty for none.
+        changed: Torques of the joints that a filter has changed in the last tick, shape (na,), Nm.
+        otherwise: What the arms are in a tick without torques.
     """
+
+    otherwise = "damped"
 
     def __init__(self, controller: Controller, joints: Sequence[str]) -> None:
         """Carry the base of a controller without contacts, and release all other joints.
@@ -103,12 +107,33 @@ class PolicyArms:
         others = [name for name in robot.joint_names if name not in set(joints)]
         self._others = controller.add(ReleasedJoints(robot, others, commanded=True))
         self.failure = self.remark = ""
+        self.changed, self._feed = np.zeros((2, robot.na))
 
-    def follow(self, default: Array) -> PostureTask:
-        """Return a new task that holds a posture of the arms, rad, within the limits of their joints."""
+    def follow(self, default: Array, damping: Array) -> PostureTask:
+        """Return a new task that holds a posture of the arms, rad, within the limits of their joints.
+
+        Without a solution they are damped, Nms/rad. Posture and damping are of all joints, shape (na,).
+        """
+        self._damping = damping[self.index]
         posture = self.controller.add(PostureTask(default[self.index], joints=self._joints))
         self.controller.add(JointLimits(), TorqueLimits())
         return posture
+
+    def servos(
+        self, measurement: Measurement, target: Array, asked: Callable[[Measurement], Array]
+    ) -> tuple[Array, Array, Array]:
+        """Return feed-forward torques, Nm, and references of the servos, rad and rad/s, shape (na,) each.
+
+        Args:
+            measurement: Measurement of this tick.
+            target: Positions that the policy wants, rad; of the arms they become those that are measured.
+            asked: Function of the measurement that returns the torques that the servos of the policy make now, Nm.
+        """
+        torque, index, torques = self._feed, self.index, self.torques(measurement)
+        velocity = measurement.joint_velocity[index]
+        torque[index] = -self._damping * velocity if torques is None else torques
+        target[index] = measurement.joint_position[index]
+        return torque, target, self.changed
 
     def torques(self, measurement: Measurement) -> Array | None:
         """Return the torques of the arms, shape (number of joints,), Nm; None where the QP has no solution."""

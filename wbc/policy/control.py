@@ -29,10 +29,11 @@ from wbc.motion import MotionClip
 from wbc.policy.arms import PolicyArms
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
-from wbc.policy.filter import FilteredArms, PolicyFilter
+from wbc.policy.filter import PolicyFilter
 from wbc.policy.network import Network, OnnxNetwork
+from wbc.policy.observation import Observation
 from wbc.policy.references import Frames, ScannedGround, Tracked, clip_frames, network_frames
-from wbc.policy.terms import TERMS, GaitClock, Observed
+from wbc.policy.terms import GaitClock, Observed
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.source import Progress
 from wbc.walking.steered import SteeredControl
@@ -85,7 +86,6 @@ class PolicyControl(SteeredControl):
         longest: Longest time that the network may take, s; None for any time. A longer one fails the tick.
         lost: Error of the last action; None if it was good.
         acted: True if the policy has acted in the last tick.
-        changed: Torques that a filter has changed in the last tick, made minus asked for, shape (na,), Nm.
         posture: Task on the posture of the arms; None without arms of the QP.
     """
 
@@ -173,44 +173,26 @@ class PolicyControl(SteeredControl):
         self._sees_arms = bool(sees_arms)
         seen = filter is not None if sees_arms is None else sees_arms
         self._share_arms(names_in("arms", arms), filter, seen)
-        self._still, self._feed = np.zeros((2, robot.na))  # no velocity; torques beside arms of the QP
+        self._still = np.zeros(robot.na)
         self.observed = Observed(
             self.drives.observer.robot, np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(3), np.zeros(2)
         )
         self._clock = GaitClock(description.phase, description.period)
         self.observed.phase = self._clock.phase
         self._reference(clip, ground)
-        self._terms = [
-            (TERMS[term.name], np.asarray(term.scale), term.clip) for term in description.observation
-        ]
-        sizes = [term(self.observed).size for term, _, _ in self._terms]
-        for term, size in zip(description.observation, sizes, strict=True):
-            if isinstance(term.scale, tuple) and len(term.scale) != size:
-                raise InputError(
-                    f"scale of the term '{term.name}' must have {size} values, got {len(term.scale)}"
-                )
-        width = sum(size * term.history for size, term in zip(sizes, description.observation, strict=True))
-        for what, is_, has in (("observation", network.inputs, width), ("action", network.outputs, n)):
+        self._observation = Observation(description.observation, self.observed)
+        for what, is_, has, parts in (
+            ("observation", network.inputs, self._observation.values.size, f": {self._observation}"),
+            ("action", network.outputs, n, ", one for each joint"),
+        ):
             if is_ != has:
-                parts = ", ".join(
-                    f"{t.name} {size}" + (f" x {t.history}" if t.history > 1 else "")
-                    for t, size in zip(description.observation, sizes, strict=True)
-                )
                 raise InputError(
-                    f"the network has {what}s of {is_} values, and the description of {has}"
-                    + (f": {parts}" if what == "observation" else ", one for each joint")
+                    f"the network has {what}s of {is_} values, and the description of {has}{parts}"
                 )
-        self._observation = np.zeros(width, np.float32)
-        self._parts, start = [], 0
-        for size, term in zip(sizes, description.observation, strict=True):
-            stop = start + size * term.history
-            self._parts.append(self._observation[start:stop].reshape(term.history, size))
-            start = stop
         self.contacts = FootContacts(robot, dt)
         self._velocity: Velocity | None = None
         self._regain = regain
         self.longest: float | None = None
-        self.changed = np.zeros(robot.na)
         self._fastest = np.array(description.fastest)
         for doubt in self.doubts():
             logger.warning("policy: %s", doubt)
@@ -253,9 +235,8 @@ class PolicyControl(SteeredControl):
         elif arms:
             default[self._columns] = self._default
             self._arms = PolicyArms(controller, arms)
-            self.posture = self._arms.follow(default)
-            index = self._arms.index
-            self._arms_kd, self._kp[index], self._kd[index] = self._kd[index], 0.0, 0.0
+            self.posture = self._arms.follow(default, self._kd)
+            self._kp[self._arms.index] = self._kd[self._arms.index] = 0.0
         if self._arms is not None and not seen:
             self._masked = np.flatnonzero(np.isin(self._columns, self._arms.index))
 
@@ -299,12 +280,12 @@ class PolicyControl(SteeredControl):
 
     def _begin_policy(self) -> None:
         self._ticks = 0
-        self._fresh = True  # no observation yet
         self.lost: Exception | None = None
         self.acted = False
         self._asked = 0.0  # time since a velocity was asked for, s
         self._lack = np.zeros(2)  # velocity that is asked for as well, m/s
         self.contacts.reset()
+        self._observation.reset()
         self.observed.action[:] = 0.0
         self._clock.reset()
         if self.motion is not None:
@@ -397,18 +378,8 @@ class PolicyControl(SteeredControl):
             if isinstance(self.network, OnnxNetwork):
                 self.network.step = observed.motion.step
             observed.motion.tick()
-        for part, (term, scale, clip) in zip(self._parts, self._terms, strict=True):
-            values = term(observed) * scale
-            if clip is not None:
-                values = np.clip(values, -clip, clip)
-            if self._fresh:
-                part[:] = values
-            else:
-                part[:-1] = part[1:]
-                part[-1] = values
-        self._fresh = False
-        start = perf_counter()
-        action = self.network(self._observation)
+        observation, start = self._observation.take(), perf_counter()
+        action = self.network(observation)
         if self.longest is not None and (took := perf_counter() - start) > self.longest:
             raise PolicyError(f"the policy took {1e3 * took:.1f} ms, longer than {1e3 * self.longest:g} ms")
         if not np.isfinite(action).all():
@@ -431,33 +402,17 @@ class PolicyControl(SteeredControl):
 
     def _servos(self, state: State) -> Command:
         """Return the targets with the policy's gains, within the torque limits where the joints are now."""
-        m, arms, torque, target = state.measurement, self._arms, self._still, self._target
-        velocity = self._still
-        if isinstance(arms, FilteredArms):
-            torque, target, velocity = self._filtered(arms, m)
-        elif arms is not None:
-            torque, index, torques = self._feed, arms.index, arms.torques(m)
-            torque[index] = -self._arms_kd * m.joint_velocity[index] if torques is None else torques
-            target[index] = m.joint_position[index]
+        m, torque, target, velocity = state.measurement, self._still, self._target, self._still
+        if self._arms is not None:
+            torque, target, velocity = self._arms.servos(m, target, self.asked)
         return self.drives.gate.pass_on_with_gains(
             torque, target, velocity, (self._kp, self._kd), (m.joint_position, m.joint_velocity)
         )
 
-    def _filtered(self, arms: FilteredArms, m: Measurement) -> tuple[Array, Array, Array]:
-        """Return feed-forward torques, Nm, and references, rad and rad/s, with which servos make those of the filter.
-
-        The servos of the arms are those of the policy about what they do now: until the next tick they change as they
-        would about its targets.
-        """
-        index, target, velocity = arms.index, self._target.copy(), np.zeros_like(self._still)
-        asked = self.asked(m)
-        torque = arms.near(m, asked)
-        self.changed = torque - asked
-        feed = self.changed.copy()
-        feed[index], target[index], velocity[index] = (
-            each[index] for each in (torque, m.joint_position, m.joint_velocity)
-        )
-        return feed, target, velocity
+    @property
+    def changed(self) -> Array:
+        """Torques that a filter has changed in the last tick, made minus asked for, shape (na,), Nm."""
+        return self._still if self._arms is None else self._arms.changed
 
     def asked(self, measurement: Measurement) -> Array:
         """Return the torques that the policy asks for where its joints are now, shape (na,), Nm; zeros for others."""
@@ -477,8 +432,7 @@ class PolicyControl(SteeredControl):
         status, arms = super().status(), self._arms
         if arms is None or not (arms.failure or arms.remark):
             return status
-        what = "not filtered" if isinstance(arms, FilteredArms) else "damped"
-        said = f"arms {what}: {arms.failure}" if arms.failure else arms.remark
+        said = f"arms {arms.otherwise}: {arms.failure}" if arms.failure else arms.remark
         return said if status == "ok" else f"{said}; {status}"
 
 

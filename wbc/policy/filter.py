@@ -18,7 +18,7 @@ the contacts of the feet. Each joint of legs and waist is braked at its stops by
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated
 
 import daqp
@@ -119,6 +119,8 @@ class FilterController(Controller):
 class FilteredArms(PolicyArms):
     """Arms whose torques are those of a policy, as near as limits allow."""
 
+    otherwise = "not filtered"
+
     def __init__(
         self, controller: Controller, joints: Sequence[str], limits: Sequence[Limit], reaction: float
     ) -> None:
@@ -154,6 +156,24 @@ class FilteredArms(PolicyArms):
         for limit in others:
             rows = slice(stop, stop := stop + limit.dim)
             self._blocks.append((limit, self._rows[rows], self._lower[rows], self._upper[rows]))
+
+    def servos(
+        self, measurement: Measurement, target: Array, asked: Callable[[Measurement], Array]
+    ) -> tuple[Array, Array, Array]:
+        """Return feed-forward torques and references with which servos make the torques of the filter.
+
+        The servos of the arms are those of the policy about what they do now: until the next tick they change as they
+        would about its targets.
+        """
+        index, target, velocity = self.index, target.copy(), np.zeros_like(target)
+        wished = asked(measurement)
+        torque = self.near(measurement, wished)
+        self.changed = torque - wished
+        feed = self.changed.copy()
+        feed[index], target[index], velocity[index] = (
+            each[index] for each in (torque, measurement.joint_position, measurement.joint_velocity)
+        )
+        return feed, target, velocity
 
     def near(self, measurement: Measurement, asked: Array) -> Array:
         """Return the torques of all joints nearest to those of the policy, both of shape (na,), Nm.
