@@ -101,6 +101,23 @@ def test_the_estimate_goes_on_over_a_change_and_a_policy_takes_the_robot_back(tm
     assert not guard.relieved and len(network.seen) - seen == 10 and guard.fallen is None
 
 
+def test_a_guard_that_begins_anew_lets_its_policy_begin() -> None:
+    """As a run of a machine asks of it, which warms it up and resets it where the robot stands."""
+    plant, guard, network = guarded()
+    assert guard.acting is guard.policy and guard.restarts
+    run_guard(plant, guard, 0.1)
+    break_by_nan(network)
+    run_guard(plant, guard, 0.1)
+    assert guard.acting is guard.walking and guard.drives is guard.walking.drives
+    network.action[:] = 0.0
+    plant.reset()
+    guard.reset()
+    assert guard.acting is guard.policy and guard.drives is guard.policy.drives
+    seen = len(network.seen)
+    run_guard(plant, guard, 0.1)
+    assert not guard.relieved and len(network.seen) == seen + 5
+
+
 def test_joints_that_somebody_else_moves_are_no_reason_to_relieve_a_policy() -> None:
     """The other one holds an elbow far from where the policy wants it."""
     plant, guard, network = guarded()

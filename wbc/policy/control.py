@@ -302,11 +302,6 @@ class PolicyControl(SteeredControl):
         self._begin_policy()
 
     @property
-    def action(self) -> Array:
-        """Last action, in the order of the policy's joints."""
-        return self.observed.action
-
-    @property
     def velocity(self) -> Velocity | None:
         """Velocity that is asked for: ahead and aside, m/s, and turn, rad/s; None for a stand. Assign it at any tick.
 
@@ -421,11 +416,6 @@ class PolicyControl(SteeredControl):
         if (released := self.drives.released) is not None:
             torque[released.index] = 0.0
         return torque
-
-    @property
-    def arm_failure(self) -> str:
-        """Reason for which the QP has no torques for the arms, which are damped, or not filtered; empty if it has."""
-        return "" if self._arms is None else self._arms.failure
 
     def status(self) -> str:
         """See `DriveControl.status`; the arms have a failure of their own."""

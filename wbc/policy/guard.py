@@ -13,7 +13,6 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import Positive
 from wbc.core.drive.control import DriveControl, State
-from wbc.core.qp.controller import Controller
 from wbc.core.signals import Command
 from wbc.ground import PointCloud
 from wbc.ground.cloud import ElevationMap
@@ -50,6 +49,7 @@ class PolicyGuard(SteeredControl):
 
     restarts = True
     control, stopped = renamed("control", "drives"), renamed("stopped", "drives.stopped")
+    controller = renamed("controller", "drives.controller")
 
     @checked
     def __init__(
@@ -97,7 +97,9 @@ class PolicyGuard(SteeredControl):
         reason = self._failure(state)
         if not reason:
             return command
-        self._relieve(state, reason)
+        logger.error("the policy is relieved: %s", reason)
+        self.relieved, contacts = reason, self.policy.contacts
+        self.walking.begin(state, contacts.air, contacts.landed)
         return self.walking.act(state)
 
     def take_over(self, reason: str = "asked for") -> None:
@@ -139,12 +141,6 @@ class PolicyGuard(SteeredControl):
                 return f"it asks for more than {BEYOND:g} times the torque of {robot.joint_names[int(far.argmax())]}"
         return ""
 
-    def _relieve(self, state: State, reason: str) -> None:
-        logger.error("the policy is relieved: %s", reason)
-        self.relieved = reason
-        contacts = self.policy.contacts
-        self.walking.begin(state, contacts.air, contacts.landed)
-
     @property
     def acting(self) -> PolicyControl | WalkingControl:
         """The one who controls the robot now."""
@@ -154,11 +150,6 @@ class PolicyGuard(SteeredControl):
     def drives(self) -> DriveControl:  # type: ignore[override]  # nobody assigns them
         """Drives of the one who controls the robot now."""
         return self.acting.drives
-
-    @property
-    def controller(self) -> Controller:
-        """Controller of the one who controls the robot now."""
-        return self.acting.controller
 
     @property
     def velocity(self) -> Velocity | None:

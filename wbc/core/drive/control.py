@@ -124,17 +124,9 @@ class Control:
     """Protocol of whatever answers a measurement with a command: drives, a walk, a policy, its guard, or a program.
 
     Whoever runs a control (`wbc.run`, trials, programs, logs and views) asks for nothing but what is here. A control of
-    your own derives from this class. With drives it writes `act`, and has the estimate, the tests of sensors and of
-    falls, and the failure policy of its drives; without drives it writes `command`:
-
-        class Sway(wbc.Control):
-            def __init__(self, robot, dt):
-                self.drives = wbc.TorqueControl(wbc.balance_controller(robot, dt))
-                self.com = self.drives.controller.task("com")
-
-            def act(self, state):
-                self.com.target = [0.02 * math.sin(state.time), 0.0, 0.8]
-                return self.drives.act(state)
+    your own derives from this class. With drives it writes `act`, which ends with `drives.act` or `drives.relay`, and
+    has the estimate, the tests of sensors and of falls, and the failure policy of its drives. Without drives it writes
+    `command`. The page of controls has examples.
 
     Attributes:
         drives: Position, torque or hybrid control with controller and observer, which makes the commands of this tick;

@@ -1,0 +1,120 @@
+"""Controls of one's own: they have the estimate, the failures and the released joints of their drives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.base.errors import InputError
+from wbc.core.drive.control import State
+from wbc.machine import Runner
+from wbc.sim import Trial
+from wbc.tasks import Behaviour, Program, StateMachine
+
+HRP4, DT = wbc.load_robot("hrp4_class"), 0.005
+
+
+class Held(wbc.Control):
+    """A law that holds half-sitting with servos, in place of the QP, until it is broken."""
+
+    restarts = True
+
+    def __init__(self) -> None:
+        robot = HRP4.robot()
+        self.drives = wbc.TorqueControl(wbc.balance_controller(robot, DT))
+        self.rest, self.none = np.array(robot.half_sitting[7:]), np.zeros(robot.na)
+        self.gains, self.broken, self.seen = (np.array(HRP4.kp), np.array(HRP4.kd)), False, 0
+
+    def act(self, state: State) -> wbc.Command:
+        return self.drives.relay(state, self.law)
+
+    def law(self, state: State) -> wbc.Command:
+        if self.broken:
+            raise ValueError("broken")
+        m = state.measurement
+        return self.drives.gate.pass_on_with_gains(
+            self.none, self.rest, self.none, self.gains, (m.joint_position, m.joint_velocity)
+        )
+
+    def see(self, seen: Any) -> None:
+        self.seen += 1
+
+
+def run(plant: wbc.Plant, control: wbc.Control, seconds: float) -> wbc.Command:
+    end = plant.time + seconds
+    while plant.time < end - 1e-9:
+        command = control.command(plant.measure())
+        plant.step(command)
+    return command
+
+
+def test_a_law_that_fails_is_held_and_then_stopped_until_the_control_begins_anew() -> None:
+    plant, control = wbc.Plant(HRP4, control_period=DT), Held()
+    stands = run(plant, control, 0.5)
+    assert control.status() == "ok" and control.fallen is None and stands.kp is not None
+    control.broken = True
+    run(plant, control, DT)
+    assert control.drives.failing and "ValueError" in control.status()
+    control.broken = False
+    assert run(plant, control, DT).kp is not None and control.status() == "ok"
+    control.broken = True
+    run(plant, control, 0.15)
+    control.broken = False
+    assert run(plant, control, 0.05).kp is None and control.drives.stopped
+    plant.reset()
+    control.reset()
+    assert run(plant, control, 0.3).kp is not None and not control.drives.stopped
+
+
+def test_joints_that_are_released_are_not_in_the_command_of_a_law() -> None:
+    plant, control = wbc.Plant(HRP4, control_period=DT), Held()
+    released = control.drives.release(HRP4.joint_names[-2:])
+    command = run(plant, control, 0.02)
+    assert released is not None and command.released is not None and command.kp is not None
+    assert (command.released == released.mask).all()
+    assert not command.kp[released.index].any() and command.kp[~released.mask].all()
+
+
+def test_a_program_is_a_control_that_hands_all_on() -> None:
+    control = Held()
+    program = Program(
+        StateMachine("m", [Behaviour("wait", timeout=0.1)], {"wait": {"timeout": "end"}}), control
+    )
+    assert program.acting is control and program.drives is control.drives and program.dt == DT
+    program.see(None)
+    assert control.seen == 1
+    trial = Trial(wbc.Plant(HRP4, control_period=DT), program)
+    with trial.running():
+        trial.advance(0.2)
+    assert program.ended and trial.drives is control.drives and program.status() == control.status() == "ok"
+
+
+def test_a_walk_is_reset_before_its_first_tick_alone() -> None:
+    walking = wbc.WalkingControl(HRP4.robot(), None, DT)
+    q = walking.controller.robot.half_sitting.copy()
+    q[0] += 0.3
+    walking.reset(q)
+    assert walking.drives.observer.robot.q[0] == pytest.approx(q[0]) and not walking.restarts
+    walking.command(wbc.Plant(HRP4, control_period=DT).measure())
+    with pytest.raises(InputError, match="anew"):
+        walking.reset()
+
+
+REFUSED: list[tuple[Callable[[], object], type[Exception]]] = [
+    (lambda: wbc.Control().command(wbc.Plant(HRP4).measure()), NotImplementedError),
+    (lambda: Trial(wbc.Plant(HRP4, control_period=DT), math.sqrt), InputError),  # type: ignore[arg-type]
+    (lambda: Trial(wbc.Plant(HRP4, control_period=0.002), Held()), InputError),
+    (lambda: Program(StateMachine("m", [Behaviour("a", timeout=1.0)]), wbc.Control()), InputError),
+    (lambda: Runner(math.sqrt, Held()), InputError),  # type: ignore[arg-type]
+]
+
+
+@pytest.mark.parametrize(("call", "kind"), REFUSED)
+def test_what_is_no_control_is_refused(call: Callable[[], object], kind: type[Exception]) -> None:
+    with pytest.raises(kind):
+        call()
