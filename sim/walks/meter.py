@@ -21,7 +21,7 @@ from wbc.sim.terrain.areas import Area, at_places
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Energy, Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
-from wbc.walking.contact import Event, GaitPhase
+from wbc.walking.contact import TOUCHED, Event, GaitPhase
 from wbc.walking.control import WalkingControl
 from wbc.walking.source import Progress, Reference
 from wbc.walking.steered import SteeredControl
@@ -53,18 +53,15 @@ class _Moment(NamedTuple):
     """State of one tick, for the onset of a fall."""
 
     time: float
-    step: int
-    phase: GaitPhase
-    elapsed: float
-    duration: float
-    stance: int
+    progress: Progress
     rotation: Array  # of the stance sole, shape (3, 3)
     dcm_error: list[float] | None  # target minus measured; None without a stabilizer
 
     @property
     def share(self) -> float:
         """Elapsed time over the duration of the phase."""
-        return min(1.0, self.elapsed / self.duration) if self.duration > 0.0 else 0.0
+        now = self.progress
+        return min(1.0, now.elapsed / now.duration) if now.duration > 0.0 else 0.0
 
     @property
     def dcm(self) -> tuple[float, float] | None:
@@ -75,7 +72,7 @@ class _Moment(NamedTuple):
         """Return a horizontal vector of the world, forward and outward seen from the stance foot."""
         yaw = heading(self.rotation)
         ahead, left = along((math.cos(yaw), math.sin(yaw)), x, y)
-        return ahead, left if self.stance == 0 else -left
+        return ahead, left if self.progress.stance == 0 else -left
 
     @property
     def tilt(self) -> tuple[float, float]:
@@ -110,12 +107,7 @@ class Vibration:
 class WalkMeter(TrialHook):
     """The figures of one walk."""
 
-    def __init__(
-        self,
-        plant: Simulation,
-        walking: SteeredControl,
-        areas: Sequence[Area] = (),
-    ) -> None:
+    def __init__(self, plant: Simulation, walking: SteeredControl, areas: Sequence[Area] = ()) -> None:
         """Begin without any tick, on a ground with some areas, over whose walkways a sole does not slip.
 
         Of a policy, which has no references, torques and work alone are measured.
@@ -230,17 +222,7 @@ class WalkMeter(TrialHook):
     def _record_stance(self, progress: Progress, dcm_error: list[float] | None) -> None:
         """Record the tilt of the stance sole and the DCM error; its contact area once a step."""
         plant, stance = self._plant, progress.stance
-        rotation = plant.sole_pose(stance)[1].copy()
-        moment = _Moment(
-            plant.time,
-            progress.steps_done + 1,
-            progress.phase,
-            progress.elapsed,
-            progress.duration,
-            stance,
-            rotation,
-            dcm_error,
-        )
+        moment = _Moment(plant.time, progress, plant.sole_pose(stance)[1].copy(), dcm_error)
         self._moments.append(moment)
         if progress.phase is not GaitPhase.SINGLE:
             return
@@ -263,12 +245,10 @@ class WalkMeter(TrialHook):
 
         Without DCM errors the onset is the fall itself, and its direction that of the CoM's true velocity.
         """
-        progress = self._walking.progress
-        level = np.eye(3)
-        now = _Moment(
-            self._plant.time, progress.steps_done + 1, progress.phase, 0.0, 0.0, 0, level, [0.0, 0.0]
-        )
-        moments = list(self._moments) or [now]
+        moments = list(self._moments)
+        if not moments:
+            unseen = self._walking.progress._replace(elapsed=0.0, stance=0)
+            moments = [_Moment(self._plant.time, unseen, np.eye(3), [0.0, 0.0])]
         onset = moments[-1]
         for moment in reversed(moments):
             if moment.dcm is None or math.hypot(*moment.dcm) < EXCURSION:
@@ -280,15 +260,15 @@ class WalkMeter(TrialHook):
         if reason == "height":
             cause = "dropped"
         elif abs(outward) >= abs(forward):
-            cause = "left" if (outward > 0.0) == (onset.stance == 0) else "right"
+            cause = "left" if (outward > 0.0) == (onset.progress.stance == 0) else "right"
         else:
             cause = "forward" if forward > 0.0 else "backward"
         return Fall(
             reason,
             self._plant.time,
             onset.time,
-            onset.step,
-            onset.phase.value,
+            onset.progress.steps_done + 1,
+            onset.progress.phase.value,
             onset.share,
             None if onset.dcm is None else forward,
             None if onset.dcm is None else outward,
@@ -327,10 +307,6 @@ class WalkMeter(TrialHook):
             "sole_pitch": spread(self._pitch),
             "contact_area": spread(self._area),
         }
-
-
-TOUCHED = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN)
-"""Events that end in contact; a foot that found no ground has no impact."""
 
 
 def spread(values: list[float]) -> Spread:

@@ -17,11 +17,7 @@ FRIZZA: Mapping[str, Any] = {
     "gains": "frizza",
     "gait": FAST_LANDING,
     "plan": {"distance": 3.0},
-    "changes": {
-        "stiffness.decide_at": 0.75,
-        "stiffness.early_landing": 0.0,
-        "stiffness.deadline": 0.0,
-    },
+    "changes": {"stiffness.decide_at": 0.75, "stiffness.early_landing": 0.0, "stiffness.deadline": 0.0},
 }
 """The paper's walk: its law and gains, its foot (0 to 80 Nm/rad, set at once), the scan evaluated at 75 % of the single
 support, over a unidirectional ground as in its experiment 1.

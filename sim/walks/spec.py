@@ -37,13 +37,7 @@ from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import TrialSpec
 from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
-from wbc.sim.walks.settings import (
-    Eyes,
-    WalkTrialSettings,
-    check_read,
-    checked_changes,
-    trial_settings,
-)
+from wbc.sim.walks.settings import Eyes, WalkTrialSettings, check_read, checked_changes, trial_settings
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
 from wbc.sim.walks.trained import check_trained, driven, sees
 from wbc.sim.walks.trained import stamped as stamped_policy

@@ -34,6 +34,7 @@ from wbc.sim.walks.trial import WalkTrial, _eyes, _range_sensor
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import VelocityLimits
+from wbc.walking.source import Progress
 from wbc.walking.steered import SteeredControl
 
 EXACT = {"noise": 0.0, "relative_noise": 0.0, "resolution": 0.0, "dropout": 0.0}
@@ -339,7 +340,8 @@ def moment(
     stance: int, rotation: Rotation, dcm_error: list[float] | None = None, elapsed: float = 0.3
 ) -> _Moment:
     matrix = rotation.as_matrix()
-    return _Moment(elapsed, 2, GaitPhase.SINGLE, elapsed, 0.6, stance, matrix, dcm_error)
+    progress = Progress(GaitPhase.SINGLE, stance, steps_done=1, elapsed=elapsed, duration=0.6)
+    return _Moment(elapsed, progress, matrix, dcm_error)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.sampled_from([0, 1]))
@@ -356,7 +358,7 @@ def test_an_excursion_is_seen_from_the_stance_foot(
     assert found.tilt == pytest.approx((roll, pitch), abs=1e-9)
     assert found.share == 0.5 and moment(0, rotation, elapsed=2.0).share == 1.0
     assert moment(stance, rotation).dcm is None
-    assert found._replace(duration=0.0).share == 0.0
+    assert found._replace(progress=found.progress._replace(duration=0.0)).share == 0.0
 
 
 LEVEL = Rotation.identity()
@@ -366,7 +368,7 @@ def fall(moments: list[_Moment], reason: str = "tilt", velocity: tuple[float, ..
     """Return the fall of a meter that has seen some moments, at 9 s."""
     meter: Any = object.__new__(WalkMeter)
     meter._moments = deque(moments)
-    meter._walking = SimpleNamespace(progress=SimpleNamespace(steps_done=4, phase=GaitPhase.STANDING))
+    meter._walking = SimpleNamespace(progress=Progress(steps_done=4))
     truth = SimpleNamespace(com_velocity=np.array(velocity))
     meter._plant = SimpleNamespace(time=9.0, truth=lambda: truth)
     return meter.fall(reason)

@@ -17,7 +17,7 @@ from wbc.tasks.stabilizer.distribution import WrenchDistribution
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
-from wbc.walking.contact import TOUCH_DOWNS, Event, GaitPhase
+from wbc.walking.contact import TOUCHED, Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.schedule import ZmpTarget, schedule
@@ -34,6 +34,7 @@ SIZES = ((0.16, 0.076), (0.16, 0.076))
 HEIGHT = 0.76
 DT = 0.005
 WEIGHT = ROBOT.mass * GRAVITY
+TOUCH_DOWNS = {*TOUCHED, Event.NO_TOUCH_DOWN}
 STEADY = WalkSettings(adjustment=None)
 
 

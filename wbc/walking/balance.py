@@ -40,12 +40,10 @@ class Balance:
         load: Load in the hands as estimated; None where none is expected.
         output: Output of the stabilizer in the last tick; None before the first one.
         leaning: Motion of the trunk's lean in that tick.
-        wrenches: Name of a foot's contact → wrench that the torques are to make in place of the QP's; None for those.
     """
 
     output: StabilizerOutput | None = None
     leaning: LeanMotion = UPRIGHT
-    wrenches: Mapping[str, Array] | None = None
 
     def __init__(
         self,
@@ -66,14 +64,17 @@ class Balance:
         self.bias = None if s.bias is None else BiasEstimator(s.bias.sized(robot.length_scale))
         self.hands, self.load = hands, load
         self._feedforward = s.mode == "position"
-        if self._feedforward:
-            self.wrenches = {}
         self._bias: Array | None = None
 
     @property
     def stabilizer(self) -> Stabilizer:
         """Feedback and admittances."""
         return self._task.stabilizer
+
+    @property
+    def wrenches(self) -> Mapping[str, Array] | None:
+        """Name of a foot's contact → wrench that the torques are to make in place of the QP's; None for those."""
+        return self._task.wrenches if self._feedforward else None
 
     def correct(self, state: State, last: Reference | None) -> State:
         """Return the state with the DCM that references are to be compared with; the last ones have driven it."""
@@ -108,16 +109,8 @@ class Balance:
             if outside is not None:
                 reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
         self.output = output = self._task.update(
-            reference.pendulum,
-            measurement.wrenches,
-            contact,
-            heading,
-            dt,
-            bias=self._bias,
-            outside=outside,
+            reference.pendulum, measurement.wrenches, contact, heading, dt, bias=self._bias, outside=outside
         )
-        if self._feedforward:
-            self.wrenches = self._task.wrenches
         if outside is not None and hands is not None and not output.in_air:
             hands.help(output.feet.shortfall[3:5], output.zmp, dt)
         if self.lean is not None:  # towards the moment that the feet cannot give

@@ -29,10 +29,8 @@ class Event(enum.Enum):
 LIFT_OFFS = frozenset((Event.LIFT_OFF, Event.FORCED_LIFT_OFF))
 """Events that begin a step."""
 
-TOUCH_DOWNS = frozenset(
-    (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
-)
-"""Events that end one."""
+TOUCHED = frozenset((Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN))
+"""Events that end one in contact; a foot that finds no ground has no impact."""
 
 
 def touch_down(late: float, before: float, after: float) -> Event:

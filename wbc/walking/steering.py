@@ -137,7 +137,7 @@ class PathConstants:
     arrived: Annotated[float, "h"] = 0.15  # what steps reach: landings serve the balance
     arrived_turn: Annotated[float, "rad"] = 0.15
     slow_turn: Annotated[float, "ω"] = (
-        0.05  # from which on steps become quick: headings turn while a foot stands
+        0.05  # from which on steps become quick: headings turn as a foot stands
     )
     path_lag: Annotated[float, "1/ω"] = 2.0  # of the path behind a robot that walks sideways or turns
     speed_lag: Annotated[float, "1/ω"] = 8.0  # of the velocity by which the robot falls short

@@ -77,13 +77,11 @@ def planned_walk(
         InputError: A plan that cannot be walked or begins elsewhere.
     """
     check_start(robot, plan)
-    s, reach = settings, None
-    height = (
-        float(robot.com[2]) - 0.5 * (plan.left.z + plan.right.z) if s.com_height is None else s.com_height
-    )
+    s, reach, height = settings, None, settings.com_height
+    if height is None:
+        height = float(robot.com[2]) - 0.5 * (plan.left.z + plan.right.z)
+        height = height if plan.steps else min(height, Leg(robot).bent_height(s.drive.stretch))
     if not plan.steps:
-        if s.com_height is None:
-            height = min(height, Leg(robot).bent_height(s.drive.stretch))
         # Bent knees reach further ahead; to the side ankles must roll by what the robot sways.
         reach = replace(Reach.of(robot, height), max_spacing=Reach.of(robot).max_spacing)
     com = np.array(robot.com)

@@ -70,12 +70,7 @@ class SwingFoot:
     """
 
     def __init__(
-        self,
-        start: pin.SE3,
-        landing: Footstep,
-        duration: float,
-        shape: SwingShape,
-        over: float = -math.inf,
+        self, start: pin.SE3, landing: Footstep, duration: float, shape: SwingShape, over: float = -math.inf
     ) -> None:
         """Plan from a foot at rest; an `InputError` for a duration too short for take-off and landing."""
         self._shape = shape
@@ -242,11 +237,8 @@ def _bounded(x: float, y: float, most: float) -> tuple[float, float]:
 
 def _spin(roll: Vector, pitch: Vector, yaw: Vector) -> tuple[Vector, Vector]:
     """Angular velocity and acceleration in the world, of angles, rad, each with its first and second derivative."""
-    (_, roll_rate, roll_push), (angle, pitch_rate, pitch_push), (heading, yaw_rate, yaw_push) = (
-        roll,
-        pitch,
-        yaw,
-    )
+    (_, roll_rate, roll_push), (angle, pitch_rate, pitch_push) = roll, pitch
+    heading, yaw_rate, yaw_push = yaw
     cp, sp, cy, sy = math.cos(angle), math.sin(angle), math.cos(heading), math.sin(heading)
     # The axis of roll is (cy cp, sy cp, −sp), that of pitch (−sy, cy, 0), that of yaw the vertical.
     along, across = cp * roll_rate, cp * roll_push - sp * pitch_rate * roll_rate - yaw_rate * pitch_rate

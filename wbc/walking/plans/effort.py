@@ -72,7 +72,7 @@ def swing_effort(leg: SwingLeg, gait: StepGait, begin: float, end: float, aside:
     moves, joints = (
         0.5 * time / gait.cycle,
         [],
-    )  # the hip is half way between the feet in the middle of both supports
+    )  # of the hip, half way between the feet in the middle of supports
     for k in range(SAMPLES + 1):
         (x, _, z), _ = swing.motion(k * span)
         hip = moves * (begin + (end - begin) * k / SAMPLES)

@@ -42,9 +42,8 @@ class SwingShape(NamedTuple):
     # Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing.
     edge: float = EDGE_SHARE
     heel: float = HEEL  # pitch of a foot that rises onto a stair, rad
-    stair: float = (
-        1.0  # height of a stair, over that of the swing, from which on it begins; half a swing more has all
-    )
+    # Height of a stair, over that of the swing, from which on this pitch begins; half a swing more has all of it.
+    stair: float = 1.0
     # Least time in which the foot comes down from a height h when its time is cut short, over √(h/g).
     quickest: float = 0.0
     level: float = 1.0  # time over that of the swing at which the sole has its tilt at the landing

@@ -107,10 +107,7 @@ def turn_in_place(
 
 @checked
 def walk_path(
-    start: FootstepPlan,
-    moves: Iterable[tuple[float, float, float]],
-    *,
-    first: str | None = None,
+    start: FootstepPlan, moves: Iterable[tuple[float, float, float]], *, first: str | None = None
 ) -> FootstepPlan:
     """Plan steps on both sides of a moving middle, with the feet side by side at the end.
 

@@ -173,14 +173,7 @@ class StepDecision:
         self.place = free if chosen is None else self._centre(stance, step.place)
 
     def _held(
-        self,
-        dcm: Point,
-        contact: Point,
-        omega: float,
-        left: float,
-        last: float,
-        wish: Wish,
-        bounds: Bounds,
+        self, dcm: Point, contact: Point, omega: float, left: float, last: float, wish: Wish, bounds: Bounds
     ) -> Step | None:
         """Solve with the landing where it is asked for, or moved by the offset of ξ that the next sole cannot catch.
 
