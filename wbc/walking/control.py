@@ -50,13 +50,7 @@ from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.load import HeldLoad
 from wbc.walking.plans.footsteps import FootstepPlan
-from wbc.walking.plans.sources import (
-    FootstepSource,
-    PlanSource,
-    Velocity,
-    VelocityLimits,
-    checked_velocity,
-)
+from wbc.walking.plans.sources import FootstepSource, PlanSource, Velocity, VelocityLimits, checked_velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource
 from wbc.walking.steered import SteeredControl

@@ -165,7 +165,7 @@ class PathSteering(Steering):
         velocity: Velocity of the steps now, forward and left, m/s.
         turn: Turn of the steps now, rad/s.
         goes: False for a robot that is to stand.
-        held: Width of the soles that has held in the last steps, of that from which on steps are slow.
+        held: Width of the soles that has held in the last steps, of that from which on steps are slow; 1 at most.
         follows: True while the steps are footsteps that are given.
         climbs: Height to the next stair of these, up or down, m; 0 on the level.
     """
@@ -235,13 +235,13 @@ class PathSteering(Steering):
         """Take the height to the next stair of the footsteps to come, m; 0 on the level."""
         self.climbs = height
 
-    def follow(self) -> None:
-        """Take the time of steps from footsteps."""
+    def follow_footsteps(self) -> None:
+        """Take the time of steps that footsteps take, from the shift of the weight before them on."""
         self.follows = True
 
     def along(self, velocity: Point, heading: float) -> None:
         """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
-        self.follow()
+        self.follow_footsteps()
         self.goes = True
         self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
         most = self._s.fastest_turn * self._dt

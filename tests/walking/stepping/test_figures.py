@@ -282,7 +282,7 @@ def test_ground_is_level_rough_or_between_by_the_height_between_the_feet() -> No
 def test_a_foot_comes_straight_down_as_quickly_as_a_quintic_of_its_greatest_acceleration() -> None:
     gait = gait_on((frame_of((0.0, 0.11, 0.13, 0.0, 0.0, 0.0)), LEVEL[1]))
     gait.ground.expect_at(0.03)
-    times = np.linspace(0.0, gait.step._down() - CONSTANTS.piece, 20001)
+    times = np.linspace(0.0, gait.step._time_down() - CONSTANTS.piece, 20001)
     s = times / times[-1]
     heights = 0.1 * (1.0 - s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
     pushes = np.gradient(np.gradient(heights, times), times)
@@ -361,7 +361,7 @@ def test_the_com_is_planned_as_the_pendulum_about_the_commanded_centre_of_pressu
     gait = gait_on(LEVEL, (0.02, -0.03, SCALE.height), (0.3, 0.1, 0.0))
     gait.course = Course(SCALE, 1e-4)
     for gait.stance in (0, 1):
-        gait.course.decide()
+        gait.course.restart()
         for _ in range(2001):
             zmp = gait.felt.state.on_sole(gait.stance, CONSTANTS.carrying + 0.01, -0.005)
             x, y, u, v, a, b = gait.course.fall(gait.felt.state, zmp)
@@ -501,7 +501,7 @@ def test_ground_within_a_third_of_a_leg_is_landed_on(height: float, lands: bool)
     gait, z = gait_on(LEVEL), height * SCALE.leg / 3.0
     seen = SimpleNamespace(x=0.2, y=0.1, z=z, slope=(0.1, -0.2))
     gait.ground.sight = SimpleNamespace(version=1, support=lambda *_: seen)  # type: ignore[assignment]
-    landing = gait.step._seen(Footstep("left", 0.2, 0.1))
+    landing = gait.step._look(Footstep("left", 0.2, 0.1))
     assert landing.z == pytest.approx(z if lands else 0.0) == gait.ground.height
     assert gait.step._tilt == pytest.approx((-math.atan(0.1), math.atan(-0.2)) if lands else (0.0, 0.0))
 
@@ -527,8 +527,8 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
 def test_the_com_goes_half_of_the_way_up_or_down_a_stair_before_the_foot_lands(rise: float) -> None:
     gait = gait_on(LEVEL)
     gait.ground.expect_at(rise)
-    assert gait.step._support(climbs=False) == 0.0, "steps of a velocity are not told of stairs"
-    assert gait.step._support(climbs=True) == pytest.approx(0.5 * rise)
+    assert gait.step._com_level(climbs=False) == 0.0, "steps of a velocity are not told of stairs"
+    assert gait.step._com_level(climbs=True) == pytest.approx(0.5 * rise)
 
 
 def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_downstairs() -> None:

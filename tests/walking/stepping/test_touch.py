@@ -109,7 +109,7 @@ def test_a_foot_in_contact_carries_where_the_other_one_no_longer_does_or_it_has_
     far = Divergent(0.0, 0.0, OMEGA)  # half way: waiting would help
     touch, felt = touching(stance, 300.0)
     felt.dcm = far
-    touch.carry(1 - stance, met=False)
+    touch.track_pressure(1 - stance, met=False)
     assert not carries(touch, stance) and carries(touch, stance, late=True)
     for swing, stands, unloads in (
         (1.01 * LAW.held, 0.99 * LAW.held, True),
@@ -118,7 +118,7 @@ def test_a_foot_in_contact_carries_where_the_other_one_no_longer_does_or_it_has_
     ):
         touch, felt = touching(stance, swing, stands)
         felt.dcm = far
-        touch.carry(1 - stance, met=False)
+        touch.track_pressure(1 - stance, met=False)
         ticks = math.ceil(0.5 * LAW.lost_time / DT + 1e-9)
         for tick in range(1, ticks + 2):
             assert carries(touch, stance, fast_share=0.5) == (unloads and tick * DT > 0.5 * LAW.lost_time)
@@ -145,7 +145,7 @@ def test_a_foot_in_contact_carries_where_waiting_makes_it_no_more_viable(stance:
         places = [(0.0, 0.0, 0.0)] * 2
         places[1 - stance] = (*foot, 0.0)
         felt.state.places, felt.contact = tuple(places), (*contact, 0.0)
-        touch.carry(1 - stance, met=False)
+        touch.track_pressure(1 - stance, met=False)
         expected = takes_over(tuple(there), tuple(here), STILL, LAW.stretch, LAW.wait, LAW.patience)
         assert carries(touch, stance, yaw) == expected
         found.add(expected)
@@ -154,10 +154,10 @@ def test_a_foot_in_contact_carries_where_waiting_makes_it_no_more_viable(stance:
 
 def test_where_a_foot_in_contact_carries_is_low_passed_from_its_carrying_point_on() -> None:
     touch, felt = touching(1, 300.0)
-    touch.carry(0, met=False)
+    touch.track_pressure(0, met=False)
     assert touch._carrying == felt.state.places[0]
     for tick in range(1, 30):
-        touch.carry(0, met=True)
+        touch.track_pressure(0, met=True)
         share = 1.0 - math.exp(-tick * DT / LAW.cop_lag)
         np.testing.assert_allclose(touch._carrying, (0.03 * share, 0.11, 0.0), atol=1e-12)
 
@@ -182,13 +182,13 @@ def test_a_foot_is_pushed_that_is_faster_than_any_step_without_hurry_in_the_worl
         speeds[side] = (0.6 * speed * bound, -0.8 * speed * bound, 0.0)
         velocity = (0.6 * com * bound, -0.8 * com * bound, 0.0)
         touch, _ = touching(1 - side, 0.0, speeds=tuple(speeds), velocity=velocity)
-        touch.fly(side, 3.0, urgency, paced, 0.2)
+        touch.notice_push(side, 3.0, urgency, paced, 0.2)
         assert touch.is_pushed(3.0) == pushed
     touch, felt = touching(1 - side, 0.0, speeds=((9.0, 0.0, 0.0),) * 2)
-    touch.fly(side, 3.0, 0.0, 1.0, 0.0)
-    touch.fly(side, 3.0 + 0.9 * LAW.pushed_time, 0.0, 1.0, 0.0)
+    touch.notice_push(side, 3.0, 0.0, 1.0, 0.0)
+    touch.notice_push(side, 3.0 + 0.9 * LAW.pushed_time, 0.0, 1.0, 0.0)
     assert touch.is_pushed(3.0 + 1.8 * LAW.pushed_time), "it goes on while the foot is as fast"
-    touch.fly(side, 3.0 + 3.0 * LAW.pushed_time, 0.0, 1.0, 0.0)
+    touch.notice_push(side, 3.0 + 3.0 * LAW.pushed_time, 0.0, 1.0, 0.0)
     assert not touch.is_pushed(3.0 + 3.0 * LAW.pushed_time), "a foot that comes back is as fast"
 
 

@@ -76,9 +76,7 @@ def law_of(
     )
     target = replace(preview.target, inward=max(-most, min(most, inward)))
     planner = PreviewController(reach.soles, com_height, replace(preview, target=target))
-    if adjustment is None:
-        return planner, None
-    return planner, StepAdjuster(com_height, reach, target, adjustment)
+    return planner, None if adjustment is None else StepAdjuster(com_height, reach, target, adjustment)
 
 
 def most_inward(half_width: float, margin: float) -> float:

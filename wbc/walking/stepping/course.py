@@ -47,8 +47,8 @@ class Course:
         self._high.follow(self._height - self._high.value, self._dt)
         return self._high.value, self._high.velocity
 
-    def decide(self) -> None:
-        """Go on from what is measured: the step has been decided."""
+    def restart(self) -> None:
+        """Begin the next planned motion from what is measured: the step has been decided."""
         self._planned = None
 
     def fall(self, state: BodyState, zmp: Vector) -> Motion:

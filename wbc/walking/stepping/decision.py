@@ -135,8 +135,7 @@ class StepDecision:
             climbs: True for a landing on a stair, which moves to the side alone: ahead of it and behind it are edges.
         """
         self._climbs = climbs
-        c, omega, elapsed = self._c, stance.dcm.omega, stance.elapsed
-        axes = stance.axes
+        c, axes, omega, elapsed = self._c, stance.axes, stance.dcm.omega, stance.elapsed
         offset = axes.offset(stance.dcm.x, stance.dcm.y)
         (x, y, _), (p, q, _) = stance.contact, stance.cop_command
         ahead, outwards = axes.outwards(x - p, y - q)
@@ -150,9 +149,7 @@ class StepDecision:
         step = solve(offset, contact, omega, remaining, last, wish, bounds)
         if step is not None:
             later = self._later(stance, step, offset, contact, wish, bounds, max(longest - elapsed, 0.0))
-            if (
-                later > step.left and not self.closes
-            ):  # legs need longer for that place, and ξ goes on until then
+            if later > step.left and not self.closes:  # legs need longer, and ξ goes on until then
                 bounds = bounds.after(later)
                 step = solve(offset, contact, omega, remaining, step.left, wish, bounds) or step
         if step is None:

@@ -143,11 +143,8 @@ class SteppingWalk(ReferenceSource):
         """Begin anew in the step that a robot is in which walks already, after `begin`.
 
         A foot in the air swings on from its place and with its velocity. Of two feet on the ground the one that has
-        landed a moment ago carries, and the other one swings; the robot stands if both have stood for longer.
-
-        Args:
-            air: Time for which the left and the right foot have been in the air, s; 0 for one on the ground.
-            landed: Time since each of them has landed, s; 0 for one in the air.
+        landed a moment ago carries, and the other one swings; the robot stands if both have stood for longer. Each foot
+        has been in the air, or on the ground, for a time, s: see `WalkingControl.begin`.
         """
         self._joins = air, landed
 
@@ -288,7 +285,7 @@ class SteppingWalk(ReferenceSource):
         """Begin to shift the weight over the foot that will stand."""
         if self.footsteps:
             self.stance = 1 - SIDES.index(self.footsteps[0].side)
-            self.steering.follow()
+            self.steering.follow_footsteps()
         self.phase, self.elapsed = GaitPhase.DOUBLE, 0.0
         self._duration = self.stand.shift(self.stance, self.footsteps) + self.constants.rest
         self.felt.stand_on(None, self.constants.carrying)

@@ -125,12 +125,12 @@ class SingleSupport:
         """Decide time and place of the step, move the swing foot, and detect its contact."""
         touch, swing, elapsed = self.touch, 1 - self.stance, asked.elapsed
         if self.swing is not None:
-            touch.fly(swing, elapsed, self.decision.urgency, self.duration / asked.time, asked.speed)
+            touch.notice_push(swing, elapsed, self.decision.urgency, self.duration / asked.time, asked.speed)
         self._follow_ground()
         self.decide(asked, frames)
         events = self._meet(asked, frames)
         # Footsteps are planned from where feet are to carry, and those meet the ground at an inner edge.
-        touch.carry(swing, met=self.met is not None and not asked.footsteps)
+        touch.track_pressure(swing, met=self.met is not None and not asked.footsteps)
         return events
 
     def is_over(self, asked: Asked) -> bool:
@@ -145,11 +145,7 @@ class SingleSupport:
         return self.touch.is_to_carry(self.stance, axes, orbit, patience, fast_share, late=late)
 
     def end(self, asked: Asked) -> float:
-        """End a step whose foot has landed.
-
-        Returns:
-            Half of the width of the sole that has held, over the one from which on steps are slow, 1 at most.
-        """
+        """End a step whose foot has landed; return how much of the sole has held: see `PathSteering.held`."""
         assert self.swing is not None
         c, (left, right) = self._c, self._felt.state.places
         self._pace += c.pace_gain * (min(asked.elapsed, self._longest(asked)) - self._pace)
@@ -162,7 +158,7 @@ class SingleSupport:
     def references(self, elapsed: float, *, climbs: bool) -> PhaseReference:
         """Return the references of a tick, at a time since lift-off, s, on stairs or not."""
         c, state, touch = self._c, self._felt.state, self.touch
-        self._level += self._level_gain * (self._support(climbs=climbs) - self._level)
+        self._level += self._level_gain * (self._com_level(climbs=climbs) - self._level)
         most = touch.most_forces(self.stance, elapsed, met=self.met is not None, stepped=not self.first)
         ahead, aside = cop = self.decision.cop
         motion = self._course.fall(state, state.on_sole(self.stance, c.carrying + ahead, aside))
@@ -171,7 +167,7 @@ class SingleSupport:
 
     # ---- the ground ---------------------------------------------------------------------------------------------
 
-    def _support(self, *, climbs: bool) -> float:
+    def _com_level(self, *, climbs: bool) -> float:
         """Return the height over which the CoM is to be, m: on stairs it goes half of the way before the landing."""
         stands = self._felt.state.places[self.stance][2]
         return stands + HALF * (self._ground.height - stands) if climbs else stands
@@ -187,8 +183,8 @@ class SingleSupport:
             self._ground.expect_at(self._ground.height + moved)
             self._stood += moved
 
-    def _seen(self, landing: Footstep) -> Footstep:
-        """Return a landing at the height and tilt that are seen under it, which are expected from now on."""
+    def _look(self, landing: Footstep) -> Footstep:
+        """Return a landing at the height and tilt of the ground seen under it, which are expected from now on."""
         landing = self._ground.under(landing)
         self._ground.expect_at(landing.z)
         self._tilt = landing.pitch, landing.roll
@@ -207,10 +203,10 @@ class SingleSupport:
         decides = swing is None or self._ticks % self._period == 0
         if decides:
             self._solve(asked)
-        self.duration = self._time(asked)
+        self.duration = self._step_time(asked)
         decision.press()
         if swing is None:
-            self._lift(self._landing(asked), asked, frames)
+            self._begin_swing(self._landing(asked), asked, frames)
             return
         thrown = self.touch.thrown(side, swing, elapsed - self._dt)
         if not decides and thrown is None:
@@ -218,7 +214,7 @@ class SingleSupport:
         landing, touch = self._landing(asked), self._touch_time(asked)
         looks = self._ground.sight is not None and self._ticks // self._period % LOOKS == 0
         if looks and touch - elapsed > LAST_LOOK:
-            landing = self._seen(landing)
+            landing = self._look(landing)
             swing.over = max(swing.over, self._ground.way(frames[side], landing))  # of what is left
         if thrown is not None:
             swing.restart(elapsed, frames[side], thrown, self._c.swing_push)
@@ -227,7 +223,7 @@ class SingleSupport:
     def _solve(self, asked: Asked) -> None:
         """Decide the step by what stands now."""
         c, footsteps, stance = self._c, asked.footsteps, self.step_state(asked)
-        self._course.decide()
+        self._course.restart()
         stays = self._ground.sight is None or self.swing is None or self.first
         if footsteps:
             omega, width = stance.dcm.omega, self._s.width
@@ -245,7 +241,7 @@ class SingleSupport:
             stance, wish, self._longest(asked), look, held=bool(footsteps), climbs=bool(asked.climbs)
         )
 
-    def _time(self, asked: Asked) -> float:
+    def _step_time(self, asked: Asked) -> float:
         """Return the time of the step, s: that which was decided, low-passed."""
         s, decision, longest = self._s, self.decision, self._longest(asked)
         shortest = min(s.shortest, decision.end) if decision.closes else s.shortest
@@ -264,11 +260,11 @@ class SingleSupport:
         place, side = self.decision.place, SIDES[1 - self.stance]
         return Footstep(side, *place, self._ground.height, yaw, *self._tilt)
 
-    def _lift(self, landing: Footstep, asked: Asked, frames: Frames) -> None:
+    def _begin_swing(self, landing: Footstep, asked: Asked, frames: Frames) -> None:
         """Begin the swing from where the foot stands, or go on with that of a robot that walks already."""
         c, ground, side, touch = self._c, self._ground, 1 - self.stance, self._touch_time(asked)
         ground.lift(self.stance, frames[self.stance])
-        landing, start = self._seen(landing), frames[side]
+        landing, start = self._look(landing), frames[side]
         speed = min(c.landing_speed + c.landing_gain * ground.uneven, c.hardest)
         shape = self._shape._replace(landing_speed=speed)
         if asked.climbs:
@@ -283,7 +279,9 @@ class SingleSupport:
         felt, elapsed, (u, v) = self._felt, asked.elapsed, self.decision.lagged
         axes, orbit, swing = self._axes(asked), self._orbit(asked), self._swinging(elapsed)
         told = felt.state.on_sole(self.stance, self._c.carrying + u, v)
-        return StepState(axes, told, felt.contact, felt.dcm, orbit, asked.time, elapsed, swing, self._down())
+        return StepState(
+            axes, told, felt.contact, felt.dcm, orbit, asked.time, elapsed, swing, self._time_down()
+        )
 
     def _axes(self, asked: Asked) -> StanceAxes:
         """Return the axes about the carrying point of the foot that stands."""
@@ -309,7 +307,7 @@ class SingleSupport:
         (x, y, _), (u, v, _) = self.swing.motion(elapsed)
         return x, y, u, v
 
-    def _down(self) -> float:
+    def _time_down(self) -> float:
         """Return the time that the swing foot needs to come straight down, s."""
         height = max(self._felt.state.places[1 - self.stance][2] - self._ground.height, 0.0)
         return self._c.piece + math.sqrt(RISE * height / self._c.lift)

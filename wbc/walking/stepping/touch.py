@@ -51,7 +51,7 @@ class SwingTouch:
         """
         return elapsed - self._pushed < self._c.pushed_time
 
-    def fly(self, side: int, elapsed: float, urgency: float, paced: float, speed: float) -> None:
+    def notice_push(self, side: int, elapsed: float, urgency: float, paced: float, speed: float) -> None:
         """Find whether the swing foot is pushed.
 
         It is faster then, in the world and past the CoM, than any step without hurry: the ground stops a foot, and only
@@ -122,7 +122,7 @@ class SwingTouch:
         ground = max(places[stance][2], self._ground.height)
         return places[1 - stance][2] < ground + self._c.low * self._s.swing_height
 
-    def carry(self, side: int, *, met: bool) -> None:
+    def track_pressure(self, side: int, *, met: bool) -> None:
         """Low-pass the place where the foot in contact carries, from its carrying point on: it meets with an edge."""
         felt = self._felt
         if met:
