@@ -120,7 +120,7 @@ def test_bad_measurements_that_go_on_stop_the_robot(mode: str, caplog: pytest.Lo
     caplog.set_level(logging.CRITICAL)
     policy = FailurePolicy(stop_after=5 * DT)
     control: PositionControl | TorqueControl
-    control = (TorqueControl if mode == "torque" else PositionControl)(controller(), policy=policy)
+    control = (TorqueControl if mode == "torque" else PositionControl)(controller(), failure_policy=policy)
     control.command(at_rest(shared_robot(), 0.0))
     held = round(control.plausibility.settings.hold / DT)  # ticks that predictions bridge
     for tick in range(1, held + 8):

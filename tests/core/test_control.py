@@ -63,7 +63,7 @@ def test_a_failed_tick_brakes_every_joint_that_moves_and_a_stopped_robot_too(
 def test_held_references_slow_down_to_a_stop_as_the_policy_says(monkeypatch: pytest.MonkeyPatch) -> None:
     controller = standing("hrp4_class", DT)
     robot, policy = controller.robot, FailurePolicy(damping_time=0.04)
-    control = PositionControl(controller, policy=policy)
+    control = PositionControl(controller, failure_policy=policy)
     control.command(at_rest(robot, 0.0))
     control.v[6:] = start = speeds(robot)
     fail_from_now_on(controller, monkeypatch)
@@ -220,7 +220,7 @@ def test_a_control_stops_once_failures_have_lasted_longer_than_its_policy_says(
     ticks: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     controller = standing("hrp4_class", DT)
-    control = TorqueControl(controller, policy=FailurePolicy(stop_after=(ticks + 0.5) * DT))
+    control = TorqueControl(controller, failure_policy=FailurePolicy(stop_after=(ticks + 0.5) * DT))
     control.command(at_rest(controller.robot, 0.0))
     assert not control.failing and control.fallen is None
     fail_from_now_on(controller, monkeypatch)

@@ -115,7 +115,7 @@ def test_a_control_of_a_robot_that_has_fallen_damps_until_it_is_reset(mode: str)
     damping = 0.0 if command.kd is None else command.kd
     torque = command.joint_torque - damping * velocity
     limit = control.controller.robot.torque_limit
-    share = control.policy.joint_damping if mode != "hybrid" else 0.0
+    share = control.failure_policy.joint_damping if mode != "hybrid" else 0.0
     assert (torque * velocity <= 1e-9).all() and (np.abs(torque) <= 1.5 * limit).all()
     assert (np.abs(torque) >= np.minimum(0.99 * share * limit * np.abs(velocity), 0.99 * limit)).all()
     upper = control.controller.robot.position_upper
@@ -132,7 +132,7 @@ def test_who_wants_else_goes_on() -> None:
     control, ticks = thrown("torque", "go on", 1.0)
     assert control.falls.reason is FallReason.DOWN and not control.damped
     first = next(i for i, (_, _, _, down) in enumerate(ticks) if down)
-    damping = control.policy.joint_damping * control.controller.robot.torque_limit
+    damping = control.failure_policy.joint_damping * control.controller.robot.torque_limit
     _, command, measurement, _ = ticks[first]
     assert (
         np.abs(command.joint_torque + damping * measurement.joint_velocity).max() > 1.0

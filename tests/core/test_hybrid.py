@@ -216,7 +216,7 @@ def test_a_failing_robot_is_held_by_its_servos_and_a_stopped_one_damped(
     policy = FailurePolicy(stop_after=0.02)
     controller = standing("g1", DT)
     robot = controller.robot
-    control = HybridControl(controller, policy=policy)
+    control = HybridControl(controller, failure_policy=policy)
     simulated = plant()
     good = control.command(simulated.measure())
     simulated.step(good)

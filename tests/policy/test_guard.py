@@ -29,8 +29,8 @@ def guarded(**options: Any) -> tuple[wbc.Plant, PolicyGuard, Known]:
         kd=tuple(0.3 * servos.kd),
         observation=(Term("gravity"),),
     )
-    plant, policy = control(network, description)
-    return plant, PolicyGuard(policy, **options), network
+    plant, policy = control(network, description, **options)
+    return plant, PolicyGuard(policy), network
 
 
 def run_guard(plant: wbc.Plant, guard: PolicyGuard, seconds: float) -> None:
@@ -167,4 +167,4 @@ def test_walks_that_cannot_take_over_are_refused(period: float, own: bool, optio
     with pytest.raises(InputError):
         PolicyGuard(policy, walking)
     with pytest.raises(InputError):
-        PolicyGuard(policy, longest=0.0)
+        bobbing(longest=0.0)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError, WbcError, names_in, unknown_name
 from wbc.base.numbers import ROUNDING, Array
-from wbc.base.settings import NonNegative, Period
+from wbc.base.settings import NonNegative, Period, Positive
 from wbc.core.drive.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.observer import Observer
@@ -83,7 +83,6 @@ class PolicyControl(SteeredControl):
         contacts: Contacts of the feet, by their measured loads.
         ground: Known ground, for a policy that sees it; None for a blind one.
         controller: The controller; tasks and limits on the arms are added to it.
-        longest: Longest time that the network may take, s; None for any time. A longer one fails the tick.
         lost: Error of the last action; None if it was good.
         acted: True if the policy has acted in the last tick.
         posture: Task on the posture of the arms; None without arms of the QP.
@@ -108,8 +107,9 @@ class PolicyControl(SteeredControl):
         ground: KnownGround | None = None,
         sees_arms: bool | None = None,
         regain: Annotated[NonNegative, "1/s"] = 0.0,
+        longest: Annotated[Positive, "s"] | None = None,
         observer: Observer | None = None,
-        failures: FailurePolicy | None = None,
+        failure_policy: FailurePolicy | None = None,
         safety: SafetySettings | None = None,
     ) -> None:
         """Check that the policy fits the robot; it begins with the first tick.
@@ -129,8 +129,10 @@ class PolicyControl(SteeredControl):
                 and its own ones, filtered or not, where they are.
             regain: Share of the missing velocity that is asked for as well after 1 s, 1/s, as for a load in the hands,
                 which makes a policy drift; 0.5 is a good value. The velocity is the estimated one of the CoM.
+            longest: Longest time that the network may take, s, on a machine its period at most; None for any time. A
+                longer one fails the tick, and a guard takes over.
             observer: Observer of the robot's state; a new one when None.
-            failures: Reaction to ticks without a usable measurement or action.
+            failure_policy: Reaction to ticks without a usable measurement or action.
             safety: Ranges of measurements, and the reaction to a fall.
 
         Raises:
@@ -150,7 +152,7 @@ class PolicyControl(SteeredControl):
         if arms and filter is not None:
             raise InputError("arms of a policy are those of the QP, or filtered: give arms or filter")
         self.controller = Controller(robot, dt) if filter is None else filter.controller(robot, dt)
-        self.drives = TorqueControl(self.controller, observer, failures, safety=safety)
+        self.drives = TorqueControl(self.controller, observer, failure_policy, safety=safety)
         self.network, self.description = network, description
         self._columns = columns = np.array(joint_columns(robot, description.joints))
         n = len(columns)
@@ -191,8 +193,7 @@ class PolicyControl(SteeredControl):
                 )
         self.contacts = FootContacts(robot, dt)
         self._velocity: Velocity | None = None
-        self._regain = regain
-        self.longest: float | None = None
+        self._regain, self._longest = regain, longest
         self._fastest = np.array(description.fastest)
         for doubt in self.doubts():
             logger.warning("policy: %s", doubt)
@@ -375,8 +376,8 @@ class PolicyControl(SteeredControl):
             observed.motion.tick()
         observation, start = self._observation.take(), perf_counter()
         action = self.network(observation)
-        if self.longest is not None and (took := perf_counter() - start) > self.longest:
-            raise PolicyError(f"the policy took {1e3 * took:.1f} ms, longer than {1e3 * self.longest:g} ms")
+        if self._longest is not None and (took := perf_counter() - start) > self._longest:
+            raise PolicyError(f"the policy took {1e3 * took:.1f} ms, longer than {1e3 * self._longest:g} ms")
         if not np.isfinite(action).all():
             raise PolicyError(f"the policy's action has {action[~np.isfinite(action)][0]}")
         most = self.description.action_clip

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import Annotated
 
 import numpy as np
 
 from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.base.settings import Positive
 from wbc.core.drive.control import DriveControl, State
 from wbc.core.signals import Command
 from wbc.ground import PointCloud
@@ -52,20 +50,13 @@ class PolicyGuard(SteeredControl):
     controller = renamed("controller", "drives.controller")
 
     @checked
-    def __init__(
-        self,
-        policy: PolicyControl,
-        walking: WalkingControl | None = None,
-        *,
-        longest: Annotated[Positive, "s"] | None = None,
-    ) -> None:
+    def __init__(self, policy: PolicyControl, walking: WalkingControl | None = None) -> None:
         """Put a walk beside a policy, both for a robot that stands.
 
         Args:
             policy: The policy.
             walking: Walk that takes over, made with the observer and the period of the policy; a new one in torque
                 control when None.
-            longest: Longest time that the network may take, s, on a machine its period at most; None for any time.
 
         Raises:
             InputError: A walk on another observer, with another period, or one that cannot begin on its way.
@@ -86,7 +77,6 @@ class PolicyGuard(SteeredControl):
             )
         self.policy, self.walking, self.relieved = policy, walking, ""
         walking.check_begin()
-        policy.longest = longest
         self._asked = ""  # to take over in the next tick
 
     def act(self, state: State) -> Command:

@@ -194,7 +194,7 @@ class DriveControl(Control):
     Attributes:
         controller: The controller.
         observer: Observer that estimates the state from measurements.
-        policy: Reaction to failures.
+        failure_policy: Reaction to failures.
         measurement: Measurement of the last tick, with what was refused replaced by predictions.
         time: Time since the control was made, s; one control period in each tick.
         wrenches: Estimator of the wrenches of feet without force sensors; None while they are measured.
@@ -215,19 +215,19 @@ class DriveControl(Control):
         self,
         controller: Controller,
         observer: Observer | None,
-        policy: FailurePolicy | None,
+        failure_policy: FailurePolicy | None,
         safety: SafetySettings | None,
     ) -> None:
         """Connect a controller to its observer, of the same robot model; where one is None, a new one is made.
 
-        `policy` is the reaction to failures, `safety` the ranges of measurements and commands.
+        `failure_policy` is the reaction to failures, `safety` the ranges of measurements and commands.
         """
         self.controller = controller
         self.observer = Observer(controller.robot) if observer is None else observer
         if self.observer.robot.model is not controller.robot.model:
             raise InputError("the observer must estimate the same robot model that the controller uses")
         controller.run_by("position" if self._moves_references else "torque", self.observer.robot)
-        self.policy = policy or FailurePolicy()
+        self.failure_policy = failure_policy or FailurePolicy()
         robot, dt, safety = controller.robot, controller.dt, safety or SafetySettings()
         self.plausibility = Plausibility(robot, dt, safety.plausibility)
         self.monitor: ConsistencyMonitor | None = None
@@ -271,7 +271,7 @@ class DriveControl(Control):
     @property
     def stopped(self) -> bool:
         """True after failures have gone on for too long; `reset` starts again."""
-        return self._failing * self.controller.dt > self.policy.stop_after
+        return self._failing * self.controller.dt > self.failure_policy.stop_after
 
     @property
     def fallen(self) -> FallReason | None:
@@ -390,7 +390,7 @@ class DriveControl(Control):
         return state._replace(ok=False)
 
     def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
-        """End a tick: solve the QP, and return the command of the drives; a failed tick follows the policy.
+        """End a tick: solve the QP, and return the command of the drives; a failed tick follows the failure policy.
 
         Args:
             state: State of this tick.
@@ -479,7 +479,7 @@ class DriveControl(Control):
     def _damping(self, state: State) -> Array:
         """Return the torques that damp the joints, shape (na,), Nm."""
         velocity = np.nan_to_num(self.plausibility.joints(state.received)[1], nan=0.0)
-        torque: Array = -self.policy.joint_damping * self.controller.robot.torque_limit * velocity
+        torque: Array = -self.failure_policy.joint_damping * self.controller.robot.torque_limit * velocity
         return torque
 
     def _fall(self, reason: FallReason) -> None:

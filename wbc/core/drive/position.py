@@ -42,7 +42,7 @@ class PositionControl(DriveControl):
         self,
         controller: Controller,
         observer: Observer | None = None,
-        policy: FailurePolicy | None = None,
+        failure_policy: FailurePolicy | None = None,
         *,
         feedback: Literal["open", "closed"] = "open",
         feedforward: bool = True,
@@ -55,7 +55,7 @@ class PositionControl(DriveControl):
             controller: The controller. With open feedback its robot becomes the commanded robot, which starts from its
                 present state.
             observer: Observer of the same robot model; a new one when None.
-            policy: Reaction to failures.
+            failure_policy: Reaction to failures.
             feedback: "open" or "closed"; see the attribute.
             feedforward: Add the torques of the solution to the commands, so that the servos do not sag under the weight
                 of the robot.
@@ -68,7 +68,7 @@ class PositionControl(DriveControl):
             )
         if controller.robot.servos is not None:
             controller.robot.servos.check_position_control()
-        super().__init__(controller, observer, policy, safety)
+        super().__init__(controller, observer, failure_policy, safety)
         self.feedback = feedback
         self._follows_estimate = feedback == "closed"
         self.feedforward = feedforward
@@ -109,14 +109,14 @@ class PositionControl(DriveControl):
     def _hold(self, state: State) -> Command:
         """Let the motion decay; once stopped, freeze the references."""
         dt = self.controller.dt
-        return self._passed(-self.v / (dt if self.stopped else max(self.policy.damping_time, dt)))
+        return self._passed(-self.v / (dt if self.stopped else max(self.failure_policy.damping_time, dt)))
 
     def _damp(self, state: State) -> Command:
         """Send gains with the command: the machine's stiffness would hold the joints against the ground."""
         robot, (position, velocity) = self.controller.robot, self.plausibility.joints(state.received)
         position = np.where(np.isnan(position), self.q[7:], position)
         position = np.clip(position, robot.position_lower, robot.position_upper)
-        none, damping = np.zeros(robot.na), self.policy.joint_damping * robot.torque_limit
+        none, damping = np.zeros(robot.na), self.failure_policy.joint_damping * robot.torque_limit
         self.gate.reset(position)  # the reference is where the joint is, however fast it moves
         return self.gate.pass_on_with_gains(none, position, none, (none, damping), (position, velocity))
 

@@ -27,7 +27,7 @@ class TorqueControl(DriveControl):
         self,
         controller: Controller,
         observer: Observer | None = None,
-        policy: FailurePolicy | None = None,
+        failure_policy: FailurePolicy | None = None,
         *,
         safety: SafetySettings | None = None,
     ) -> None:
@@ -38,7 +38,7 @@ class TorqueControl(DriveControl):
         """
         if observer is None:
             observer = Observer(controller.robot, adopt=True)
-        super().__init__(controller, observer, policy, safety)
+        super().__init__(controller, observer, failure_policy, safety)
 
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
@@ -81,7 +81,7 @@ class HybridControl(TorqueControl):
         self,
         controller: Controller,
         observer: Observer | None = None,
-        policy: FailurePolicy | None = None,
+        failure_policy: FailurePolicy | None = None,
         *,
         kp: NonNegativeNumbers | None = None,
         kd: NonNegativeNumbers | None = None,
@@ -93,7 +93,7 @@ class HybridControl(TorqueControl):
         Args:
             controller: The controller.
             observer: Observer of the same robot model, as in torque control; a new one when None.
-            policy: Reaction to failures.
+            failure_policy: Reaction to failures.
             kp: Stiffness in the commands, shape (na,), Nm/rad. When None, it is that of the robot's description; if
                 that was derived and not given, a softer share of it (`Servos.soft`).
             kd: Damping in the commands, shape (na,), Nms/rad; chosen in the same way when None.
@@ -101,7 +101,7 @@ class HybridControl(TorqueControl):
                 with 0 they start from the estimate at every tick.
             safety: Ranges of measurements and commands.
         """
-        super().__init__(controller, observer, policy, safety=safety)
+        super().__init__(controller, observer, failure_policy, safety=safety)
         robot = controller.robot
         if kp is None or kd is None:
             if robot.servos is None:
@@ -148,7 +148,7 @@ class HybridControl(TorqueControl):
         return self._passed(state, self._torques, (self.kp, self.kd))
 
     def _damp(self, state: State) -> Command:
-        damping = self.policy.joint_damping * self.controller.robot.torque_limit
+        damping = self.failure_policy.joint_damping * self.controller.robot.torque_limit
         position, _ = self.plausibility.joints(state.received)
         self.q[:], self.v[:] = np.where(np.isnan(position), self.q, position), 0.0
         return self._passed(state, self._off, (self._off, np.maximum(self.kd, damping)))
