@@ -49,13 +49,13 @@ def test_every_hand_of_the_robot_has_an_arm_and_the_balance_counts_each_joint_on
     robot = replace(load_robot("hrp4_class"), hands=hands).robot()
     settings = WalkingControlSettings(arms=ArmSettings(waist=waist, swing=0.3))
     walking = WalkingControl(robot, FootstepPlan.standing(robot), DT, settings)
-    assert [arm.name for arm in walking.arms.hands] == ["gripper", "right_hand"]
-    for arm in walking.arms.hands:
+    assert [arm.name for arm in walking.arms.all.values()] == ["gripper", "right_hand"]
+    for arm in walking.arms.all.values():
         arm.reach([0.3, 0.0, 1.0])
     update(walking)
     spared = walking.tasks.com.spared - BASE_DOF
     assert np.unique(spared).size == spared.size
-    assert set(spared) == {joint for arm in walking.arms.hands for joint in arm.joints}
+    assert set(spared) == {joint for arm in walking.arms.all.values() for joint in arm.joints}
 
 
 def test_a_pose_after_a_point_turns_a_hand_from_where_it_is() -> None:

@@ -260,7 +260,7 @@ def update(walking: WalkingControl, ticks: int) -> None:
 def test_the_length_of_an_arm_is_that_of_its_links_from_the_shoulder_to_the_hand() -> None:
     walking = standing()
     robot = walking.controller.robot
-    for arm in walking.arms.hands:
+    for arm in walking.arms.all.values():
         chain = [joint for joint in robot.joints_between(arm.frame, robot.torso_frame)]
         places = [robot.data.oMi[int(robot.joint_numbers[joint])].translation for joint in sorted(chain)]
         places.append(arm.place.translation)

@@ -1,5 +1,7 @@
 """Trained policies beside the QP: descriptions, observations, networks, and the control that runs them.
 
+    description → observation (terms, references) → network → control, whose drives send, with arms and filter → guard
+
 A new term of an observation goes into `wbc.policy.terms`, another way in which files describe policies into
 `wbc.policy.description`.
 """

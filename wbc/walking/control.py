@@ -362,7 +362,7 @@ class WalkingControl(SteeredControl):
         """
         robot, names = self.controller.robot, names_in("joints to release", joints)
         gone = {robot.joint_index(joint) for joint in names}
-        for arm in self.arms.hands:
+        for arm in self.arms.all.values():
             if arm.joints and gone.issuperset(arm.joints) and arm.active:
                 raise InputError(f"'{arm.name}' must be let go before its arm is released: it is at work")
         return self.drives.release(names)

@@ -82,7 +82,7 @@ class Hands:
         self._edges, self._box, self._height = edges, box or edges, height
         self._controller = controller
         self.all: Mapping[str, Hand] = MappingProxyType(
-            {arm.name: Hand(controller, arm, index, settings) for index, arm in enumerate(arms.hands)}
+            {arm.name: Hand(controller, arm, index, settings) for index, arm in enumerate(arms.all.values())}
         )
         self.outside = np.zeros(6)  # measured, filtered, at the world origin
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
@@ -91,7 +91,7 @@ class Hands:
         self.measurement: Measurement | None = None
         self.active = False
         # Views, which move on with the estimate.
-        self._places = {arm.name: estimate.placement(arm.frame) for arm in arms.hands}
+        self._places = {arm.name: estimate.placement(arm.frame) for arm in arms.all.values()}
         self._pelvis = estimate.placement(estimate.base_frame).rotation
         self._imu = estimate.placement(estimate.imu_frame).rotation
         self._slip, self.slip, self._before = GyroSlip(), 0.0, self._imu.T.copy()

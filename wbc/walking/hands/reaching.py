@@ -10,12 +10,14 @@ opposite foot.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.base.checked import renamed
 from wbc.base.errors import choose
 from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
@@ -42,13 +44,18 @@ class Arms:
 
     Attributes:
         settings: Settings.
+        all: Role of a hand → its arm.
     """
+
+    hands = renamed("hands", "all")
 
     def __init__(self, controller: Controller, dt: float, settings: ArmSettings, tasks: WalkTasks) -> None:
         """Leave the arms to the posture of the tasks; no task is added before a hand is given a target."""
         self.settings, self._controller, self._dt, self._tasks = settings, controller, dt, tasks
         robot, self._frames = controller.robot, Frames(controller)
-        self._hands = {name: Arm(controller, name, dt, settings, self._frames) for name in robot.frames}
+        self.all: Mapping[str, Arm] = MappingProxyType(
+            {name: Arm(controller, name, dt, settings, self._frames) for name in robot.frames}
+        )
         self._rest = np.array(robot.q[robot.base_nq :])
         self._turns = self._swing_turns()
         self._swung = 0.0  # swing in the last tick, m/m
@@ -56,13 +63,8 @@ class Arms:
         self._spared: tuple[Arm, ...] = ()
 
     def __getitem__(self, name: str) -> Arm:
-        """Return a hand by its role."""
-        return self._hands[choose("hand", name, self._hands)]
-
-    @property
-    def hands(self) -> tuple[Arm, ...]:
-        """Hands of the robot."""
-        return tuple(self._hands.values())
+        """Return the arm of a hand by its role."""
+        return self.all[choose("hand", name, self.all)]
 
     def place(self, name: str, where: pin.SE3, velocity: ArrayLike | None = None) -> None:
         """State where an object is; call it again whenever it has moved.
@@ -83,7 +85,7 @@ class Arms:
             yaw: Heading, rad.
             fast_share: Share from 0 to 1 by which the walk is a fast one.
         """
-        active = tuple(hand for hand in self._hands.values() if hand.active)
+        active = tuple(hand for hand in self.all.values() if hand.active)
         if active or self._spared:
             used = any(hand.within == FEET for hand in active)
             self._frames.follow(used, feet, yaw, self._dt)
@@ -101,8 +103,8 @@ class Arms:
         robot, turns = self._controller.robot, np.zeros(self._controller.robot.na)
         forward = robot.placement(robot.base_frame).rotation[:, 0]
         for name, sign in SIDES.items():
-            if name in self._hands and self._hands[name].joints:
-                frame, joints = robot.frame_id(self._hands[name].frame), self._hands[name].joints
+            if name in self.all and self.all[name].joints:
+                frame, joints = robot.frame_id(self.all[name].frame), self.all[name].joints
                 rows = pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL_WORLD_ALIGNED)
                 gains = [float(forward @ rows[:3, BASE_DOF + joint]) for joint in joints]
                 joint, gain = max(zip(joints, gains, strict=True), key=lambda each: abs(each[1]))
