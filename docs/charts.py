@@ -145,7 +145,7 @@ def draw_soles(path: Path) -> None:
     rows = table("measured_floors.md", "Walks that arrive:")
     soles = ["own flat sole", "rigid", "soft", "variable"]
     figure, axis = plt.subplots(figsize=(8.4, 2.4), layout="constrained")
-    observers = (("older", "older observer, of 8", 8, ORANGE, -0.12), ("present", "of 20", 20, BLUE, 0.12))
+    observers = (("older", "older observer, of 8", 8, ORANGE, -0.12), ("newer", "of 20", 20, BLUE, 0.12))
     for name, row, layouts, colour, shift in observers:
         cells = next(cells for floor, *cells in rows if floor == f"1e6 N/m³, {row}")
         places = np.arange(len(soles)) + shift

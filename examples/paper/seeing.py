@@ -1,6 +1,7 @@
 """Softness or sight: how seeing and blind walks end, as a small table, and its figure.
 
 python examples/paper/seeing.py JOURNAL …   writes seeing.csv from journals of the studies seeing and seeing_high
+python examples/paper/seeing.py             prints what the default sole and sight add
 python examples/paper/figures.py sight      draws it
 """
 
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure
 from walks import PAPER
 
 from wbc.sim.studies import mean_interval, read_journal
+from wbc.sim.studies.intervals import sign_flip_p
 
 TABLE = PAPER / "seeing.csv"
 EYES = {"none": ("blind", "0.6"), "toes": ("toes", "#f0b429"), "depth": ("depth", "#1f77b4")}
@@ -43,12 +45,45 @@ def rows(journal: Path) -> list[tuple[object, ...]]:
     ]
 
 
-def sight() -> Figure:
-    """Draw the share of walks completed, and of those that strayed, by sole, sight and height."""
+GAINS = (
+    (("long arch 5", "none"), ("rigid", "none")),
+    (("rigid", "depth"), ("rigid", "none")),
+    (("long arch 5", "depth"), ("long arch 5", "none")),
+    (("long arch 5", "depth"), ("rigid", "depth")),
+    (("long arch 5", "depth"), ("rigid", "none")),
+)
+"""Soles and eyes that are compared: the first with the second."""
+
+
+def gains() -> str:
+    """Return the differences in completed walks, in % of all walks, with families as units."""
+    lines = []
+    for high, part in stored().groupby("high"):
+        done = 100.0 * (part["outcome"] == "completed")
+        of = done.groupby([part["sole"], part["eyes"], part["family"], part["seed"]]).mean()
+        for one, other in GAINS:
+            found = (of[one] - of[other]).dropna()
+            families = found.index.get_level_values("family")
+            each, p = mean_interval(found.tolist(), families), sign_flip_p(found.tolist(), families)
+            lines.append(
+                f"{'1.5 times as high' if high else 'usual height'}, {', '.join(one)} over {', '.join(other)}: "
+                f"{each.mean:+.0f} [{each.low:.0f}, {each.high:.0f}] %, p = {p:.2g}, {each.n} pairs"
+            )
+    return "\n".join(lines)
+
+
+def stored() -> pd.DataFrame:
+    """Return the stored walks; `high` says whether their ground is higher than that of the study `seeing`."""
     table = pd.read_csv(TABLE)
     study = json.loads((PAPER.parent / "studies" / "seeing.json").read_text())
     heights = {cell["terrain"]: cell["amplitude"] for cell in study["cells"].values()}
     table["high"] = table["height"] > 1.01 * table["family"].map(heights)
+    return table
+
+
+def sight() -> Figure:
+    """Draw the share of walks completed, and of those that strayed, by sole, sight and height."""
+    table = stored()
     figure = Figure(figsize=(7.6, 2.8), layout="constrained")
     for axes, high in zip(figure.subplots(1, 2, sharey=True), (False, True), strict=True):
         part = table[table["high"] == high]
@@ -79,10 +114,13 @@ def sight() -> Figure:
 
 
 def main() -> None:
-    """Write the table of outcomes from journals; of the same walk in two of them the later counts."""
+    """Write the table of outcomes from journals, or print the gains; a walk in two journals is that of the later."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("journals", nargs="+", type=Path)
-    found = [row for journal in parser.parse_args().journals for row in rows(journal)]
+    parser.add_argument("journals", nargs="*", type=Path)
+    if not (journals := parser.parse_args().journals):
+        print(gains())
+        return
+    found = [row for journal in journals for row in rows(journal)]
     table = pd.DataFrame(found, columns=COLUMNS).drop_duplicates(COLUMNS[:5], keep="last")
     table.sort_values(COLUMNS[:5]).to_csv(TABLE, index=False)
     print(f"{TABLE}: {len(table)} walks of {', '.join(sorted(set(table['code'])))}")
