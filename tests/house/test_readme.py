@@ -22,10 +22,13 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.MULTILINE | re.DOTALL)
 
 
-def test_the_smallest_stand_balances_a_humanoid_and_the_squat_in_one_line_squats() -> None:
+def test_the_smallest_stand_balances_a_humanoid_and_the_squat_in_one_line_squats(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     program = blocks("python")[0]
     names: dict[str, Any] = {}
     exec(program.replace("3.0", "1.0"), names)
+    assert capsys.readouterr().out.endswith(f" {program.rpartition('  # ')[2]}")
     plant, start = names["plant"], np.array(names["com"].target)
     assert plant.time == pytest.approx(1.0)
     assert not TrueFallDetector(plant.robot).fallen(plant.truth().q)
