@@ -31,7 +31,7 @@ import numpy as np
 from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError, MeasurementError, WbcError, check_parts
 from wbc.base.numbers import ROUNDING
-from wbc.core.drive.control import Control, DriveControl, check_control
+from wbc.core.drive.control import Control, DriveControl
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Measurement
 from wbc.sim.simulation.simulation import DivergedError, Simulation
@@ -130,7 +130,6 @@ class Trial:
             scenario: Hooks that act.
         """
         check_parts("a loop", plant, "robot", "control_period", "measure", "step")
-        check_control(control)
         if (dt := control.dt) is not None and abs(dt - plant.control_period) > ROUNDING:
             raise InputError(
                 f"the control is made for a period of {1e3 * dt:g} ms, and the plant advances by "

@@ -85,9 +85,7 @@ class Driver(ABC):
 
 
 def check_driver(driver: Driver) -> None:
-    """Raise an `InputError` for something that is no driver of a described robot."""
-    if not isinstance(driver, Driver):
-        raise InputError(f"a driver is a class derived from wbc.machine.Driver, got {shown(driver)}")
+    """Raise an `InputError` for a driver without a description of its robot."""
     about = getattr(driver, "description", None)
     if not isinstance(about, RobotDescription):
         raise InputError(f"description of a driver must be a RobotDescription, got {shown(about)}")

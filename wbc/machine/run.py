@@ -20,7 +20,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, finite_array
 from wbc.base.settings import NonNegative, Positive, Share, settings
-from wbc.core.drive.control import Control, check_control
+from wbc.core.drive.control import Control
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.position import PositionControl
 from wbc.core.estimation.consistency import REAL_TIME
@@ -121,7 +121,6 @@ class Runner:
         Arguments and errors are those of `run`; `clock` replaces the clock in tests.
         """
         check_driver(driver)
-        check_control(control)
         self.period = 1.0 / rate
         if (dt := control.dt) is not None and abs(dt - self.period) > ROUNDING:
             raise InputError(f"rate must be that of the controller, {1.0 / dt:g} Hz, got {rate:g} Hz")
@@ -574,8 +573,7 @@ def run(
     once.
 
     Args:
-        driver: Wire to the machine: a `wbc.machine.Driver`, or any object with `description`, `read`, `write` and
-            `damp`.
+        driver: Wire to the machine.
         control: Control with a control period of 1 / rate, whose robot is at half-sitting.
         rate: Ticks a second, 1/s.
         until: Time of the end, s, or a function that returns True at the end; None runs until SIGINT or SIGTERM.

@@ -165,11 +165,8 @@ class PolicyControl(SteeredControl):
         self._default = np.array(description.default)
         self._scale = np.broadcast_to(np.asarray(description.action_scale), (n,))
         servos = robot.servos
-        self._kp, self._kd = (
-            (np.zeros(robot.na), np.zeros(robot.na))
-            if servos is None
-            else (servos.kp.copy(), servos.kd.copy())
-        )
+        gains = (0.0, 0.0) if servos is None else (servos.kp, servos.kd)
+        self._kp, self._kd = (np.zeros(robot.na) + each for each in gains)
         self._kp[columns], self._kd[columns] = description.kp, description.kd
         self._target = np.array(robot.half_sitting[7:])
         self._sees_arms = bool(sees_arms)

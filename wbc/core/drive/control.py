@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, MeasurementError, shown
+from wbc.base.errors import InputError, MeasurementError
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.drive.gate import CommandGate
@@ -178,12 +178,6 @@ class Control:
         """Begin from a configuration at rest, shape (nq,); half-sitting when None."""
         if self.drives is not None:
             self.drives.reset(q)
-
-
-def check_control(control: Control) -> None:
-    """Raise an `InputError` for something that is no control."""
-    if not isinstance(control, Control):
-        raise InputError(f"a control is an object of a class derived from wbc.Control, got {shown(control)}")
 
 
 class DriveControl(Control):

@@ -44,7 +44,7 @@ TURN_SPEED, TURN_ACCELERATION = 1.5, 6.0
 """Greatest angular speed, rad/s, and acceleration, rad/s², of the reference."""
 
 COMPLIANCE = 3e-4
-"""Compliance at the hand of servos without gains, m/N."""
+"""Compliance at the hand of servos without gains, or of an arm without joints, m/N."""
 
 LEAD = 0.1
 """Error of the hand at which its reference waits, m (of the rotation, rad)."""
@@ -139,15 +139,14 @@ class Arm:
         place: Array = self._robot.data.oMi[self._shoulder].translation
         return place
 
-    def compliance(self) -> float | None:
-        """Return the compliance of the hand on its servos in the softest direction, m/N; None without gains."""
+    def compliance(self) -> float:
+        """Return the compliance of the hand on its servos in the softest direction, m/N."""
         robot, arm = self._robot, self._arm
-        servos = robot.servos
-        if servos is None:
-            return None
+        if (servos := robot.servos) is None:
+            return COMPLIANCE
         at = robot.model, robot.data, robot.q, self._id, pin.LOCAL_WORLD_ALIGNED
         jacobian = pin.computeFrameJacobian(*at)[:3, BASE_DOF:][:, arm]
-        return float(np.linalg.norm((jacobian / servos.kp[arm]) @ jacobian.T, 2))
+        return float(np.linalg.norm((jacobian / servos.kp[arm]) @ jacobian.T, 2)) or COMPLIANCE
 
     def axis(self) -> Array:
         """Return the direction from the frame of the hand to its mass, in that frame, shape (3,)."""
@@ -357,13 +356,11 @@ class Arm:
         self.release()
 
     def yield_by(self, lag: float, speed: float) -> None:
-        """Let the hand yield by 1 / (4 T K), with the stiffness K of the servos at the hand.
+        """Let the hand yield by 1 / (4 T K), with the delay T of sensor and servos, s, at most with a speed, m/s.
 
-        Args:
-            lag: Delay T of force sensor and servos, s.
-            speed: Greatest speed with which the hand yields, m/s.
+        K is the stiffness of the servos at the hand.
         """
-        self.task.admittance = ((self.compliance() or COMPLIANCE) / (4.0 * lag), 0.0)
+        self.task.admittance = (self.compliance() / (4.0 * lag), 0.0)
         self.task.velocity_bound = (speed, 0.1)
 
     def yield_to(self, measured: Array, target: Array) -> None:
