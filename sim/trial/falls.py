@@ -70,10 +70,7 @@ class TrueFallDetector:
         self._upright = math.cos(self.limits.tilt)
 
     def reason(
-        self,
-        base: Array | Sequence[float],
-        height: float,
-        up: Array | Sequence[float] | None = None,
+        self, base: Array | Sequence[float], height: float, up: Array | Sequence[float] | None = None
     ) -> FallReason | None:
         """Return why a robot has fallen, or None if it has not fallen; a state with NaN counts as tilted.
 

@@ -49,11 +49,7 @@ class WalkPush:
 
 
 def push_along(
-    plant: Simulation,
-    impulse: float,
-    direction: float,
-    duration: float = PUSH_DURATION,
-    body: str = "torso",
+    plant: Simulation, impulse: float, direction: float, duration: float = PUSH_DURATION, body: str = "torso"
 ) -> None:
     """Begin a horizontal push: impulse over the robot's mass, Ns/kg, direction in the world, rad, duration, s."""
     force = impulse * plant.robot.mass / duration

@@ -125,6 +125,10 @@ class SwingFoot:
         self._plan_height(time)
         self._plan_place(time, self.duration)
 
+    def rise_over(self, height: float) -> None:
+        """Pass over ground of a height, m, from the next change of the landing on."""
+        self.over = max(self.over, height)
+
     def resume(self, time: float, place: pin.SE3) -> None:
         """Search for the ground from a place at rest, where a foot has lost it again; the time is from lift-off, s."""
         self._restart(place, (0.0, 0.0, 0.0))

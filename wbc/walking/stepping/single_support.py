@@ -215,7 +215,7 @@ class SingleSupport:
         looks = self._ground.sight is not None and self._ticks // self._period % LOOKS == 0
         if looks and touch - elapsed > LAST_LOOK:
             landing = self._look(landing)
-            swing.over = max(swing.over, self._ground.way(frames[side], landing))  # of what is left
+            swing.rise_over(self._ground.way(frames[side], landing))  # of what is left
         if thrown is not None:
             swing.restart(elapsed, frames[side], thrown, self._c.swing_push)
         swing.retarget(elapsed, landing, touch, self._c.hardest if decision.closes else None)
