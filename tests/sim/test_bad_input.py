@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +17,7 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.plot.signals import draw_signals
 from wbc.app.replay.replay import Replay
 from wbc.base.errors import InputError, UnknownNameError
+from wbc.core.drive.control import Control
 from wbc.feet import foot
 from wbc.motion import MotionClip
 from wbc.robots import RobotDescription, load
@@ -204,7 +205,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: make_scene([]), "name of make_scene"),  # type: ignore[arg-type]
         (lambda: foot({}), "name of foot"),  # type: ignore[arg-type]
         (lambda: trial_loop([]), "name of trial_loop"),  # type: ignore[arg-type]
-        (lambda: Trial(3, cast(Any, None)), "'robot' is missing in 3"),  # type: ignore[arg-type]
+        (lambda: Trial(3, Control()), "'robot' is missing in 3"),  # type: ignore[arg-type]
         (lambda: FootstepPlan(1, 2, (), Gait()), "left of a plan must be of class Footstep"),  # type: ignore[arg-type]
         (lambda: replace(FootstepPlan.standing(plant().robot), steps=3), "steps of a plan must be"),
         (lambda: replace(FootstepPlan.standing(plant().robot), gait=None), "gait of a plan must be"),
