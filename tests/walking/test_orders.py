@@ -131,7 +131,8 @@ def test_a_question_changes_nothing() -> None:
     walking.tasks.posture.move_to({joint: begin + 0.1}, duration=0.3)
     run(plant, walking, 0.1)
     for name in dir(type(walking)):
-        if not name.startswith("_") and isinstance(getattr(type(walking), name), property) and name != "walk":
+        refuses = name in ("walk", "control")  # of planned steps alone; the old name of the drives
+        if not name.startswith("_") and isinstance(getattr(type(walking), name), property) and not refuses:
             getattr(walking, name)
     assert walking.tasks.posture.moving
     run(plant, walking, 0.22)
