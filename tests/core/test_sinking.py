@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wbc.core.estimation.sinking import DEEPEST, LEAST, SURE, Sinking
+from wbc.core.estimation.sinking import DEEPEST, FIRST, LEAST, SURE, Sinking
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import TrialHook, WalkPlan, WalkSpec, walk
@@ -81,6 +81,22 @@ def test_a_weight_that_shifts_slowly_tells_the_compliance_before_the_first_step(
     sinking, rng = Sinking(WEIGHT), np.random.default_rng(2)
     shift(sinking, 4e-5, rng, time=0.8)
     assert sinking.compliance == sinking.steady == pytest.approx(4e-5, rel=0.05)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.7 * LEAST / WEIGHT, 4e-5])
+def test_the_first_change_of_the_load_tells_the_compliance_while_it_goes_on(compliance: float) -> None:
+    """Where it is more than errors of sensors explain; before the load has changed enough nothing is known."""
+    sinking, rng, found = Sinking(WEIGHT), np.random.default_rng(2), []
+    shares = np.linspace(0.5, 0.9, 200)
+    for share in shares:
+        heights = -compliance * WEIGHT * np.array([share, 1.0 - share]) + 2e-4 * rng.normal(size=2)
+        sinking.update((WEIGHT * share, WEIGHT * (1.0 - share)), heights.tolist(), DT, carry=True)
+        found.append(sinking.compliance)
+    early = 2.0 * (shares - 0.5) < FIRST - 1e-9
+    assert not np.any(np.array(found)[early])
+    known = compliance if compliance > LEAST / WEIGHT else 0.0
+    np.testing.assert_allclose(np.array(found)[~early], known, rtol=0.1)
+    assert sinking.steady == 0.0, "while it goes on, nothing is known of a rate"
 
 
 def test_a_depth_that_errors_of_sensors_explain_is_no_compliance() -> None:

@@ -12,13 +12,15 @@ import pytest
 import wbc
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.feet import foot
-from wbc.sim import WalkSpec
+from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.rig.rig import GUIDE_STIFFNESS, FootTest, Rig
 from wbc.sim.terrain.areas import at_places
 from wbc.sim.terrain.giving import point_areas
 from wbc.sim.terrain.spec import Terrain, terrain
+from wbc.sim.walks.trial import WalkTrial
+from wbc.walking.contact import GaitPhase
 
 STIFFNESS = 1e7
 """Stiffness of the floor, N/m³: that of loose sand."""
@@ -493,3 +495,27 @@ def test_stretches_of_specs_of_earlier_versions_are_areas() -> None:
         "stiffness 3e+06 N/m³",
     ]
     assert WalkSpec.from_json(spec.to_json()) == spec
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_narrow_sole_stays_level_while_the_weight_shifts_over_it(seed: int) -> None:
+    """On 1e6 N/m³ g1 lifts the foot that it is to lift, and the other sole is within the range of its ankle."""
+    spec = WalkSpec(
+        robot="g1",
+        foot="flat",
+        mode="torque",
+        noise="realistic",
+        seed=seed,
+        terrain_params={"floor_stiffness": 1e6},  # type: ignore[arg-type]
+        plan=WalkPlan(distance=1.0),
+    )
+    trial, tilt, stance = WalkTrial(spec, visuals=False), 0.0, 0
+    with trial.running():
+        while trial.step() and trial.control.progress.phase is not GaitPhase.SINGLE:
+            stance = trial.control.progress.stance
+            tilt = math.asin(float(trial.plant.sole_pose(stance)[1][2, 1]))
+    assert trial.fall is None and trial.control.progress.stance == stance
+    robot = trial.plant.robot
+    ankle = robot.joint_names.index(f"{SIDES[stance]}_ankle_roll_joint")
+    assert abs(tilt) < robot.position_upper[ankle]

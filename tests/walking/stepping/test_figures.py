@@ -347,6 +347,41 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
         np.testing.assert_allclose(speeds[[0, 200]], 0.0, atol=1e-12)
 
 
+@pytest.mark.parametrize("depth", [0.0, 0.01, 0.03])
+def test_the_weight_shifts_more_slowly_once_feet_are_felt_to_sink(depth: float) -> None:
+    """From then on the rest of the shift takes 1 + 2 d / w as long, and ends where it does on rigid ground."""
+    gait, felt_at, direction = gait_on(LEVEL, (0.01, 0.0, 0.6)), 0.1, (1.0, 0.0)
+    gait.felt.begin(None, CONSTANTS.carrying)
+    gait.felt._contact = POINT
+    gait.felt.follow()
+    duration, elapsed, ways = gait.stand.shift(1, ()), 0.0, []
+    goal = gait.stand.shifting(direction, SETTINGS.step_time, duration).motion[:2]
+    while elapsed < duration:
+        elapsed += DT
+        if elapsed > felt_at:
+            gait.felt.state = gait.felt.state._replace(compliance=depth / SCALE.weight)
+        duration += gait.stand.delay(DT)
+        ways.append(gait.stand.shifting(direction, SETTINGS.step_time, elapsed).motion[:4])
+    slower = 1.0 + 2.0 * depth / (2.0 * SCALE.sole[1])
+    assert duration == pytest.approx(felt_at + slower * (CONSTANTS.shift_time - felt_at), abs=2.0 * DT)
+    places, speeds = np.hsplit(np.array(ways), 2)
+    np.testing.assert_allclose(places[-1], goal, atol=1e-4)
+    later = round(felt_at / DT) + 2
+    np.testing.assert_allclose(np.gradient(places, DT, axis=0)[later:-1], speeds[later:-1], atol=1e-3)
+
+
+def test_the_edge_of_a_sole_on_springs_comes_free_where_it_carries_at_a_sixth_of_its_width() -> None:
+    """Strips of a sole that is tilted by 2 d / w: the last one is free, and the pressure is centred at w / 6."""
+    depth, width = 0.02, 2.0 * SCALE.sole[1]
+    gait = gait_on(LEVEL)
+    gait.felt.state = gait.felt.state._replace(compliance=depth / SCALE.weight)
+    places = (np.arange(2000) + 0.5) / 2000 * width - 0.5 * width
+    pressures = depth + gait.felt.free_edge * places
+    assert pressures.min() == pytest.approx(0.0, abs=1e-3 * depth)
+    assert np.average(places, weights=pressures) == pytest.approx(width / 6.0, rel=1e-3)
+    assert pressures.mean() == pytest.approx(depth)
+
+
 def test_the_height_of_the_com_comes_to_that_of_the_steps_as_a_critically_damped_mass() -> None:
     """Less h − h₀ by (1 + ωt) e^{−ωt}."""
     gait, low = SteppingWalk(SteppingSettings(), SCALE, 0.0, 1e-4), SCALE.height - 0.05

@@ -74,6 +74,7 @@ class State(NamedTuple):
         hip_turn: Turn of the pelvis against the heading of a walk that is asked for, rad.
         hand_wrench: Wrench of the surroundings on the hands, [force; moment] at the world origin, shape (6,), N and Nm;
             None without.
+        compliance: Depth of a foot over its load, m/N, as the ground and the soles under the last steps have it.
     """
 
     robot: Robot
@@ -86,6 +87,7 @@ class State(NamedTuple):
     turned: float = 0.0
     hip_turn: float = 0.0
     hand_wrench: Array | None = None
+    compliance: float = 0.0
 
 
 @settings
@@ -372,8 +374,10 @@ class DriveControl(Control):
         except Exception as error:  # a robot gets a command in every tick
             failed = State(observer.robot, measurement, observer.load, measurement, True, time)
             return self.refuse(failed, error)
-        turned = observer.inertial.turned
-        return State(estimate, plausible, observer.load, measurement, True, time, None, turned)
+        turned, sinks = observer.inertial.turned, observer.sinking.compliance
+        return State(
+            estimate, plausible, observer.load, measurement, True, time, None, turned, compliance=sinks
+        )
 
     def refuse(self, state: State, error: Exception) -> State:
         """Fail a tick whose targets could not be computed: return its state for `act`, which holds the robot then."""

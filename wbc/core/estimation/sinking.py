@@ -5,9 +5,9 @@ gives, and a soft sole is pressed flat: the difference of the heights changes by
 The compliance c is the slope of the one over the other, by least squares over one change of the load. The heights are
 those of points of the soles: on a tilted sole the centre of pressure comes up or down with its way over the sole, and
 no ground gives. The mean over the last changes is steady where it is greater than their scatter. A weight that shifts
-slowly before the first step tells as much as some landings. Where a floor changes under way a mean over the last two
-or three changes counts, for the depth of the feet alone: times the rate of a load that chatters on hard ground it
-would be a velocity that no foot has.
+slowly before the first step tells as much as some landings, and tells it while it shifts. Where a floor changes under
+way a mean over the last two or three changes counts, for the depth of the feet alone: times the rate of a load that
+chatters on hard ground it would be a velocity that no foot has.
 """
 
 from __future__ import annotations
@@ -19,6 +19,9 @@ from wbc.core.robot import GRAVITY
 
 SHIFT = 0.5
 """Least change of the difference of the loads that tells a compliance, over the weight."""
+
+FIRST = 0.3
+"""The same for the first change, whose slope counts while it still goes on."""
 
 NEW, STEADY = 0.5, 0.2
 """Least weight of the last change of the load in the mean of a floor that changes, and in that of a steady one."""
@@ -69,6 +72,9 @@ class Sinking:
         self._products -= force * height
         self._squares += force * force
         self._far = max(self._far, abs(force))
+        if self._count == 0 and self._far >= FIRST * self._weight:
+            found = min(self._products / self._squares, self._most)
+            self.compliance = found if found > LEAST / self._weight else 0.0
 
     def _finish(self) -> None:
         """End a change of the load; its slope counts if the load has changed enough."""

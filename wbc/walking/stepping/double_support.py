@@ -32,7 +32,7 @@ class DoubleSupport:
         """Stand, with settings and constants in SI units."""
         self._s, self._c, self._felt = settings, constants, felt
         self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
-        self._stance, self._shift_time = 1, 0.0
+        self._stance, self._shift_time, self._late = 1, 0.0, 0.0
         self._footsteps: Sequence[Footstep] = ()
 
     # ---- which foot is to carry ---------------------------------------------------------------------------------
@@ -72,13 +72,27 @@ class DoubleSupport:
     def shift(self, stance: int, footsteps: Sequence[Footstep]) -> float:
         """Begin to shift the weight to beside the foot that is to stand; return the time that it takes, s.
 
-        Footsteps follow; without them, steps of a velocity.
+        Footsteps follow; without them, steps of a velocity. That is the time on rigid ground; see `delay`.
         """
         (x, y, _), (u, v) = self._felt.state.com, self._felt.offset  # hands shift the CoM by −δ
         self._from = x + u, y + v
-        self._stance, self._footsteps = stance, footsteps
+        self._stance, self._footsteps, self._late = stance, footsteps, 0.0
         self._shift_time = self._c.shift_to_plans if footsteps else self._c.shift_time
         return self._shift_time
+
+    def delay(self, dt: float) -> float:
+        """Let the shift be slower in a tick of dt, s, the deeper the feet sink; return by how much later it ends, s.
+
+        A quick shift is braked by pressure beside the middle of the sole, and on ground that gives the sole would tilt.
+        """
+        late = dt * (1.0 - 1.0 / self._slower)
+        self._late += late
+        return late
+
+    @property
+    def _slower(self) -> float:
+        """Time of the shift over that on rigid ground."""
+        return 1.0 + self._felt.free_edge
 
     def shifting(self, direction: Point, time: float, elapsed: float) -> PhaseReference:
         """Return the references of the shift, at a time since it began, s.
@@ -88,7 +102,9 @@ class DoubleSupport:
         feet, most, stance = self._carrying_points(), self._c.most_force, self._stance
         axes = StanceAxes(SIDE[stance], direction, feet[stance])
         ahead, outwards = self._rest_of_dcm(axes, time)
-        motion = shifted(self._from, axes.point(ahead, outwards), elapsed, self._shift_time)
+        goal, slower = axes.point(ahead, outwards), self._slower
+        x, y, u, v, a, b = shifted(self._from, goal, elapsed - self._late, self._shift_time)
+        motion = x, y, u / slower, v / slower, a, b
         return PhaseReference(motion, 0.5 * (feet[0][2] + feet[1][2]), (most, most))
 
     def _rest_of_dcm(self, axes: StanceAxes, time: float) -> Point:

@@ -40,6 +40,7 @@ class BodyState(NamedTuple):
     speeds: tuple[Vector, Vector] = (ORIGIN, ORIGIN)  # velocities of the soles in the world, m/s
     rates: tuple[Vector, Vector] = (ORIGIN, ORIGIN)  # their angular velocities in the world, rad/s
     hand_wrench: Array | None = None  # wrench of the surroundings on the hands; see `State.hand_wrench`
+    compliance: float = 0.0  # depth of a foot over its load, m/N
 
     def on_sole(self, side: int, x: float, y: float) -> Vector:
         """Return a point of a sole in the world, m."""
@@ -92,6 +93,7 @@ class BodyReader:
             (left.linear.tolist(), right.linear.tolist()),
             (left.angular.tolist(), right.angular.tolist()),
             state.hand_wrench,
+            state.compliance,
         )
 
 
@@ -131,6 +133,14 @@ class Felt:
         """Measured centre of pressure of the feet that carry, low-passed, in the world, m."""
         assert self._contact is not None
         return self._contact
+
+    @property
+    def free_edge(self) -> float:
+        """Tilt across a sole that bears the whole weight at which its edge comes free, rad: 2 d / w.
+
+        The sole of the width w is d deep; it tilts by 12 e d / w² where it carries at e beside its middle, up to w / 6.
+        """
+        return self.state.compliance * self.state.mass * GRAVITY / self._scale.sole[1]
 
     def take(self, state: BodyState) -> None:
         """Take in the state of a tick."""

@@ -262,6 +262,7 @@ class SteppingWalk(ReferenceSource):
             if stance is not None:
                 return self._set_off(stance, frames, walks=max(joins[0]))
         elif self.phase is GaitPhase.DOUBLE:
+            self._duration += stand.delay(self.dt)
             if self.elapsed >= self._duration:
                 return self._set_off(self.stance, frames)
         elif self._is_to_walk(frames):
