@@ -214,7 +214,7 @@ class Tour:
             "heading_error": headings,
             **self.effort.by_group(),
             "steps": self.walking.steps_done,
-            "failed_ticks": getattr(self.walking, "control", self.walking).failures,
+            "failed_ticks": self.walking.drives.failures,
             "relieved": getattr(self.walking, "relieved", ""),
             "changed": math.sqrt(self.changed / (max(self.ticks, 1) * len(self.loop.joint_torque))),
             "told": self.told,
