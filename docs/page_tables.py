@@ -26,6 +26,7 @@ import pinocchio as pin
 from pydantic.fields import FieldInfo
 
 import wbc.sim.terrain  # noqa: F401 - makes the families known
+from wbc import load_robot
 from wbc.app.arguments import attribute_docs
 from wbc.app.cli import make_app
 from wbc.app.commands import COMMANDS
@@ -35,7 +36,9 @@ from wbc.policy import terms
 from wbc.policy.description import NAMES
 from wbc.policy.references import ClipFrame
 from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.plans.gait import BY_SPEED, SPEEDS, Gait
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 from wbc.walking.steps import ON_POINTS
 
 DOCS = Path(__file__).parent
@@ -46,6 +49,9 @@ MADE = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 """Marks of a table in a page, with the table between them."""
+
+UNITS = {"1/ω": "s", "ω": "rad/s", "h": "m", "leg": "m", "hω": "m/s", "g": "m/s²"}
+"""Units of a robot in settings of free steps → units of their values in SI."""
 
 EVERYWHERE = ("--json", "--verbose", "--help", "-h", "--version")
 """Options of every command, which the page names once."""
@@ -79,7 +85,24 @@ def _settings(kind: type, path: str) -> Iterator[SettingRow]:
         name, default = each.name.rpartition(".")[2], each.default
         if each.owner == InertialSettings.__name__ and f"{(own := getattr(ON_POINTS, name)):g}" != default:
             default += f"; in free steps {own:g}"
+        alone = _alone(_kind(f"{each.module}.{each.owner}"))[name]
+        if kind is not Gait and {*each.default.split(", ")} != {*alone.split(", ")}:
+            default += f"; in the class {alone}"
         yield each._replace(default=default)
+
+
+@functools.cache
+def _alone(kind: type) -> dict[str, str]:
+    """Return the defaults of the settings in a new object of their class."""
+    return {each.name: each.default for each in settings_of(kind)}
+
+
+def _of_g1(row: SettingRow) -> str:
+    """Return the value of a setting of free steps for g1, with its unit; empty for one without a unit."""
+    own, name = SteppingSettings(), row.name.rpartition(".")[2]
+    size = RobotSize.of(load_robot("g1").robot(), own.bend)
+    unit = next((part for part in typing.get_args(_hints(SteppingSettings)[name])[1:] if part in UNITS), None)
+    return "" if unit is None else f"{getattr(in_si(own, size), name):.3g} {UNITS[unit]}"
 
 
 def settings_rows(kind: type, path: str) -> Iterator[str]:
@@ -88,14 +111,16 @@ def settings_rows(kind: type, path: str) -> Iterator[str]:
     for each in _settings(kind, path):
         if each.owner != owner:
             owner = each.owner
+            of_g1 = owner == SteppingSettings.__name__
             yield from (
                 f"\n### {owner}\n",
                 f"`{each.module}`\n",
-                "| Setting | Default | Range | Meaning |",
-                "|---|---|---|---|",
+                f"| Setting | Default |{of_g1 * ' For `g1` |'} Range | Meaning |",
+                f"|---|---|{of_g1 * '---|'}---|---|",
             )
         hint = _hints(_kind(f"{each.module}.{owner}"))[each.name.rpartition(".")[2]]
-        yield f"| `{each.name}` | {each.default} | {range_of(hint)} | {escaped(each.about)} |"
+        si = f" {_of_g1(each)} |" if of_g1 else ""
+        yield f"| `{each.name}` | {each.default} |{si} {range_of(hint)} | {escaped(each.about)} |"
 
 
 def index_rows(page: str) -> Iterator[str]:
@@ -108,7 +133,9 @@ def index_rows(page: str) -> Iterator[str]:
             ):
                 first, *others = rows
                 path = first.name.rpartition(".")[0]
-                names = f"`{path}.…`" if path else ", ".join(f"`{each.name}`" for each in (first, *others))
+                names = f"`{path}.…`" if path else "in Python"
+                if owner == WalkTrialSettings.__name__:
+                    names = ", ".join(f"`{each.name}`" for each in (first, *others))
                 about = (inspect.getdoc(_kind(f"{first.module}.{owner}")) or "").partition("\n")[0]
                 yield f"| {names} | [{owner}](#{owner.lower()}) | {escaped(about)} |"
 

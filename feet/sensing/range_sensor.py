@@ -15,7 +15,7 @@ from wbc.base.settings import NonNegative, Positive, Seed, Share, settings
 
 @settings
 class RangeSensor:
-    """Errors and limits of a range sensor; the defaults are those of a perfect sensor that is read at every tick.
+    """Errors and limits of a range sensor, which without arguments is perfect and read at every tick.
 
     Attributes:
         least: Shortest distance in range, m.

@@ -34,8 +34,8 @@ def settings(
     output: Output,
 ) -> Report:
     """List the settings of a walk, which `wbc walk --set NAME=VALUE` changes."""
-    trees = ((WalkTrialSettings, ""), (Gait, "gait"), (Machine, "machine"))
-    found = [each for kind, path in trees for each in settings_of(kind, path) if part in each.name]
+    trees = ((WalkTrialSettings, "", None), (Gait, "gait", Gait().full), (Machine, "machine", None))
+    found = [each for tree in trees for each in settings_of(*tree) if part in each.name]
     if not found:
         raise InputError(f"no setting has '{part}' in its name; `wbc settings` lists all")
     facts = {each.name: {"default": each.default, "about": each.about} for each in found}
