@@ -21,7 +21,6 @@ from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import PlanSource
 from wbc.walking.steering import StepVelocity
-from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.course import Course
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk
@@ -598,33 +597,3 @@ def test_stairs_end_with_the_step_that_brings_both_feet_to_one_height(rise: floa
         gait._plan_steps(beside.side if begun == 1 else onto.side, (left_foot, right_foot))
         climbs.append(gait.steering.climbs)
     assert climbs == pytest.approx([rise, rise, 0.0])
-
-
-def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole() -> None:
-    """Moments over force are where it presses; a foot whose heights change at a rate turns over an edge."""
-    least, full = CONSTANTS.trusted
-    for half, trust in ((least, 0.0), (0.5 * (least + full), 0.5), (full, 1.0), (2.0 * full, 1.0)):
-        area = HeldArea((0.1, half), CONSTANTS, DT)
-        assert area.widest == pytest.approx(trust * max(half - CONSTANTS.margin, 0.0))
-    force, roomy = SCALE.weight, (0.2, 0.15)
-    for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
-        area, rates = HeldArea(roomy, CONSTANTS, DT), [0.0, 0.0]
-        for _ in range(3000):
-            area.update((0.0, 0.0), (0.0, 0.0, force, 0.0, 0.0, 0.0), 0.0)
-        most = (roomy[0] - CONSTANTS.margin - CONSTANTS.carrying, roomy[1] - CONSTANTS.margin)
-        assert area.ahead[1] == pytest.approx(most[0]) and area.aside[1] == pytest.approx(most[1])
-        assert area.ahead[0] == pytest.approx(CONSTANTS.margin - roomy[0] - CONSTANTS.carrying)
-        edges = [list(area.ahead), list(area.aside)]
-        cop = sign * 0.04 + (CONSTANTS.carrying if axis == 0 else 0.0)  # 40 mm from the carrying point
-        at = [0.0, 0.0]
-        at[axis] = cop
-        rates[axis] = -sign * 1.5 * CONSTANTS.turning  # the end where it presses goes down
-        for _ in range(60):
-            area.update((rates[0], rates[1]), tuple(pressed(at[0], at[1], force)), 0.0)
-        found = [area.ahead, area.aside]
-        end = 1 if sign > 0.0 else 0
-        assert found[axis][end] == pytest.approx(sign * (0.04 - CONSTANTS.inside), abs=1e-9)
-        assert found[axis][1 - end] == edges[axis][1 - end] and found[1 - axis] == edges[1 - axis]
-        light = (0.0, 0.0, 0.9 * CONSTANTS.carries, 0.0, 0.0, 0.0)
-        area.update((rates[0], rates[1]), light, 0.0)
-        assert found == [area.ahead, area.aside], "a foot that hardly carries says nothing"

@@ -310,3 +310,34 @@ def test_a_landing_is_the_stiffer_the_smaller_the_area_of_the_pressure_is(size: 
     )
     found = np.linalg.solve(matrix, np.vstack((np.zeros((23, 2)), np.eye(2))))[:17]
     np.testing.assert_allclose(program.stiffness(), found.T @ np.diag(costs) @ found, rtol=1e-4)
+
+
+def test_an_area_ends_where_the_foot_turns_and_counts_by_the_width_of_the_sole() -> None:
+    """Moments over force are where it presses; a foot whose heights change at a rate turns over an edge."""
+    c = in_si(SteppingConstants(), SIZE)
+    least, full = c.trusted
+    for half, trust in ((least, 0.0), (0.5 * (least + full), 0.5), (full, 1.0), (2.0 * full, 1.0)):
+        area = HeldArea((0.1, half), c, 0.004)
+        assert area.widest == pytest.approx(trust * max(half - c.margin, 0.0))
+    force, roomy = SIZE.weight, (0.2, 0.15)
+    for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
+        area, rates = HeldArea(roomy, c, 0.004), [0.0, 0.0]
+        for _ in range(3000):
+            area.update((0.0, 0.0), (0.0, 0.0, force, 0.0, 0.0, 0.0), 0.0)
+        most = (roomy[0] - c.margin - c.carrying, roomy[1] - c.margin)
+        assert area.ahead[1] == pytest.approx(most[0]) and area.aside[1] == pytest.approx(most[1])
+        assert area.ahead[0] == pytest.approx(c.margin - roomy[0] - c.carrying)
+        edges = [list(area.ahead), list(area.aside)]
+        cop = sign * 0.04 + (c.carrying if axis == 0 else 0.0)  # 40 mm from the carrying point
+        at = [0.0, 0.0]
+        at[axis] = cop
+        rates[axis] = -sign * 1.5 * c.turning  # the end where it presses goes down
+        for _ in range(60):
+            area.update((rates[0], rates[1]), (0.0, 0.0, force, at[1] * force, -at[0] * force, 0.0), 0.0)
+        found = [area.ahead, area.aside]
+        end = 1 if sign > 0.0 else 0
+        assert found[axis][end] == pytest.approx(sign * (0.04 - c.inside), abs=1e-9)
+        assert found[axis][1 - end] == edges[axis][1 - end] and found[1 - axis] == edges[1 - axis]
+        light = (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0)
+        area.update((rates[0], rates[1]), light, 0.0)
+        assert found == [area.ahead, area.aside], "a foot that hardly carries says nothing"
