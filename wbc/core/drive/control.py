@@ -142,6 +142,11 @@ class Control:
     drives: DriveControl | None = None
     restarts: bool = False
 
+    @staticmethod
+    def instead_of(value: object) -> str:
+        """Return advice how to make a control of an object of another type; empty if there is none."""
+        return "derive its class from wbc.Control" if callable(getattr(value, "command", None)) else ""
+
     def command(self, measurement: Measurement) -> Command:
         """Run one tick, and return its command."""
         if self.drives is None:
