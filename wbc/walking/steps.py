@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from wbc.base.errors import InputError, shown
-from wbc.core.drive.control import FEET_AS_PLANNED, FEET_STEP, DriveControl
+from wbc.core.drive.control import DriveControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import HybridControl, TorqueControl
 from wbc.core.estimation.inertial import InertialSettings
@@ -22,6 +22,10 @@ from wbc.walking.source import ReferenceSource
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.table import free_table, planned_table
 from wbc.walking.tasks import WalkTasks
+
+PLANNED, FREE = 0.3, 0.55
+"""Distance of the DCM from the nearest sole that no step recovers, as a multiple of the CoM height: by planned steps,
+which are adjusted (healthy walks come to 0.25), and by free ones (0.36; 0.48 after a push that was survived)."""
 
 ON_POINTS = InertialSettings(velocity_time_constant=0.2, yaw_time_constant=1000.0)
 """Time constants of the estimate while a robot takes free steps, on feet that hold at points: feet that turn on a stone
@@ -93,10 +97,10 @@ def tasks_of(control: DriveControl, source: ReferenceSource, settings: WalkingCo
     s, controller, observer = settings, control.controller, control.observer
     robot = controller.robot
     if isinstance(source, SteppingWalk):
-        control.dcm_limit = FEET_STEP
+        control.dcm_limit = FREE
         observer.retune(_tuned(ON_POINTS, observer.inertial.settings))
         return WalkTasks(controller, free_table(robot, source))
-    control.dcm_limit = FEET_AS_PLANNED
+    control.dcm_limit = PLANNED
     table = planned_table(
         robot, s.tasks, s.gains, s.distribution, observer.robot, torque=s.mode != "position"
     )

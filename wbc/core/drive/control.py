@@ -41,10 +41,8 @@ from wbc.core.signals import Command, Measurement, WrenchSource
 
 logger = logging.getLogger(__name__)
 
-FEET_STAY, FEET_AS_PLANNED, FEET_STEP = 0.35, 0.3, 0.55
-"""Distance of the DCM from the nearest sole that nothing recovers, as a multiple of the CoM height: by ankles and hips,
-by planned steps that are adjusted (healthy walks come to 0.25), and by steps that are decided as they go (0.36; 0.48
-after a push that was survived)."""
+FEET_STAY = 0.35
+"""Distance of the DCM from the nearest sole that nothing recovers whose feet stay, as a multiple of the CoM height."""
 
 UNUSUAL = {
     Status.RELAXED: ("relaxed: limits, hard tasks and contacts cannot all be satisfied",),
