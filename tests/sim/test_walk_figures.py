@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import deque
 from dataclasses import replace
 from types import SimpleNamespace
@@ -194,6 +195,12 @@ def test_a_velocity_is_within_its_limits_each_or_together(axis: int) -> None:
     with pytest.raises(InputError):
         check_velocity((0.0, 1e-6, 0.0), limits._replace(aside=0.0), "steps")
     check_velocity((0.1, 0.0, 0.0), limits._replace(aside=0.0), "steps")
+    uneven = VelocityLimits(0.80496, 0.5999, 0.2345678, 1.0 / 3.0)
+    with pytest.raises(InputError) as refused:
+        check_velocity((9.0, 0.0, 0.0), uneven, "steps")
+    told = [float(number) for number in re.findall(r"[0-9]+\.[0-9]+", str(refused.value))]
+    for each, (x, y, turn) in zip(told, ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, 1)), strict=True):
+        check_velocity((x * each, y * each, turn * each), uneven, "steps")
 
 
 @pytest.mark.parametrize(("direction", "sign"), [("up", 1.0), ("down", -1.0)])
