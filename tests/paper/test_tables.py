@@ -68,18 +68,12 @@ def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
     arches = [arm for arm in values.columns if "arch" in arm]
     found = corrected({arm: gain(values, arm, "rigid", "terrain")[1] for arm in arches})
     readme = (STUDIES.parents[2] / "README.md").read_text(encoding="utf-8")
-    for said in (
-        "295 of 340",
-        "278 arrive (12 [4, 21] % more, p = 0.12)",
-        "238 on a rigid sole",
-        "17 [9, 26] % more, p = 0.02",
-    ):
-        assert said in readme
+    assert "wins 17 [9, 26] % of the walks over a rigid one (p = 0.04)" in readme
     assert len(arches) == 8 and found["long arch, 5"] == pytest.approx(0.018, abs=0.002)
     every = corrected(
         {arm: gain(values, arm, "rigid", "terrain")[1] for arm in values.columns if arm != "rigid"}
     )
-    assert len(every) == 18 and "Corrected for all 18 soles" in readme and "0.04 and 0.25" in readme
+    assert len(every) == 18
     assert every["long arch, 5"] == pytest.approx(0.044, abs=0.002)
     assert every["soft, 5"] == pytest.approx(0.25, abs=0.005)
 
