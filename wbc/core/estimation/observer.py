@@ -73,7 +73,7 @@ class ObserverSettings:
         cop_time_constant: Low-pass of the CoPs, s; 0 for none.
         slip_time_constant: Time constant with which anchors of loaded feet settle when their distance changes, s.
         spin: Speed of a foot about the vertical, by encoders and gyroscope, from which its heading is no reference for
-            the yaw until it rests again, rad/s. Five times the noise of a foot at rest: the encoder of a hip yaw joint
+            the yaw until it rests again, rad/s. Eight times the noise of a foot at rest: the encoder of a hip yaw joint
             has 0.0125 rad/s, the gyroscope 0.002 rad/s.
         slip: Speed of a loaded foot, by gyroscope and accelerometer, from which the foot is no reference, m/s. Such a
             foot slips, or something other than the ground loads it, for example a hit. A foot that stands has a speed
