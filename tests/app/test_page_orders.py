@@ -32,7 +32,8 @@ HRP4 = wbc.load_robot("hrp4_class")
 class Steered:
     """Something that can be driven and stopped."""
 
-    steered, controller, stabilizer, stiffness = True, None, None, None
+    steered, stabilizer, stiffness = True, None, None
+    drives: Any = None
 
     def __init__(self) -> None:
         self.velocity: Any = None
@@ -52,7 +53,7 @@ def test_orders_are_offered_that_the_run_can_carry_out() -> None:
     assert LiveControls(None, walking).offered == {"set", "stop", "drive"}
     walking.steered = False
     assert LiveControls(None, walking).offered == {"set", "stop"}
-    walking.controller = controller
+    walking.drives = SimpleNamespace(controller=controller)
     assert LiveControls(None, walking).controller is controller
     other = wbc.balance_controller(HRP4.robot(), 0.005)
     assert LiveControls(None, walking, other).controller is other
