@@ -182,9 +182,8 @@ def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, *, tog
     shares = [abs(part) / most if most > 0.0 else math.inf if part else 0.0 for part, most in parts]
     if (math.hypot(*shares) if together else max(shares)) > 1.0 + ROUNDING:
         both = ", and less of each where they come together" if together else ""
-        forward, back, aside, turns = (
-            math.floor(1e3 * limit) / 1e3 for limit in limits
-        )  # none that is refused
+        # Rounded down, so that none of them is refused.
+        forward, back, aside, turns = (math.floor(1e3 * limit) / 1e3 for limit in limits)
         raise InputError(
             f"{what} give velocities of at most {forward:g} m/s forward, {back:g} back, {aside:g} aside and "
             f"{turns:g} rad/s{both}, got ({x:g}, {y:g}, {turn:g})"

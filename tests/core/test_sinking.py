@@ -85,7 +85,7 @@ def test_a_weight_that_shifts_slowly_tells_the_compliance_before_the_first_step(
 
 @pytest.mark.parametrize("compliance", [0.0, 0.7 * LEAST / WEIGHT, 4e-5])
 def test_the_first_change_of_the_load_tells_the_compliance_while_it_goes_on(compliance: float) -> None:
-    """Where it is more than errors of sensors explain; before the load has changed enough nothing is known."""
+    """It is known once it is more than errors of sensors explain, and once the load has changed enough."""
     sinking, rng, found = Sinking(WEIGHT), np.random.default_rng(2), []
     shares = np.linspace(0.5, 0.9, 200)
     for share in shares:

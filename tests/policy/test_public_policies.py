@@ -54,7 +54,7 @@ WALK, T1_POSTURE, DANCE = 0, 1, 2
 """Numbers of the descriptions that the page of policies prints."""
 
 OF_T1 = {", scale = 0.25 }": " }", "0.05": "0.1"}
-"""What is different in the description of a walk of the T1, as the page says."""
+"""Differences of the description of a walk of the T1, as the page says."""
 
 
 def unpacked(

@@ -47,7 +47,7 @@ def touching(
 def carries(
     touch: SwingTouch, stance: int, yaw: float = 0.0, fast_share: float = 0.0, *, late: bool = False
 ) -> bool:
-    """Whether the foot in contact is to carry, in steps in place that have a heading, rad."""
+    """Return True if the foot in contact is to carry, in steps in place that have a heading, rad."""
     axes = StanceAxes(1.0 if stance == 1 else -1.0, (math.cos(yaw), math.sin(yaw)), POINT)
     return touch.is_to_carry(stance, axes, STILL, LAW.patience, fast_share, late=late)
 

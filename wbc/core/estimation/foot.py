@@ -74,6 +74,7 @@ class FootEstimate:
         (_, _, force, roll, pitch, _), (to_load, to_cop) = wrench, gains
         before, rotation = self.load, sole[0]
         self.load = before + to_load * (max(force, 0.0) - before)
+        self.load_share = max(self.load - least, 0.0)  # to be divided by that of all feet
         x = y = 0.0
         if force > least:
             length, width = self._half

@@ -370,7 +370,6 @@ class Observer:
         for foot, wrench, (rotation, place) in zip(self._feet, wrenches, self._sole_frames, strict=True):
             sole = rotation.tolist(), place.tolist()
             foot.bear(wrench, base, sole, gains, least, self.sinking, dt)
-            foot.load_share = max(foot.load - least, 0.0)
             total += foot.load_share
         if total > 0.0:
             for foot in self._feet:
