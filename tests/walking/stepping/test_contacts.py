@@ -194,7 +194,7 @@ def test_a_foot_that_is_kicked_away_in_a_stand_swings_at_once(
             body.gait.steering.command((0.2, 0.0, 0.0))
             body.run(0.2)
         tick, gait = body.ticks[-1], body.gait
-        assert gait.phase is (GaitPhase.DOUBLE if shifts else GaitPhase.STANDING)
+        assert gait.felt.phase is (GaitPhase.DOUBLE if shifts else GaitPhase.STANDING)
         places, wrenches = list(tick.state.places), [[0.0] * 6, [0.0] * 6]
         x, y, z = places[kicked]
         places[kicked], speeds = (x - 0.01, y, z + 0.01), [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
@@ -204,7 +204,7 @@ def test_a_foot_that_is_kicked_away_in_a_stand_swings_at_once(
             places=(places[0], places[1]), wrenches=wrenches, speeds=(speeds[0], speeds[1])
         )
         reference = gait.advance(state, tick.frames)
-        assert (gait.phase is GaitPhase.SINGLE) == steps
+        assert (gait.felt.phase is GaitPhase.SINGLE) == steps
         assert not steps or (Event.LIFT_OFF in reference.progress.events and reference.progress.air == kicked)
 
 
@@ -256,7 +256,7 @@ def test_a_force_on_a_foot_that_is_pushed_or_that_is_high_up_is_no_contact(
 ) -> None:
     body = in_swing(0.7)
     gait = body.gait
-    tick, swing = body.ticks[-1], 1 - gait.stance
+    tick, swing = body.ticks[-1], gait.felt.swing
     wrenches = [[0.0, 0.0, force, 0.0, 0.0, 0.0] for force in (SCALE.weight, SCALE.weight)]
     wrenches[swing][2] = 2.0 * gait.constants.met
     places, (x, y, _) = list(tick.state.places), tick.state.places[swing]
@@ -278,7 +278,7 @@ def test_a_force_on_a_foot_that_is_pushed_or_that_is_high_up_is_no_contact(
 def test_whether_a_foot_is_pushed_depends_on_its_speed(share: float) -> None:
     body = in_swing(0.5)
     gait = body.gait
-    tick, swing = body.ticks[-1], 1 - gait.stance
+    tick, swing = body.ticks[-1], gait.felt.swing
     speed = share * (gait.constants.pushed_speed + 2.0 * math.hypot(*gait.steering.velocity))
     speeds = [(0.0, 0.0, 0.0), (0.0, 0.0, 0.0)]
     speeds[swing] = (0.0, 0.0, speed)

@@ -69,7 +69,7 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
     assert wish.places == pytest.approx(
         (length, beside, length, width - side * velocity[1] * time, length, beside)
     )
-    made._later = lambda stance, step, *_: step.left  # type: ignore[method-assign]
+    made._time_for_legs = lambda stance, step, *_: step.left  # type: ignore[method-assign]
     made.decide(stance, wish, 2.0 * time, None)
     assert made.end == pytest.approx(time, abs=1e-5) and made.urgency == 0.0
     expected = stance.axes.point(length - CONSTANTS.carrying, beside)
@@ -144,12 +144,12 @@ def test_a_foot_reaches_in_a_time_what_a_quintic_of_its_greatest_acceleration_pa
     """t² a √3/10 about where it is; the places stay within those of steps."""
     made, time = decision(), 0.05
     way = math.sqrt(3.0) / 10.0 * CONSTANTS.swing_push * time**2
-    low, high = made._near(stance_at((0.05, 0.3, 0.0, 0.0)), time)
+    low, high = made._reached(stance_at((0.05, 0.3, 0.0, 0.0)), time)
     here = np.array([0.05 + CONSTANTS.carrying, 0.3])
     np.testing.assert_allclose((low, high), (here - way, here + way), atol=1e-12)
-    low, high = made._near(stance_at((-0.9, 0.1, 0.0, 0.0)), time)
+    low, high = made._reached(stance_at((-0.9, 0.1, 0.0, 0.0)), time)
     assert low == (-SETTINGS.reach, SETTINGS.gap) and high[0] == -SETTINGS.reach
-    low, high = made._near(stance_at((0.9, 1.9, 0.0, 0.0)), time)
+    low, high = made._reached(stance_at((0.9, 1.9, 0.0, 0.0)), time)
     assert high == (SETTINGS.reach, SETTINGS.widest) == low
 
 
@@ -163,7 +163,7 @@ def test_a_step_is_put_off_until_the_foot_can_pass_its_way(speed: float) -> None
     bounds = Bounds(((-1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
     wish = steps_of_velocity((0.0, 0.0), SETTINGS.width, stance)
     fixed = wish._replace(offsets=(0.0, -(0.1 + far), *wish.offsets[2:]))
-    later = made._later(stance, step, (0.0, 0.0), (0.0, 0.0), fixed, bounds, 0.42)
+    later = made._time_for_legs(stance, step, (0.0, 0.0), (0.0, 0.0), fixed, bounds, 0.42)
     times = 0.02 + 0.4 * np.arange(1, 9) / 8
     missed = np.maximum(far - (0.5 * speed + a * times) * times, 0.0)
     expected = times[int(np.argmax(missed < 0.02))]
@@ -175,7 +175,7 @@ def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_ask
     made, (near, far) = decision(), CONSTANTS.urgent
     off = near + share * (far - near)
     made._program.solve = lambda *_: Step((0.0, SETTINGS.width + off), (0.0, 0.0), 0.3)  # type: ignore[method-assign]
-    made._later = lambda *_: 0.0  # type: ignore[method-assign]
+    made._time_for_legs = lambda *_: 0.0  # type: ignore[method-assign]
     stance = stance_at((0.0, 0.22, 0.0, 0.0))
     made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), 0.5, None)
     assert made.urgency == pytest.approx(min(max(share, 0.0), 1.0))
@@ -254,7 +254,7 @@ def test_a_place_out_of_reach_is_missed_by_what_lies_beyond_it_at_any_time() -> 
     a = CONSTANTS.swing_push * math.sqrt(3.0) / 10.0
     times = 0.02 + 0.4 * np.arange(1, 9) / 8
     missed = np.maximum(0.25 - a * times**2, 0.0)
-    assert made._later(stance, step, (0.0, 0.0), (0.0, 0.0), fixed, bounds, 0.42) == pytest.approx(
+    assert made._time_for_legs(stance, step, (0.0, 0.0), (0.0, 0.0), fixed, bounds, 0.42) == pytest.approx(
         times[int(np.argmax(missed <= 0.0))]
     )
 
@@ -319,7 +319,7 @@ def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None
                 stance = stance_at((foot[0] - CONSTANTS.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
                 made._put_down(stance, ahead, beyond, closing)
                 centre = (foot[0] - CONSTANTS.carrying, foot[1])
-                near, far = (place[0] - CONSTANTS.carrying for place in made._near(stance, closing))
+                near, far = (place[0] - CONSTANTS.carrying for place in made._reached(stance, closing))
                 there = (min(max(ahead * math.exp(OMEGA * closing), near), far), SETTINGS.gap)
                 ways = []
                 for place, time in ((centre, min(closing, 0.06)), (there, closing)):
@@ -330,7 +330,7 @@ def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None
                     assert made.closes == (ways[0] < ways[1]), (ahead, beyond, foot)
                     found.add(made.closes)
                 if made.closes:
-                    assert made._beside == (pytest.approx(0.11), made._near(stance, 0.06))
+                    assert made._put_down_at == (pytest.approx(0.11), made._reached(stance, 0.06))
     assert found == {True, False}
 
 
@@ -356,7 +356,7 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
     made._bounds = lambda *_: Bounds(  # type: ignore[method-assign]
         ((-2.0, -2.0), (2.0, 2.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (remaining, remaining)
     )
-    made._later = lambda stance, step, *_: step.left  # type: ignore[method-assign]
+    made._time_for_legs = lambda stance, step, *_: step.left  # type: ignore[method-assign]
     made.decide(stance, wish, 2.0 * time, None, held=True)
     assert made.missed == pytest.approx(share * abs(left), abs=4.5e-3)
     made.decide(stance, wish, 2.0 * time, None)

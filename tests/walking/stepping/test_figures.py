@@ -69,10 +69,10 @@ def gait_on(
 
 def step_on(gait: SteppingWalk, stance: int) -> None:
     """Begin a step of 0.4 s on a foot that presses at the origin, with the DCM there."""
-    gait.phase, gait.stance, gait.elapsed = GaitPhase.SINGLE, stance, 0.0
-    gait.felt.begin(stance, CONSTANTS.carrying)
+    gait.elapsed = 0.0
+    gait.felt.begin(GaitPhase.SINGLE, stance)
     gait.felt._contact, gait.felt.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
-    gait.step.begin(stance, None)
+    gait.step.begin(None)
     gait.step.duration = 0.4
 
 
@@ -104,13 +104,13 @@ def test_a_force_on_a_sole_acts_where_its_moments_say_and_within_its_edges(
     np.testing.assert_allclose(
         gait.felt.contact_point(), share * points[0] + (1.0 - share) * points[1], atol=1e-12
     )
-    for stance, ahead in ((None, 0.0), (gait.stance, CONSTANTS.carrying)):
-        gait.felt.begin(stance, ahead)
+    for phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.carrying)):
+        gait.felt.begin(phase, 1)
         gait.felt.state = gait.felt.state._replace(wrenches=[[0.0] * 6] * 2)
         carrying = [frame.act(np.array([ahead, 0.0, 0.0])) for frame in frames]
         for side in (0, 1):
             np.testing.assert_allclose(gait.felt.centre_of_pressure(side), carrying[side], atol=1e-12)
-        expected = 0.5 * sum(carrying) if stance is None else carrying[stance]
+        expected = carrying[1] if phase is GaitPhase.SINGLE else 0.5 * sum(carrying)
         np.testing.assert_allclose(gait.felt.contact_point(), expected, atol=1e-12)
 
 
@@ -155,13 +155,13 @@ def test_the_dcm_of_a_stand_is_that_of_its_height_over_the_ground(height: float)
     assert gait.felt.own_dcm(0.05) == pytest.approx((0.1 + 0.3 * root, -0.2 - 0.4 * root, 1.0 / root))
 
 
-@pytest.mark.parametrize("stance", [None, 0])
+@pytest.mark.parametrize("phase", [GaitPhase.STANDING, GaitPhase.SINGLE])
 def test_a_wrench_on_the_hands_moves_the_dcm_by_its_moment_about_the_contact_over_the_weight(
-    stance: int | None,
+    phase: GaitPhase,
 ) -> None:
     gait = gait_on(LEVEL, com=(0.02, 0.05, SCALE.height), speed=(0.1, -0.2, 0.0))
     felt = gait.felt
-    felt.begin(stance, 0.0)
+    felt.begin(phase, 0)
     felt.follow()
     alone, (x, y, z) = felt.dcm, felt.contact
     for force, place, off in (
@@ -182,7 +182,7 @@ def test_the_dcm_with_the_offset_of_a_wrench_runs_away_from_the_contact_as_that_
     com, speed = np.array((0.03, 0.04, SCALE.height)), np.array((0.2, -0.1, 0.0))
     gait = gait_on(LEVEL, com=tuple(com), speed=tuple(speed))
     felt = gait.felt
-    felt.begin(0, 0.0)
+    felt.begin(GaitPhase.SINGLE, 0)
     felt.state = felt.state._replace(hand_wrench=wrench)
     felt.follow()
     before, contact = felt.dcm, np.array(felt.contact)
@@ -204,7 +204,7 @@ def test_a_shift_of_the_weight_begins_where_the_robot_leans_against_a_wrench_on_
     gait = gait_on(LEVEL, com=com)
     gait.felt.state = gait.felt.state._replace(hand_wrench=wrench)
     gait.steering.command((0.2, 0.0, 0.0))
-    while gait.phase is GaitPhase.STANDING:
+    while gait.felt.phase is GaitPhase.STANDING:
         reference = gait.advance(gait.felt.state, LEVEL)
     assert reference.progress.phase is GaitPhase.DOUBLE and reference.progress.elapsed < DT
     offset = np.array((wrench[4], -wrench[3])) / SCALE.weight  # about contacts at the origin
@@ -255,19 +255,19 @@ def test_feet_of_a_walk_to_the_side_come_together_by_no_more_than_they_may(speed
 
 def test_a_foot_gives_up_its_load_in_a_straight_line_and_one_that_waits_bears_its_share() -> None:
     gait = gait_on(LEVEL)
-    for gait.stance in (0, 1):
-        stands, swings = gait.stance, 1 - gait.stance
+    for stands, swings in ((0, 1), (1, 0)):
+        gait.felt.begin(GaitPhase.SINGLE, stands)
         for elapsed, share in (
             (0.0, 2.0),
             (0.25 * CONSTANTS.unload, 1.5),
             (1.1 * CONSTANTS.unload, 0.0),
         ):
-            most = gait.step.touch.most_forces(gait.stance, elapsed, met=False, stepped=True)
+            most = gait.step.touch.most_forces(elapsed, met=False, stepped=True)
             assert most[stands] == CONSTANTS.most_force
             assert most[swings] == pytest.approx(share * CONSTANTS.share)
-        first = gait.step.touch.most_forces(gait.stance, 0.0, met=False, stepped=False)
+        first = gait.step.touch.most_forces(0.0, met=False, stepped=False)
         assert first[swings] == 0.0, "the first step begins without a load"
-        waits = gait.step.touch.most_forces(gait.stance, 0.1, met=True, stepped=False)
+        waits = gait.step.touch.most_forces(0.1, met=True, stepped=False)
         assert waits[swings] == CONSTANTS.share
 
 
@@ -296,7 +296,7 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
     for share in (0.98, 1.02):
         for part in (0.0, 1.0):
             gait = gait_on(LEVEL)
-            gait.stance = stance
+            gait.felt.begin(GaitPhase.SINGLE, stance)
             landing = Footstep(SIDES[swing_side], 0.2, LEVEL[swing_side].translation[1])
             swing = SwingFoot(LEVEL[swing_side], landing, 0.4, gait.step._shape)
             place, speed = (np.array(each) for each in swing.motion(0.2))
@@ -308,7 +308,7 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
             gait.felt.state = gait.felt.state._replace(
                 places=(spots[0], spots[1]), speeds=(speeds[0], speeds[1])
             )
-            thrown = gait.step.touch.thrown(swing_side, swing, 0.2)
+            thrown = gait.step.touch.thrown(swing, 0.2)
             assert (thrown is not None) == (share > 1.0)
             if thrown is not None:
                 np.testing.assert_allclose(thrown, moved, atol=1e-9)
@@ -320,10 +320,10 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
         turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, heading), np.array([0.3, -0.1, 0.0]))
         frames = turn * LEVEL[0], turn * LEVEL[1]
         gait = gait_on(frames, tuple(turn.act(np.array([0.01, 0.0, 0.6])).tolist()), heading=heading)
-        gait.felt.begin(None, CONSTANTS.carrying)
+        gait.felt.begin(GaitPhase.DOUBLE, stance)
         gait.felt._contact = POINT
         gait.felt.follow()
-        gait.stand.shift(stance, ())
+        gait.stand.shift(())
         ways, direction = [], gait.steering.direction
         for elapsed in np.linspace(0.0, CONSTANTS.shift_time, 201).tolist():
             x, y, u, v, _, _ = gait.stand.shifting(direction, SETTINGS.step_time, elapsed).motion
@@ -350,10 +350,10 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
 def test_the_weight_shifts_more_slowly_once_feet_are_felt_to_sink(depth: float) -> None:
     """From then on the rest of the shift takes 1 + 2 d / w as long, and ends where it does on rigid ground."""
     gait, felt_at, direction = gait_on(LEVEL, (0.01, 0.0, 0.6)), 0.1, (1.0, 0.0)
-    gait.felt.begin(None, CONSTANTS.carrying)
+    gait.felt.begin(GaitPhase.DOUBLE, 1)
     gait.felt._contact = POINT
     gait.felt.follow()
-    duration, elapsed, ways = gait.stand.shift(1, ()), 0.0, []
+    duration, elapsed, ways = gait.stand.shift(()), 0.0, []
     goal = gait.stand.shifting(direction, SETTINGS.step_time, duration).motion[:2]
     while elapsed < duration:
         elapsed += DT
@@ -394,12 +394,12 @@ def test_the_height_of_the_com_comes_to_that_of_the_steps_as_a_critically_damped
 def test_the_com_is_planned_as_the_pendulum_about_the_commanded_centre_of_pressure() -> None:
     gait = gait_on(LEVEL, (0.02, -0.03, SCALE.height), (0.3, 0.1, 0.0))
     gait.course = Course(SCALE, 1e-4)
-    for gait.stance in (0, 1):
+    for stance in (0, 1):
         gait.course.restart()
         for _ in range(2001):
-            zmp = gait.felt.state.on_sole(gait.stance, CONSTANTS.carrying + 0.01, -0.005)
+            zmp = gait.felt.state.on_sole(stance, CONSTANTS.carrying + 0.01, -0.005)
             x, y, u, v, a, b = gait.course.fall(gait.felt.state, zmp)
-        zmp = LEVEL[gait.stance].translation[:2] + (CONSTANTS.carrying + 0.01, -0.005)
+        zmp = LEVEL[stance].translation[:2] + (CONSTANTS.carrying + 0.01, -0.005)
         com, speed = com_after(np.array([0.02, -0.03]), np.array([0.3, 0.1]), zmp, OMEGA, 0.2)
         np.testing.assert_allclose((x, y), com, atol=1e-4)
         np.testing.assert_allclose((u, v), speed, atol=1e-3)
@@ -414,15 +414,15 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
     share = min(0.5 * area.widest / CONSTANTS.slow_width, 1.0)
     off = [1.0, 1.0]
     for _ in range(3):
-        step_on(gait, gait.stance)
+        step_on(gait, gait.felt.stance)
         area.aside = [-0.5 * area.widest, 0.5 * area.widest]
-        swing = 1 - gait.stance
+        swing = gait.felt.swing
         step.swing = SwingFoot(
             LEVEL[swing], Footstep(SIDES[swing], *LEVEL[swing].translation[:2]), 0.4, gait.step._shape
         )
-        gait.elapsed, before, done = 0.36, gait.stance, gait.steps_done
+        gait.elapsed, before, done = 0.36, gait.felt.stance, gait.steps_done
         assert gait._change_feet(gait._asked(STILL), LEVEL) == (Event.LIFT_OFF,)
-        assert (gait.stance, gait.steps_done) == (1 - before, done + 1)
+        assert (gait.felt.stance, gait.steps_done) == (1 - before, done + 1)
         off = [off[0] * (1.0 - CONSTANTS.pace_gain), off[1] * (1.0 - CONSTANTS.held_gain[1])]
         assert step._pace == pytest.approx(0.36 + off[0] * (0.9 - 0.36))
         assert gait.steering.held == pytest.approx(share * (1.0 - off[1]))
@@ -449,7 +449,7 @@ def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None
     step_on(gait, 1)
     step, gait.elapsed = gait.step, 0.1
     step.decision.decide = lambda *arguments, **_: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
-    swing = 1 - gait.stance
+    swing = gait.felt.swing
     landing = Footstep(SIDES[swing], *LEVEL[swing].translation[:2])
     step.swing = SwingFoot(LEVEL[swing], landing, 0.4, step._shape)
     ahead = [
@@ -542,7 +542,7 @@ def test_ground_within_a_third_of_a_leg_is_landed_on(height: float, lands: bool)
 
 def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
     gait = gait_on(LEVEL)
-    gait.stance = 1
+    gait.felt.begin(GaitPhase.SINGLE, 1)
     ahead = Footstep("left", 0.2, 0.11, yaw=0.3), Footstep("right", 0.3, -0.11)
     for planned, speed in ((ahead, 0.2 / gait.steering.step_time), (ahead[:1], 0.0)):
         gait.footsteps = planned

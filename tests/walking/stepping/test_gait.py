@@ -338,12 +338,12 @@ def test_a_velocity_beyond_the_ground_ends_in_a_stand_on_it(velocity: tuple[floa
             assert extent[0] < x < extent[1] and extent[2] < y < extent[3]
         if velocity[2]:  # around in a circle
             return
-        assert gait.phase is GaitPhase.STANDING and not gait.steering.pending and gait.reason
+        assert gait.felt.phase is GaitPhase.STANDING and not gait.steering.pending and gait.reason
         nearest = np.min(np.abs(np.array(extent).reshape(2, 2).T - body.com[:2]))
         assert nearest < 0.5
     gait.steering.command(away)
     body.run(1.5)
-    assert gait.steering.pending and gait.phase is not GaitPhase.STANDING
+    assert gait.steering.pending and gait.felt.phase is not GaitPhase.STANDING
 
 
 @pytest.mark.parametrize("push", [0.0, 0.4])

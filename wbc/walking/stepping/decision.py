@@ -101,10 +101,10 @@ class StepDecision:
         self.cop = self.lagged = self._wanted = 0.0, 0.0
         self.urgency = self.missed = 0.0
         self._decided = self._climbs = False
-        self._put_off: float | None = None  # time of a step that legs need longer for, s
+        self._delayed_end: float | None = None  # end of a step for which legs need longer, s
         # When and where a foot is put down at once.
-        self._beside: tuple[float, tuple[Point, Point]] | None = None
-        self._about: Point | None = None  # landing of the program about which a place was chosen, m
+        self._put_down_at: tuple[float, tuple[Point, Point]] | None = None
+        self._chosen_about: Point | None = None  # landing of the program about which a place was chosen, m
         self._chosen: Point | None = None  # that place, m
 
     def press(self) -> None:
@@ -145,10 +145,12 @@ class StepDecision:
         remaining = max(stance.nominal - elapsed, 0.0)
         last = max(self.end - elapsed, 0.0) if self._decided else remaining
         held = held and not self.closes
-        solve = self._held if held else self._program.solve
+        solve = self._keep_landing if held else self._program.solve
         step = solve(offset, contact, omega, remaining, last, wish, bounds)
         if step is not None:
-            later = self._later(stance, step, offset, contact, wish, bounds, max(longest - elapsed, 0.0))
+            later = self._time_for_legs(
+                stance, step, offset, contact, wish, bounds, max(longest - elapsed, 0.0)
+            )
             if later > step.left and not self.closes:  # legs need longer, and ξ goes on until then
                 bounds = bounds.after(later)
                 step = solve(offset, contact, omega, remaining, step.left, wish, bounds) or step
@@ -169,7 +171,7 @@ class StepDecision:
         self.end, self._wanted = elapsed + step.left, (step.shift[0], axes.side * step.shift[1])
         self.place = free if chosen is None else self._centre(stance, step.place)
 
-    def _held(
+    def _keep_landing(
         self, dcm: Point, contact: Point, omega: float, left: float, last: float, wish: Wish, bounds: Bounds
     ) -> Step | None:
         """Solve with the landing where it is asked for, or moved by the offset of ξ that the next sole cannot catch.
@@ -206,9 +208,9 @@ class StepDecision:
             if not self._climbs:
                 self._put_down(stance, ahead, -outwards, shortest)
         else:
-            self._beside = None
-        if self._beside is not None:
-            end, places = self._beside
+            self._put_down_at = None
+        if self._put_down_at is not None:
+            end, places = self._put_down_at
             shortest = greatest = max(end - elapsed, 0.0)
         half_length, half_width = self._scale.sole
         return Bounds(
@@ -221,7 +223,7 @@ class StepDecision:
     @property
     def closes(self) -> bool:
         """True while the swing foot is put down beside where it is, at once."""
-        return self._beside is not None
+        return self._put_down_at is not None
 
     def _put_down(self, stance: StepState, ahead: float, beyond: float, closing: float) -> None:
         """Put the swing foot down at once, rather than close up, where the step after that has less far to go.
@@ -230,7 +232,7 @@ class StepDecision:
         that stands now has to step out, in the shortest time t of a step: by (ξ e^{ω t₁} − x) e^{ω t} + x ahead, and by
         (d + ξ e^{ω t₁}) e^{ω t} − d aside.
         """
-        if self._beside is not None or stance.elapsed <= 0.0:
+        if self._put_down_at is not None or stance.elapsed <= 0.0:
             return
         s, omega, (x, y, _, _) = self._s, stance.dcm.omega, stance.swing
         time, growth = min(closing, stance.down), math.exp(omega * s.shortest)
@@ -241,12 +243,12 @@ class StepDecision:
             return math.hypot((ahead * grown - x) * growth + x, (d + beyond * grown) * growth - d)
 
         x, d = stance.axes.offset(x, y)
-        near, far = (place[0] - self._c.carrying for place in self._near(stance, closing))
+        near, far = (place[0] - self._c.carrying for place in self._reached(stance, closing))
         closed = min(max(ahead * math.exp(omega * closing), near), far)
         if way(x, d, time) < way(closed, s.gap, closing):
-            self._beside = stance.elapsed + time, self._near(stance, time)
+            self._put_down_at = stance.elapsed + time, self._reached(stance, time)
 
-    def _near(self, stance: StepState, time: float) -> tuple[Point, Point]:
+    def _reached(self, stance: StepState, time: float) -> tuple[Point, Point]:
         """Return the least and the greatest place, m, that the swing foot reaches within a time, s."""
         s, (x, y, _, _) = self._s, stance.swing
         ahead, outwards = stance.axes.offset(x, y)
@@ -255,7 +257,7 @@ class StepDecision:
         high = min(max(ahead + way, low[0]), s.reach), min(max(outwards + way, low[1]), s.widest)
         return low, high
 
-    def _later(
+    def _time_for_legs(
         self,
         stance: StepState,
         step: Step,
@@ -293,7 +295,7 @@ class StepDecision:
             return missed(time, (x, y))
 
         best, least = step.left, missed(step.left, step.place)
-        before, self._put_off = self._put_off, None
+        before, self._delayed_end = self._delayed_end, None
         if least < MISSED:
             return best
         span = longest - step.left
@@ -308,7 +310,7 @@ class StepDecision:
             time = min(max(before - stance.elapsed, step.left), longest)
             if missed_at(time) < least + KEPT:
                 best = time
-        self._put_off = stance.elapsed + best
+        self._delayed_end = stance.elapsed + best
         return best
 
     def _centre(self, stance: StepState, place: Point) -> Point:
@@ -318,7 +320,7 @@ class StepDecision:
     def _choose(self, stance: StepState, free: Point, look: float) -> Point | None:
         """Return the place near the program's landing where the sole is to rest; None where none is chosen."""
         s, c = self._s, self._c
-        moved = self._about is None or math.dist(free, self._about) > c.again
+        moved = self._chosen_about is None or math.dist(free, self._chosen_about) > c.again
         early = stance.elapsed < c.choice * (stance.elapsed + look) / c.touch
         if early or look <= LAST_LOOK or not moved:
             return self._chosen
@@ -336,7 +338,7 @@ class StepDecision:
         (cos, sin), left = stance.axes.direction, stance.axes.side > 0.0
         place = Footstep("left" if left else "right", *free, self._ground.height, math.atan2(sin, cos))
         chosen = self._ground.choose(place, allowed, cost)
-        self._about = free
+        self._chosen_about = free
         self._chosen = None if (chosen.x, chosen.y) == free else (chosen.x, chosen.y)
         return self._chosen
 

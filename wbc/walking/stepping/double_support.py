@@ -32,7 +32,7 @@ class DoubleSupport:
         """Stand, with settings and constants in SI units."""
         self._s, self._c, self._felt = settings, constants, felt
         self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
-        self._stance, self._shift_time, self._late = 1, 0.0, 0.0
+        self._shift_time = self._late = 0.0
         self._footsteps: Sequence[Footstep] = ()
 
     # ---- which foot is to carry ---------------------------------------------------------------------------------
@@ -69,14 +69,14 @@ class DoubleSupport:
         x, y, level = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
         return PhaseReference((x, y, 0.0, 0.0, 0.0, 0.0), level, (most, most))
 
-    def shift(self, stance: int, footsteps: Sequence[Footstep]) -> float:
+    def shift(self, footsteps: Sequence[Footstep]) -> float:
         """Begin to shift the weight to beside the foot that is to stand; return the time that it takes, s.
 
         Footsteps follow; without them, steps of a velocity. That is the time on rigid ground; see `delay`.
         """
         (x, y, _), (u, v) = self._felt.state.com, self._felt.offset  # hands shift the CoM by −δ
         self._from = x + u, y + v
-        self._stance, self._footsteps, self._late = stance, footsteps, 0.0
+        self._footsteps, self._late = footsteps, 0.0
         self._shift_time = self._c.shift_to_plans if footsteps else self._c.shift_time
         return self._shift_time
 
@@ -99,7 +99,7 @@ class DoubleSupport:
 
         The heading is given by its cosine and sine, and a step along footsteps takes a `time`, s.
         """
-        feet, most, stance = self._carrying_points(), self._c.most_force, self._stance
+        feet, most, stance = self._carrying_points(), self._c.most_force, self._felt.stance
         axes = StanceAxes(SIDE[stance], direction, feet[stance])
         ahead, outwards = self._rest_of_dcm(axes, time)
         goal, slower = axes.point(ahead, outwards), self._slower

@@ -15,6 +15,7 @@ from wbc.core.drive.control import State
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.tasks.stabilizer.pendulum import zmp_offset
+from wbc.walking.contact import GaitPhase
 from wbc.walking.stepping.law import Divergent, divergent_component
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants
 
@@ -101,6 +102,9 @@ class Felt:
     """Contact point and DCM of a robot on both feet, or on one.
 
     Attributes:
+        phase: Phase now.
+        stance: Foot that carries while the present or next step swings: 0 left, 1 right.
+        swing: The other foot.
         state: State of the robot in this tick.
         dcm: Divergent component of motion: on one foot by the angular momentum about the contact point. A wrench on the
             hands moves it by the offset δ = (M_y, −M_x) / mg of their moment M about that point: ξ + δ runs away from
@@ -115,15 +119,20 @@ class Felt:
     def __init__(self, scale: RobotSize, constants: SteppingConstants, dt: float) -> None:
         """Begin on both feet."""
         self._scale, self._c, self._gain = scale, constants, lag_gain(dt, constants.cop_lag)
-        self.begin(None, 0.0)
+        self.begin(GaitPhase.STANDING, 1)
 
-    def begin(self, stance: int | None, ahead: float) -> None:
-        """Feel anew on one foot, 0 left and 1 right, or on both; soles carry so far ahead of their centres, m."""
-        self._stance, self._ahead, self._contact = stance, ahead, None
+    def begin(self, phase: GaitPhase, stance: int) -> None:
+        """Feel anew in a phase: about the contact of the foot that stands, or of both feet.
 
-    def stand_on(self, stance: int | None, ahead: float) -> None:
-        """Go on from this tick on about the contact of one foot, or of both; see `begin`."""
-        self.begin(stance, ahead)
+        Soles carry at their centres in a stand, and at their carrying points as soon as the robot walks.
+        """
+        self.phase, self.stance, self.swing, self._contact = phase, stance, 1 - stance, None
+        self._alone = phase is GaitPhase.SINGLE
+        self._ahead = 0.0 if phase is GaitPhase.STANDING else self._c.carrying
+
+    def enter(self, phase: GaitPhase, stance: int) -> None:
+        """Go on from this tick on in another phase; see `begin`."""
+        self.begin(phase, stance)
         self.follow()
 
     _contact: Vector | None
@@ -152,12 +161,12 @@ class Felt:
         now, state, scale = self.contact_point(), self.state, self._scale
         contact = now if self._contact is None else part_way(self._contact, now, self._gain)
         self._contact = contact
-        if self._stance is None:
-            self.dcm = self.own_dcm(contact[2])
-        else:
+        if self._alone:
             self.dcm = divergent_component(
                 state.com, state.velocity, state.spin, contact, state.mass, 0.5 * scale.height
             )
+        else:
+            self.dcm = self.own_dcm(contact[2])
         self.offset = 0.0, 0.0
         if state.hand_wrench is not None:
             dcm, weight = self.dcm, state.mass * GRAVITY
@@ -172,8 +181,8 @@ class Felt:
 
     def contact_point(self) -> Vector:
         """Return the measured centre of pressure of the feet that carry, in the world, m."""
-        if self._stance is not None:
-            return self.centre_of_pressure(self._stance)
+        if self._alone:
+            return self.centre_of_pressure(self.stance)
         (ax, ay, az), (bx, by, bz) = (self.centre_of_pressure(side) for side in (0, 1))
         left, right = (max(row[2], 0.0) for row in self.state.wrenches)
         share = left / (left + right) if left + right > self._c.least_force else 0.5

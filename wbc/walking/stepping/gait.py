@@ -61,13 +61,11 @@ class SteppingWalk(ReferenceSource):
         reach: Reach of the legs, which bounds footsteps that are asked for; None where they are taken as they are.
         ground: What is known of the ground.
         steering: Velocity, goal and heading.
-        felt: State of the robot in the last tick, with its contact point and its DCM.
+        felt: Phase and stance foot, and the state of the robot in the last tick with its contact point and its DCM.
         course: Planned motion of the centre of mass.
         stand: Both feet on the ground.
         step: The step, on one foot.
         footsteps: Last answer of the planner, from the step that swings now on; none of a walk that is steered.
-        phase: Phase now.
-        stance: Foot that carries while the present or next step swings: 0 left, 1 right.
         elapsed: Time since the start of this phase, s.
         time: Time since the gait began, s.
         steps_done: Steps that have ended with a foot on the ground.
@@ -120,8 +118,8 @@ class SteppingWalk(ReferenceSource):
     def begin(self, heading: float) -> None:
         """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
         s, c, scale, dt, felt = self.settings, self.constants, self.scale, self.dt, self.felt
-        self.phase, self.stance, self.steps_done = GaitPhase.STANDING, 1, 0
         self.time = self.elapsed = 0.0
+        self.steps_done = 0
         self._duration = 0.0  # planned length of a phase on both feet, s
         self.planner, self.reason = None, ""
         self.footsteps: Sequence[Footstep] = ()
@@ -129,7 +127,7 @@ class SteppingWalk(ReferenceSource):
         self._next = 0.0  # time of the next question to a planner in a stand, s
         self.ground.forget()
         self.course.begin()
-        felt.begin(None, 0.0)
+        felt.begin(GaitPhase.STANDING, 1)
         self.stand = DoubleSupport(s, c, felt)
         self.step = SingleSupport(s, c, scale, felt, self.ground, self.course, dt)
         held = min(self.step.decision.area.widest / c.slow_width, 1.0)
@@ -153,7 +151,7 @@ class SteppingWalk(ReferenceSource):
     @property
     def finished(self) -> bool:
         """True when nothing asks for steps and the robot has stood for as long as a step takes."""
-        stood = self.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
+        stood = self.felt.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
         return stood and (self.planner is None or self._idle) and not self.steering.pending
 
     @property
@@ -191,9 +189,9 @@ class SteppingWalk(ReferenceSource):
         self.time += self.dt
         self.felt.take(state)
         events: tuple[Event, ...] = ()
-        if self.phase is not GaitPhase.SINGLE:
+        if self.felt.phase is not GaitPhase.SINGLE:
             events = self._leave_stand(frames)
-        if self.phase is GaitPhase.SINGLE:
+        if self.felt.phase is GaitPhase.SINGLE:
             asked = self._asked(self._steer())
             events += self.step.update(asked, frames)
             if self.step.is_over(asked):
@@ -202,13 +200,13 @@ class SteppingWalk(ReferenceSource):
 
     def _steer(self) -> StepVelocity:
         """Return the velocity of the next steps; of footsteps that of the one that swings."""
-        state = self.felt.state
+        felt, state = self.felt, self.felt.state
         if not self.footsteps:
             self._stay_on_ground()
             self.steering.turn_with(state.heading)
             return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
-        landing, (x, y, _) = self.footsteps[0], state.places[self.stance]
-        (a, _, _), (b, _, _), _ = state.turns[self.stance]
+        landing, (x, y, _) = self.footsteps[0], state.places[felt.stance]
+        (a, _, _), (b, _, _), _ = state.turns[felt.stance]
         ahead, _ = along(self.steering.direction, landing.x - x, landing.y - y)
         going = len(self.footsteps) > 1
         velocity = ahead / self.steering.step_time if going else 0.0
@@ -224,9 +222,9 @@ class SteppingWalk(ReferenceSource):
     def _references(self, events: tuple[Event, ...], frames: Frames) -> Reference:
         """Return the references of a tick in the phase that it has led to."""
         felt, step, steering, state = self.felt, self.step, self.steering, self.felt.state
-        if self.phase is GaitPhase.SINGLE:
+        if felt.phase is GaitPhase.SINGLE:
             now = step.references(self.elapsed, climbs=bool(steering.climbs))
-        elif self.phase is GaitPhase.STANDING:
+        elif felt.phase is GaitPhase.STANDING:
             now = self.stand.standing()
         else:
             now = self.stand.shifting(steering.direction, steering.step_time, self.elapsed)
@@ -245,8 +243,9 @@ class SteppingWalk(ReferenceSource):
 
     def _record(self, contact: tuple[bool, bool] = (True, True), events: tuple[Event, ...] = ()) -> Progress:
         """Return the record of the step as it is now, with the contacts and events of a tick."""
-        step, swing = self.step, 1 - self.stance if self.phase is GaitPhase.SINGLE else None
-        now = self.phase, self.stance, swing, contact, self.steering.heading, self.steps_done, self.elapsed
+        step, felt = self.step, self.felt
+        swing = felt.swing if felt.phase is GaitPhase.SINGLE else None
+        now = felt.phase, felt.stance, swing, contact, self.steering.heading, self.steps_done, self.elapsed
         duration = self._duration if swing is None else step.duration
         landings, cycle = (() if step.swing is None else (step.swing.landing,)), self.settings.step_time
         return Progress(*now, duration, landings, cycle, events, step.met is not None, self.fast_share)
@@ -255,19 +254,19 @@ class SteppingWalk(ReferenceSource):
 
     def _leave_stand(self, frames: Frames) -> tuple[Event, ...]:
         """Walk on, shift the weight, or step, where the feet, the time, orders or a push ask for it."""
-        stand, joins = self.stand, self._joins
+        felt, stand, joins = self.felt, self.stand, self._joins
         self._joins = None
         if joins is not None:
             stance = stand.joined(*joins)
             if stance is not None:
                 return self._set_off(stance, frames, walks=max(joins[0]))
-        elif self.phase is GaitPhase.DOUBLE:
+        elif felt.phase is GaitPhase.DOUBLE:
             self._duration += stand.delay(self.dt)
             if self.elapsed >= self._duration:
-                return self._set_off(self.stance, frames)
+                return self._set_off(felt.stance, frames)
         elif self._is_to_walk(frames):
             return self._shift()
-        kicked = self.felt.kicked()
+        kicked = felt.kicked()
         stance = stand.pushed(self.steering.direction) if kicked is None else 1 - kicked
         return () if stance is None else self._set_off(stance, frames, kicked=kicked is not None)
 
@@ -284,12 +283,13 @@ class SteppingWalk(ReferenceSource):
 
     def _shift(self) -> tuple[Event, ...]:
         """Begin to shift the weight over the foot that will stand."""
+        stance = self.felt.stance
         if self.footsteps:
-            self.stance = 1 - SIDES.index(self.footsteps[0].side)
+            stance = 1 - SIDES.index(self.footsteps[0].side)
             self.steering.follow_footsteps()
-        self.phase, self.elapsed = GaitPhase.DOUBLE, 0.0
-        self._duration = self.stand.shift(self.stance, self.footsteps) + self.constants.rest
-        self.felt.stand_on(None, self.constants.carrying)
+        self.elapsed = 0.0
+        self._duration = self.stand.shift(self.footsteps) + self.constants.rest
+        self.felt.enter(GaitPhase.DOUBLE, stance)
         return (Event.STARTED,)
 
     def _set_off(
@@ -310,36 +310,35 @@ class SteppingWalk(ReferenceSource):
 
     def _lift(self, stance: int, frames: Frames, elapsed: float = 0.0) -> None:
         """Begin a step on a foot, for which the planner is asked, at a time since lift-off, s."""
-        self.phase, self.stance, self.elapsed = GaitPhase.SINGLE, stance, elapsed
-        self.felt.stand_on(stance, self.constants.carrying)
+        self.elapsed = elapsed
+        self.felt.enter(GaitPhase.SINGLE, stance)
         self._plan_steps(SIDES[1 - stance], frames)
-        self.step.begin(stance, self.footsteps[0].z if self.footsteps else None)
+        self.step.begin(self.footsteps[0].z if self.footsteps else None)
 
     def _change_feet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
         c, felt, state, steering = self.constants, self.felt, self.felt.state, self.steering
         steering.land(self.step.end(asked))
-        self.stance = 1 - self.stance
+        landed = felt.swing
         self.steps_done += 1
         if self.footsteps:
-            self._say_missed(self.step.decision.missed)
+            self._say_missed(SIDES[landed], self.step.decision.missed)
         slow = math.hypot(*steering.velocity) < c.stop_speed
         near = slow and state.apart() < c.stop_length
         if not asked.steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
-            self.phase, self.elapsed, self._duration = GaitPhase.STANDING, 0.0, 0.0
-            felt.stand_on(None, 0.0)
+            self.elapsed = self._duration = 0.0
+            felt.enter(GaitPhase.STANDING, landed)
             self.reason = "" if self.footsteps else self.reason
             steering.rest(self._middle())
             return (Event.STOPPED,)
-        self._lift(self.stance, frames)
+        self._lift(landed, frames)
         self.step.decide(self._asked(asked.steps), frames)
         return (Event.LIFT_OFF,)
 
-    def _say_missed(self, missed: float) -> None:
-        """Say that a foot has landed so far beside its footstep, m, until one lands on its own again."""
+    def _say_missed(self, side: str, missed: float) -> None:
+        """Say that the foot of a side has landed so far beside its footstep, m, until one lands on its own again."""
         self.reason = ""
         if missed > LET_GO:
-            side = SIDES[self.stance]
             self.reason = (
                 f"the {side} foot has landed {1e3 * missed:.0f} mm beside its footstep: what the footstep leaves of "
                 "the balance, the next sole could not have caught"

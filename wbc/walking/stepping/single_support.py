@@ -1,6 +1,6 @@
 """One step on one foot: its time and place are decided as the robot goes, until the foot that has landed takes over.
 
-    step.begin(stance, ground)              at lift-off
+    step.begin(ground)                      at lift-off
     events = step.update(asked, frames)     push on the swing foot, expected ground, decision, contact
     step.is_over(asked)                     the foot that has landed is to carry
     held = step.end(asked)                  what the landing says of the ground
@@ -63,7 +63,6 @@ class SingleSupport:
     Attributes:
         decision: Decision of the step.
         touch: Contact of the swing foot.
-        stance: Foot that stands: 0 left, 1 right.
         first: True in the step that begins in a stand.
         duration: Time of the step, s.
         swing: Swing of this step, which has its landing; None before the first decision on it, and after the step.
@@ -88,7 +87,7 @@ class SingleSupport:
         self._shape = swing_shape(settings, constants)
         self.decision = StepDecision(settings, constants, scale, ground, dt)
         self.touch = SwingTouch(felt, ground, settings, constants, dt)
-        self.stance, self.first, self.duration = 1, True, 0.0
+        self.first, self.duration = True, 0.0
         self.swing: SwingFoot | None = None
         self.met: float | None = None
         self._ticks = 0  # with a decision on time and place that is open
@@ -101,15 +100,16 @@ class SingleSupport:
 
     # ---- from lift-off to take-over -----------------------------------------------------------------------------
 
-    def begin(self, stance: int, ground: float | None) -> None:
-        """Begin a step on a foot; the other one lands at a height, m, if that is planned."""
-        self.stance, self.first, self._walks = stance, False, False
+    def begin(self, ground: float | None) -> None:
+        """Begin a step on the foot that stands; the other one lands at a height, m, if that is planned."""
+        felt = self._felt
+        self.first = self._walks = False
         self.decision.begin()
         self.touch.begin()
         if ground is not None:
             self._ground.expect_at(ground)
         self._planned = None
-        self._stood, self._tilt = self._felt.state.places[stance][2], (0.0, 0.0)
+        self._stood, self._tilt = felt.state.places[felt.stance][2], (0.0, 0.0)
 
     def set_off(self, pace: float, *, walks: bool, kicked: bool) -> None:
         """Make the step that has begun the first one, of steps that take a time, s.
@@ -117,20 +117,20 @@ class SingleSupport:
         A robot that `walks` already has its foot in the air, with a speed; one that was `kicked` away has been pushed.
         """
         self.first, self._walks, self._pace = not walks, walks, pace
-        self._level = self._felt.state.places[self.stance][2]
+        self._level = self._felt.state.places[self._felt.stance][2]
         if kicked:
             self.touch.push(0.0)
 
     def update(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Decide time and place of the step, move the swing foot, and detect its contact."""
-        touch, swing, elapsed = self.touch, 1 - self.stance, asked.elapsed
+        touch, elapsed = self.touch, asked.elapsed
         if self.swing is not None:
-            touch.notice_push(swing, elapsed, self.decision.urgency, self.duration / asked.time, asked.speed)
+            touch.notice_push(elapsed, self.decision.urgency, self.duration / asked.time, asked.speed)
         self._follow_ground()
         self.decide(asked, frames)
         events = self._meet(asked, frames)
         # Footsteps are planned from where feet are to carry, and those meet the ground at an inner edge.
-        touch.track_pressure(swing, met=self.met is not None and not asked.footsteps)
+        touch.track_pressure(met=self.met is not None and not asked.footsteps)
         return events
 
     def is_over(self, asked: Asked) -> bool:
@@ -142,14 +142,14 @@ class SingleSupport:
         patience += fast_share * (1.0 - patience)  # a fast walk needs all of its time
         late = asked.elapsed > max(self._longest(asked), self._waits(asked))
         axes, orbit = self._axes(asked), self._orbit(asked)
-        return self.touch.is_to_carry(self.stance, axes, orbit, patience, fast_share, late=late)
+        return self.touch.is_to_carry(axes, orbit, patience, fast_share, late=late)
 
     def end(self, asked: Asked) -> float:
         """End a step whose foot has landed; return how much of the sole has held: see `PathSteering.held`."""
         assert self.swing is not None
-        c, (left, right) = self._c, self._felt.state.places
+        c, felt, (left, right) = self._c, self._felt, self._felt.state.places
         self._pace += c.pace_gain * (min(asked.elapsed, self._longest(asked)) - self._pace)
-        unexpected = (left, right)[1 - self.stance][2] - self.swing.landing.z
+        unexpected = (left, right)[felt.swing][2] - self.swing.landing.z
         # Stairs are rough ground only where they are not as planned.
         self._ground.land(unexpected, unexpected if asked.climbs else left[2] - right[2])
         self.swing = self.met = None
@@ -157,11 +157,11 @@ class SingleSupport:
 
     def references(self, elapsed: float, *, climbs: bool) -> PhaseReference:
         """Return the references of a tick, at a time since lift-off, s, on stairs or not."""
-        c, state, touch = self._c, self._felt.state, self.touch
+        c, felt, state, touch = self._c, self._felt, self._felt.state, self.touch
         self._level += self._level_gain * (self._com_level(climbs=climbs) - self._level)
-        most = touch.most_forces(self.stance, elapsed, met=self.met is not None, stepped=not self.first)
+        most = touch.most_forces(elapsed, met=self.met is not None, stepped=not self.first)
         ahead, aside = cop = self.decision.cop
-        motion = self._course.fall(state, state.on_sole(self.stance, c.carrying + ahead, aside))
+        motion = self._course.fall(state, state.on_sole(felt.stance, c.carrying + ahead, aside))
         urgency = -1.0 if touch.is_pushed(elapsed) else self.decision.urgency
         return PhaseReference(motion, self._level, most, cop, urgency)
 
@@ -169,7 +169,7 @@ class SingleSupport:
 
     def _com_level(self, *, climbs: bool) -> float:
         """Return the height over which the CoM is to be, m: on stairs it goes half of the way before the landing."""
-        stands = self._felt.state.places[self.stance][2]
+        stands = self._felt.state.places[self._felt.stance][2]
         return stands + HALF * (self._ground.height - stands) if climbs else stands
 
     def _follow_ground(self) -> None:
@@ -178,7 +178,7 @@ class SingleSupport:
         This foot stays where it is. What moves is its estimate, after impacts and flights, and without the ground the
         swing foot would end above the true one.
         """
-        moved = self._felt.state.places[self.stance][2] - self._stood
+        moved = self._felt.state.places[self._felt.stance][2] - self._stood
         if abs(moved) > self._c.drifted and self._ground.sight is None:
             self._ground.expect_at(self._ground.height + moved)
             self._stood += moved
@@ -196,10 +196,10 @@ class SingleSupport:
         """Decide time, place and centre of pressure of the step, and send the swing foot there."""
         if self.met is not None:
             return
-        side, state, decision, elapsed = 1 - self.stance, self._felt.state, self.decision, asked.elapsed
+        felt, state, decision, elapsed = self._felt, self._felt.state, self.decision, asked.elapsed
         swing, self._ticks = self.swing, self._ticks + 1
         level = self._ground.level(*self._c.even)
-        decision.area.update(state.tilting(self.stance), state.wrenches[self.stance], level)
+        decision.area.update(state.tilting(felt.stance), state.wrenches[felt.stance], level)
         decides = swing is None or self._ticks % self._period == 0
         if decides:
             self._solve(asked)
@@ -208,16 +208,16 @@ class SingleSupport:
         if swing is None:
             self._begin_swing(self._landing(asked), asked, frames)
             return
-        thrown = self.touch.thrown(side, swing, elapsed - self._dt)
+        thrown = self.touch.thrown(swing, elapsed - self._dt)
         if not decides and thrown is None:
             return
         landing, touch = self._landing(asked), self._touch_time(asked)
         looks = self._ground.sight is not None and self._ticks // self._period % LOOKS == 0
         if looks and touch - elapsed > LAST_LOOK:
             landing = self._look(landing)
-            swing.rise_over(self._ground.way(frames[side], landing))  # of what is left
+            swing.rise_over(self._ground.way(frames[felt.swing], landing))  # of what is left
         if thrown is not None:
-            swing.restart(elapsed, frames[side], thrown, self._c.swing_push)
+            swing.restart(elapsed, frames[felt.swing], thrown, self._c.swing_push)
         swing.retarget(elapsed, landing, touch, self._c.hardest if decision.closes else None)
 
     def _solve(self, asked: Asked) -> None:
@@ -257,42 +257,43 @@ class SingleSupport:
         yaw = asked.heading + asked.turn * max(self.duration - asked.elapsed, 0.0)
         if asked.footsteps:
             yaw = asked.footsteps[0].yaw
-        place, side = self.decision.place, SIDES[1 - self.stance]
+        place, side = self.decision.place, SIDES[self._felt.swing]
         return Footstep(side, *place, self._ground.height, yaw, *self._tilt)
 
     def _begin_swing(self, landing: Footstep, asked: Asked, frames: Frames) -> None:
         """Begin the swing from where the foot stands, or go on with that of a robot that walks already."""
-        c, ground, side, touch = self._c, self._ground, 1 - self.stance, self._touch_time(asked)
-        ground.lift(self.stance, frames[self.stance])
-        landing, start = self._look(landing), frames[side]
+        c, felt, ground, touch = self._c, self._felt, self._ground, self._touch_time(asked)
+        ground.lift(felt.stance, frames[felt.stance])
+        landing, start = self._look(landing), frames[felt.swing]
         speed = min(c.landing_speed + c.landing_gain * ground.uneven, c.hardest)
         shape = self._shape._replace(landing_speed=speed)
         if asked.climbs:
             shape = shape._replace(**STAIR)
         self.swing = swing = SwingFoot(start, landing, touch, shape, ground.way(start, landing))
         if self._walks:
-            swing.join(asked.elapsed, start, self._felt.state.speeds[side], ground.height, c.swing_push)
+            swing.join(asked.elapsed, start, felt.state.speeds[felt.swing], ground.height, c.swing_push)
             swing.retarget(asked.elapsed, landing, touch)
 
     def step_state(self, asked: Asked) -> StepState:
         """Return the state that the step is decided by."""
         felt, elapsed, (u, v) = self._felt, asked.elapsed, self.decision.lagged
         axes, orbit, swing = self._axes(asked), self._orbit(asked), self._swinging(elapsed)
-        told = felt.state.on_sole(self.stance, self._c.carrying + u, v)
+        told = felt.state.on_sole(felt.stance, self._c.carrying + u, v)
         return StepState(
             axes, told, felt.contact, felt.dcm, orbit, asked.time, elapsed, swing, self._time_down()
         )
 
     def _axes(self, asked: Asked) -> StanceAxes:
         """Return the axes about the carrying point of the foot that stands."""
-        return StanceAxes(SIDE[self.stance], asked.direction, self._felt.carrying_point(self.stance))
+        felt = self._felt
+        return StanceAxes(SIDE[felt.stance], asked.direction, felt.carrying_point(felt.stance))
 
     def _orbit(self, asked: Asked) -> Orbit:
         """Return the orbit of the steps that are asked for."""
         if self._planned is not None:
             return self._planned
-        velocity, width, omega = asked.steps.velocity, self._width(asked), self._felt.dcm.omega
-        return Orbit.of(velocity, SIDE[self.stance], width, asked.time, self._pace, omega)
+        felt, velocity, width = self._felt, asked.steps.velocity, self._width(asked)
+        return Orbit.of(velocity, SIDE[felt.stance], width, asked.time, self._pace, felt.dcm.omega)
 
     def _width(self, asked: Asked) -> float:
         """Return the distance between feet, m: of a robot that walks sideways they come apart and together."""
@@ -302,14 +303,14 @@ class SingleSupport:
     def _swinging(self, elapsed: float) -> tuple[float, float, float, float]:
         """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
         if self.swing is None:
-            x, y, _ = self._felt.state.places[1 - self.stance]
+            x, y, _ = self._felt.state.places[self._felt.swing]
             return x, y, 0.0, 0.0
         (x, y, _), (u, v, _) = self.swing.motion(elapsed)
         return x, y, u, v
 
     def _time_down(self) -> float:
         """Return the time that the swing foot needs to come straight down, s."""
-        height = max(self._felt.state.places[1 - self.stance][2] - self._ground.height, 0.0)
+        height = max(self._felt.state.places[self._felt.swing][2] - self._ground.height, 0.0)
         return self._c.piece + math.sqrt(RISE * height / self._c.lift)
 
     # ---- contact of the swing foot ------------------------------------------------------------------------------
@@ -320,20 +321,20 @@ class SingleSupport:
         if swing is None:
             return ()
         if self.met is None:
-            bears = touch.bears(self.stance, elapsed, self.duration)
+            bears = touch.bears(elapsed, self.duration)
             if bears and not self.rubs(asked, swing.landing):
                 self.met = elapsed
                 soon = 0.05 * self._s.step_time
                 return (touch_down(elapsed - self._touch_time(asked), soon, soon),)
-        elif touch.loses(self.stance, elapsed - self.met, elapsed):
+        elif touch.loses(elapsed - self.met, elapsed):
             self.met = None
-            swing.resume(elapsed, frames[1 - self.stance])
+            swing.resume(elapsed, frames[self._felt.swing])
         return ()
 
     def rubs(self, asked: Asked, landing: Footstep) -> bool:
         """Return True if the swing foot is to go on to its landing over what it has met; see `SwingTouch.rubs`."""
         left = self._touch_time(asked) - asked.elapsed
-        return self.touch.rubs(self.stance, self._axes(asked), self._orbit(asked), left, landing)
+        return self.touch.rubs(self._axes(asked), self._orbit(asked), left, landing)
 
     def _touch_share(self, asked: Asked) -> float:
         """Return the share of the time of a step at which the foot meets the expected ground."""

@@ -51,14 +51,13 @@ class SwingTouch:
         """
         return elapsed - self._pushed < self._c.pushed_time
 
-    def notice_push(self, side: int, elapsed: float, urgency: float, paced: float, speed: float) -> None:
+    def notice_push(self, elapsed: float, urgency: float, paced: float, speed: float) -> None:
         """Find whether the swing foot is pushed.
 
         It is faster then, in the world and past the CoM, than any step without hurry: the ground stops a foot, and only
         a push makes it faster. It is pushed once in a step: a foot that comes back is as fast, and meets the ground.
 
         Args:
-            side: Foot that swings: 0 left, 1 right.
             elapsed: Time since lift-off, s.
             urgency: Share by which the swing foot goes before the trunk.
             paced: Time of this step over T.
@@ -68,44 +67,44 @@ class SwingTouch:
         if hurries or not (self.is_pushed(elapsed) or self._pushed == -math.inf):
             return
         state = self._felt.state
-        moved = state.speeds[side]
+        moved = state.speeds[self._felt.swing]
         if min(math.hypot(*moved), math.dist(moved, state.velocity)) > self._c.pushed_speed + 2.0 * speed:
             self._pushed = elapsed
 
-    def thrown(self, side: int, swing: SwingFoot, time: float) -> Vector | None:
+    def thrown(self, swing: SwingFoot, time: float) -> Vector | None:
         """Return the velocity of a swing foot so far off its motion that legs cannot bring it back, m/s, else None.
 
         That is where the feedback of its task asks for more than the greatest acceleration of a swing: the trunk would
         pay for it. The motion is that of the last tick, whose `time` since lift-off is given, s.
         """
-        state, (stiffness, damping) = self._felt.state, self._c.swing_gains
-        here, moved = state.places[side], state.speeds[side]
+        felt, (stiffness, damping) = self._felt, self._c.swing_gains
+        here, moved = felt.state.places[felt.swing], felt.state.speeds[felt.swing]
         asked = (
             stiffness * (q - p) + damping * (speed - now)
             for p, now, q, speed in zip(here, moved, *swing.motion(time), strict=True)
         )
         return moved if math.hypot(*asked) > self._c.swing_push else None
 
-    def bears(self, stance: int, elapsed: float, duration: float) -> bool:
+    def bears(self, elapsed: float, duration: float) -> bool:
         """Return True if the swing foot bears the load of a contact in this tick, at a time of its step, s."""
-        c = self._c
+        c, felt = self._c, self._felt
         may = elapsed > c.early * duration and not self.is_pushed(elapsed)
-        return may and self._felt.state.wrenches[1 - stance][2] > c.met and self._is_low(stance)
+        return may and felt.state.wrenches[felt.swing][2] > c.met and self._is_low()
 
-    def loses(self, stance: int, since: float, elapsed: float) -> bool:
+    def loses(self, since: float, elapsed: float) -> bool:
         """Return True if a foot that has been in contact for a time, s, has lost the ground again."""
-        c, loads = self._c, self._felt.state.wrenches
-        lost = loads[1 - stance][2] < c.lost and since > c.lost_time and loads[stance][2] > c.held
+        c, felt, loads = self._c, self._felt, self._felt.state.wrenches
+        lost = loads[felt.swing][2] < c.lost and since > c.lost_time and loads[felt.stance][2] > c.held
         return lost or self.is_pushed(elapsed)
 
-    def rubs(self, stance: int, axes: StanceAxes, orbit: Orbit, left: float, landing: Footstep) -> bool:
+    def rubs(self, axes: StanceAxes, orbit: Orbit, left: float, landing: Footstep) -> bool:
         """Return True if the swing foot is to go on over what it has met: waiting would not help there.
 
         That is where ξ runs away from the foot that stands, aside or ahead, and is caught from the landing at its time,
         and not from here. The time that is `left` until then is in s.
         """
         c, felt, dcm = self._c, self._felt, self._felt.dcm
-        (x, y, _), (p, q, _) = felt.state.places[1 - stance], felt.contact
+        (x, y, _), (p, q, _) = felt.state.places[felt.swing], felt.contact
         ahead, beyond = axes.outwards(dcm.x - x, dcm.y - y)
         on, out = axes.outwards(dcm.x - p, dcm.y - q)
         ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
@@ -116,22 +115,22 @@ class SwingTouch:
         now = viability(ahead, -beyond, orbit, c.stretch)
         return c.rubs * now < viability(there[0], -there[1], orbit, c.stretch)
 
-    def _is_low(self, stance: int) -> bool:
+    def _is_low(self) -> bool:
         """Return True if the swing foot is no higher than the way over the ground asks for."""
-        places = self._felt.state.places
-        ground = max(places[stance][2], self._ground.height)
-        return places[1 - stance][2] < ground + self._c.low * self._s.swing_height
+        felt, places = self._felt, self._felt.state.places
+        ground = max(places[felt.stance][2], self._ground.height)
+        return places[felt.swing][2] < ground + self._c.low * self._s.swing_height
 
-    def track_pressure(self, side: int, *, met: bool) -> None:
+    def track_pressure(self, *, met: bool) -> None:
         """Low-pass the place where the foot in contact carries, from its carrying point on: it meets with an edge."""
         felt = self._felt
         if met:
-            self._carrying = part_way(self._carrying, felt.centre_of_pressure(side), self._gain)
+            self._carrying = part_way(self._carrying, felt.centre_of_pressure(felt.swing), self._gain)
         else:
-            self._carrying = felt.carrying_point(side)
+            self._carrying = felt.carrying_point(felt.swing)
 
     def is_to_carry(
-        self, stance: int, axes: StanceAxes, orbit: Orbit, patience: float, fast_share: float, *, late: bool
+        self, axes: StanceAxes, orbit: Orbit, patience: float, fast_share: float, *, late: bool
     ) -> bool:
         """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long.
 
@@ -139,7 +138,7 @@ class SwingTouch:
         """
         felt, c = self._felt, self._c
         loads, dcm = felt.state.wrenches, felt.dcm
-        unloaded = loads[stance][2] < c.held < loads[1 - stance][2]
+        unloaded = loads[felt.stance][2] < c.held < loads[felt.swing][2]
         self._unloaded = self._unloaded + self._dt if unloaded else 0.0
         if self._unloaded > fast_share * c.lost_time:
             return True  # it has rolled over an edge, or was kicked away; the impact of a fast foot lasts less long
@@ -150,12 +149,12 @@ class SwingTouch:
         there, here = (ahead, -beyond), axes.outwards(dcm.x - p, dcm.y - q)
         return takes_over(there, here, orbit, c.stretch, c.wait, patience)
 
-    def most_forces(self, stance: int, elapsed: float, *, met: bool, stepped: bool) -> tuple[float, float]:
+    def most_forces(self, elapsed: float, *, met: bool, stepped: bool) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`.
 
         A robot that has `stepped` before has an old one.
         """
-        c, swing = self._c, 1 - stance
+        c, swing = self._c, self._felt.swing
         most = [c.most_force, c.most_force]
         most[swing] = 0.0
         if met:
