@@ -14,6 +14,7 @@ beside them (docs/policies.md). Arms, wild runs and pushes are for g1.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import logging
 import math
@@ -155,10 +156,15 @@ def filtered(file: str, run: int, what: str, on: bool, impulse: float) -> dict[s
     }
 
 
-def armed(file: str, run: int, speed: float, swings: bool, sees: bool) -> dict[str, Any]:
-    """Walk for 8 s with both hands before the chest, held there or moved 0.3 m up and down, each in 0.5 s."""
+def armed(
+    file: str, run: int, speed: float, swings: bool, sees: bool, load: float, regain: float
+) -> dict[str, Any]:
+    """Walk for 8 s with both hands before the chest, held there or moved 0.3 m up and down, each in 0.5 s.
+
+    A load in each hand, kg, grows in the first second, and the QP knows it.
+    """
     names = wbc.load_robot("g1").joint_names[15:]
-    walk = Walk(file, run, arms=names, sees_arms=sees)
+    walk = Walk(file, run, arms=names, sees_arms=sees, regain=regain)
     plant, policy, truth = walk.plant, walk.policy, walk.plant.description.robot()
     places = {
         f"{side}_rubber_hand": np.array([0.3, y, 0.2]) for side, y in (("left", 0.13), ("right", -0.13))
@@ -168,6 +174,9 @@ def armed(file: str, run: int, speed: float, swings: bool, sees: bool) -> dict[s
         hands[frame] = RelativeFrameTask(frame, "pelvis", axes=("x", "y", "z"), weight=10.0, stiffness=400.0)
         policy.controller.add(hands[frame])
         hands[frame].move_to(pin.SE3(hands[frame].target.rotation, place), duration=1.0)
+        if load:
+            plant.load(frame, load, over=1.0)
+            walk.robot.carry(frame, load)
     errors, begin, moves = list[float](), 0.0, 0
     while plant.time < 8.0 and not walk.down:
         policy.velocity = (speed, 0.0, 0.0) if speed and plant.time > 1.0 else None
@@ -186,9 +195,10 @@ def armed(file: str, run: int, speed: float, swings: bool, sees: bool) -> dict[s
             errors.append(float(np.linalg.norm(place - hand.target.translation)))
     return {
         "upright": not walk.down,
-        "mean_mm": 1e3 * float(np.mean(errors)),
-        "most_mm": 1e3 * max(errors),
-        "forward": (float(plant.truth().com[0]) - begin) / (plant.time - 3.0),
+        "time": plant.time,
+        "mean_mm": 1e3 * float(np.mean(errors)) if errors else None,
+        "most_mm": 1e3 * max(errors) if errors else None,
+        "forward": (float(plant.truth().com[0]) - begin) / (plant.time - 3.0) if errors else None,
     }
 
 
@@ -230,10 +240,13 @@ def rows(options: argparse.Namespace) -> dict[str, Callable[[], dict[str, Any]]]
     for run in range(int(first), int(last or first) + 1):
         name = f"{options.study} {Path(options.policy).name} {options.robot} {run}"
         if options.study == "arms":
-            cells = [(speed, swings, False) for speed in (0.0, 0.3, 0.6) for swings in (False, True)]
-            for cell in (*cells, (0.3, False, True)):
-                words = f"{cell[0]:g} m/s {'swung' if cell[1] else 'held'}{' seen' if cell[2] else ''}"
-                found[f"{name} {words}"] = lambda a=(options.policy, run, *cell): armed(*a)  # type: ignore[misc]
+            kinds = {"held": (False, False), "swung": (True, False), "seen": (False, True)}
+            load, regain = options.load, options.regain
+            for speed, (word, kind) in itertools.product((0.0, 0.3, 0.6), kinds.items()):
+                arguments = (options.policy, run, speed, *kind, load, regain)
+                words = f"{speed:g} m/s {word}{f' {load:g} kg' if load else ''}"
+                words += f" regain {regain:g}" if regain else ""
+                found[f"{name} {words}"] = lambda a=arguments: armed(*a)  # type: ignore[misc]
         elif options.study in ("wild", "pushes"):
             for on in (True, False):
                 arguments = (options.policy, run, options.study, on, options.impulse)
@@ -254,6 +267,8 @@ def main() -> None:
     parser.add_argument("--robot", default="g1")
     parser.add_argument("--runs", default="0-19")
     parser.add_argument("--impulse", type=float, default=0.7, help="of a push, Ns/kg")
+    parser.add_argument("--load", type=float, default=0.0, help="in each hand of the study of arms, kg")
+    parser.add_argument("--regain", type=float, default=0.0, help="of the study of arms, 1/s")
     parser.add_argument("--journal", type=Path, default=Path("policies.jsonl"))
     options = parser.parse_args()
     logging.disable(logging.CRITICAL)

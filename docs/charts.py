@@ -227,9 +227,9 @@ def draw_seeing(path: Path) -> None:
 
 
 def draw_policies(path: Path) -> None:
-    """Share of policies that are taken over in time after a push."""
+    """Share of policies that are taken over in time, in a walk and after a push."""
     columns = {3: (BLUE, "stood")}
-    draw_shares(path, "measured_policies.md", "Taken over 0 to 0.4 s", columns, names=2, what="stood (%)")
+    draw_shares(path, "measured_policies.md", "Taken over", columns, names=2, what="stood (%)")
 
 
 def draw_kinematics(path: Path) -> None:

@@ -53,6 +53,15 @@ MADE = re.compile(
 UNITS = {"1/ω": "s", "ω": "rad/s", "h": "m", "leg": "m", "hω": "m/s", "g": "m/s²"}
 """Units of a robot in settings of free steps → units of their values in SI."""
 
+CALLS = {
+    "FailurePolicy": ", then `wbc.TorqueControl(controller, failure_policy=FailurePolicy(stop_after=0.2))`",
+    "OutsideSettings": ", then `wbc.Observer(robot, ObserverSettings(outside=OutsideSettings(tare=0.0)))`",
+    "LoadSettings": ", then `WalkingControlSettings(load=LoadSettings(largest=0.3))`",
+    "StiffnessActuator": ", then `VariableStiffnessFoot(actuator=StiffnessActuator(rate_limit=20.0))`",
+    "RunSettings": ", then `wbc.run(driver, control, settings=RunSettings(fade=2.0))`",
+}
+"""Class of settings that no walk has by default → words behind its import: a call that takes its settings."""
+
 EVERYWHERE = ("--json", "--verbose", "--help", "-h", "--version")
 """Options of every command, which the page names once."""
 
@@ -114,13 +123,20 @@ def settings_rows(kind: type, path: str) -> Iterator[str]:
             of_g1 = owner == SteppingSettings.__name__
             yield from (
                 f"\n### {owner}\n",
-                f"`{each.module}`\n",
+                f"`{_import_of(each.module, owner)}`{CALLS.get(owner, '')}\n",
                 f"| Setting | Default |{of_g1 * ' For `g1` |'} Range | Meaning |",
                 f"|---|---|{of_g1 * '---|'}---|---|",
             )
         hint = _hints(_kind(f"{each.module}.{owner}"))[each.name.rpartition(".")[2]]
         si = f" {_of_g1(each)} |" if of_g1 else ""
         yield f"| `{each.name}` | {each.default} |{si} {range_of(hint)} | {escaped(each.about)} |"
+
+
+def _import_of(module: str, name: str) -> str:
+    """Return the import of a class from the highest of the packages above its module that have it."""
+    parts = module.split(".")
+    packages = [".".join(parts[:cut]) for cut in range(1, len(parts) + 1)]
+    return f"from {next(each for each in packages if hasattr(import_module(each), name))} import {name}"
 
 
 def index_rows(page: str) -> Iterator[str]:

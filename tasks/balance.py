@@ -25,12 +25,12 @@ class BodyGains:
     stones of 20 mm, have ZMP errors of 25 to 33 mm with them and of 23 to 37 mm with their own.
 
     Attributes:
-        com_weight: Centre of mass, cost per (m/s²)².
-        com_stiffness: Centre of mass, 1/s².
-        orientation_weight: Pelvis and torso, cost per (rad/s²)².
-        orientation_stiffness: Pelvis and torso, 1/s².
-        posture_weight: All joints, cost per (rad/s²)².
-        posture_stiffness: All joints, 1/s².
+        com_weight: Cost of the error of the acceleration of the centre of mass, per (m/s²)².
+        com_stiffness: Stiffness of the centre of mass towards its reference, 1/s².
+        orientation_weight: Cost of the error of the angular accelerations of pelvis and torso, per (rad/s²)².
+        orientation_stiffness: Stiffness of pelvis and torso towards their orientations, 1/s².
+        posture_weight: Cost of the error of the acceleration of each joint, per (rad/s²)².
+        posture_stiffness: Stiffness of the joints towards the posture, 1/s².
     """
 
     com_weight: Positive = 100.0

@@ -43,7 +43,7 @@ DERIVED = {
 
 @settings
 class WalkTrialSettings(WalkingControlSettings):
-    """Settings of a simulated walk: those of the controller, and those of what surrounds it.
+    """Settings of a simulated walk: its controller and its surroundings.
 
     Attributes:
         observer: Settings of the base estimator.

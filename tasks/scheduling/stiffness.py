@@ -26,7 +26,7 @@ from wbc.tasks.scheduling.policies import PolicyLike, StiffnessDecision, SwingSc
 
 @settings
 class StiffnessTiming:
-    """Settings of stiffness scheduling: when to scan, to decide and to fall back.
+    """Instants and conditions of stiffness scheduling: scan, decision and fall-back.
 
     Attributes:
         scan_from: Share of the single support at which scanning starts.

@@ -41,7 +41,7 @@ class BiasSettings:
     Defaults are mc_rtc's, as the other noise levels, and find 90 % of a bias within about 1.3 s.
 
     Attributes:
-        drift_std: Noise of the bias, m/s.
+        drift_std: Standard deviation of the drift of the bias, m/s.
         limit: Greatest bias, forward and sideways, m; infinity for none.
     """
 

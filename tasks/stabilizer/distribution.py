@@ -54,11 +54,11 @@ class DistributionSettings:
     small, but large enough for the solver.
 
     Attributes:
-        friction: Coulomb coefficient.
+        friction: Coulomb coefficient between the soles and the ground.
         min_force: Least normal force of a foot in contact, N; `StabilizerTask` scales it down
             for a light robot.
         margin: Distance of the CoP from the edge of the sole, m.
-        net_force: Cost of missing force, 1/N².
+        net_force: Cost of the force that the feet lack, 1/N².
         ankle_yaw: Cost of yaw torque at the ankle, 1/(Nm)².
         ankle_shear: Cost of horizontal force, 1/N².
         ankle_normal: Cost of normal force, 1/N²; it only picks one of several solutions.

@@ -55,14 +55,14 @@ class StabilizerGains:
             which costs more than the damping gives on hard soles.
         com_v: Gain on the CoM velocity error.
         zmp_d: Time by which the commanded ZMP is ahead of the target, with the velocity of the target, s.
-        integrator_time: Memory of the average, s.
+        integrator_time: Time constant of the average of the DCM error, s.
         derivator_time: Time constant of the low-pass whose output is subtracted from the derivative, s.
         cop_admittance: Ankle rotation per CoP torque error, rad/(Nm·s), along x (pitch) and y (roll). None: 0.05, or
             less for a robot of more than 40 kg, see `for_mass`.
         force_difference: Foot height per difference of normal forces, m/(N·s).
         support_height_leak: Decay of the support foot's height on one foot, 1/s.
-        wrench_time: Low-pass of the measured wrenches before the admittances, s.
-        max_average_dcm_error: Bound of the average, m.
+        wrench_time: Time constant of the low-pass of the measured wrenches before the admittances, s.
+        max_average_dcm_error: Bound of the average DCM error, m.
         max_angular_velocity: Bound of the ankle rotation's speed, rad/s. On a stone a foot may have to turn by 10°
             to be carried elsewhere, and the DCM grows e-fold in 0.3 s meanwhile.
         min_force: Normal force of both feet below which the robot is in the air, N; less for a

@@ -20,6 +20,8 @@ from wbc.policy.terms import GaitClock
 
 pytest.importorskip("onnxruntime")
 
+N = len(LEGS)
+
 
 def test_the_network_sees_the_estimate_in_the_order_and_units_of_its_description() -> None:
     """Joints are permuted, and the robot turned, tilted and moving: every term by its definition."""
@@ -85,7 +87,10 @@ def test_torques_that_a_policy_asks_for_stay_within_the_limits() -> None:
 def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
     n = len(LEGS)
     description = described(
-        observation=[Term("command", history=3, scale=(1.0, 2.0, 3.0)), Term("last_action", clip=0.05)]
+        observation=[
+            Term("command", history=3, scale=(1.0, 2.0, 3.0)),
+            Term("last_action", clip=0.05, scale=2.0),
+        ]
     )
     network = Known(9 + n, n, 0.1)
     plant, policy = control(network, description)
@@ -97,7 +102,7 @@ def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
     assert len(network.seen) == len(speeds)
     np.testing.assert_allclose(network.seen[0][:9], [0.1, 0.2, 0.0] * 3, atol=1e-6)  # filled with the first
     np.testing.assert_allclose(network.seen[3][:9:3], [0.2, 0.3, 0.4], atol=1e-6)  # oldest first
-    np.testing.assert_allclose(network.seen[3][9:], 0.05, atol=1e-6)  # clipped
+    np.testing.assert_allclose(network.seen[3][9:], 2.0 * 0.05, atol=1e-6)  # bounded, and then multiplied
     policy.reset()
     policy.command(plant.measure())
     assert not network.seen[-1][9:].any()
@@ -183,15 +188,99 @@ def test_metadata_of_two_projects_and_a_file_beside_are_read(tmp_path: Path) -> 
     PolicyControl(G1.robot(), file, DT)
 
 
+def deploy_file(**changes: Any) -> dict[str, Any]:
+    """Return what a deploy.yaml holds, of a policy whose joints are the reversed ones of a machine."""
+    action = {"scale": [0.25] * N, "offset": [0.1 * k for k in range(N)], "clip": None, "joint_ids": None}
+    return {
+        "joint_ids_map": list(reversed(range(N))),
+        "step_dt": 0.04,
+        "stiffness": [50.0 + k for k in range(N)],
+        "damping": [1.0 + k for k in range(N)],
+        "default_joint_pos": [0.1 * k for k in range(N)],
+        "commands": {
+            "base_velocity": {
+                "ranges": {"lin_vel_x": [-0.5, 1.5], "lin_vel_y": [0, 0.3], "ang_vel_z": [-0.2, 0.2]}
+            }
+        },
+        "actions": {"JointPositionAction": action | changes.pop("action", {})},
+        "observations": {
+            "base_ang_vel": {"params": {}, "scale": [0.2] * 3, "clip": None, "history_length": 5},
+            "joint_pos_rel": {"params": {}, "scale": None, "clip": [-9.0, 9.0]},
+        },
+    } | changes
+
+
+def test_a_deploy_file_gives_each_joint_its_own_gains() -> None:
+    description = PolicyDescription.from_deploy(deploy_file(), LEGS)
+    assert description.joints == LEGS[::-1] and description.default == tuple(0.1 * k for k in range(N))
+    for k, name in enumerate(LEGS):
+        own = description.joints.index(name)
+        assert (description.kp[own], description.kd[own]) == (50.0 + k, 1.0 + k)
+    assert (description.period, description.fastest) == (0.04, (1.5, 0.3, 0.2))
+    assert description.observation == (
+        Term("angular_velocity", (0.2, 0.2, 0.2), 5),
+        Term("joint_position", clip=9.0),
+    )
+    assert description.action_scale == (0.25,) * N
+    assert PolicyDescription.from_deploy(deploy_file(commands={}), LEGS).fastest == (1.0, 1.0, 1.0)
+    PolicyControl(G1.robot(), Known(15 + N, N), DT, description=description)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"joint_ids_map": [0, 99]}, "joint_ids_map.*from 0 to 11"),
+        ({"joint_ids_map": [0, -1]}, "joint_ids_map"),
+        ({"joint_ids_map": [0, 1.0]}, "joint_ids_map"),
+        ({"joint_ids_map": []}, "joint_ids_map"),
+        ({"joint_ids_map": None}, "joint_ids_map"),
+        ({"joint_ids_map": [0] * N}, "twice"),
+        ({"stiffness": [50.0]}, "stiffness.*up to number 11"),
+        ({"stiffness": 50.0}, "stiffness"),
+        ({"damping": [-1.0] * N}, "kd"),
+        ({"step_dt": 0.0}, "period"),
+        ({"default_joint_pos": [0.0] * N}, "offset.*default_joint_pos"),
+        ({"commands": None}, "commands"),
+        ({"commands": {"base_velocity": {}}}, "commands.base_velocity.ranges"),
+        ({"commands": {"base_velocity": {"ranges": {"lin_vel_x": [0, 1]}}}}, "ang_vel_z"),
+        ({"actions": {}}, "actions.JointPositionAction"),
+        ({"actions": {"JointPositionAction": None}}, "actions.JointPositionAction"),
+        ({"actions": deploy_file()["actions"] | {"JointVelocityAction": {}}}, "JointVelocityAction"),
+        ({"action": {"joint_ids": [0]}}, "joint_ids"),
+        ({"action": {"clip": [[-1.0, 1.0]] * N}}, "clip"),
+        ({"action": {"scale": [0.25]}}, "action_scale"),
+        ({"observations": {}}, "observation"),
+        ({"observations": []}, "observations"),
+        ({"observations": {"joint_pos": {}}}, "joint_pos_rel"),
+        ({"observations": {"gait_phase": {}}}, "gait_phase"),
+        ({"observations": {"use_gym_history": True}}, "use_gym_history"),
+        ({"observations": {"joint_pos_rel": {"clip": [0.0, 1.0]}}}, "clip of the term joint_pos_rel"),
+        ({"observations": {"joint_pos_rel": {"clip": ["a", "b"]}}}, "clip"),
+        ({"observations": {"joint_pos_rel": {"history_length": 0}}}, "history"),
+        ({"observations": {"joint_pos_rel": {"scale": "all"}}}, "scale"),
+    ],
+)
+def test_deploy_files_that_cannot_be_described_are_refused(changes: dict[str, Any], named: str) -> None:
+    with pytest.raises(InputError, match=named):
+        PolicyDescription.from_deploy(deploy_file(**changes), LEGS)
+
+
+def test_a_deploy_file_is_a_mapping_with_all_its_keys() -> None:
+    for lacks in deploy_file():
+        with pytest.raises(InputError, match=lacks):
+            PolicyDescription.from_deploy({k: v for k, v in deploy_file().items() if k != lacks}, LEGS)
+    with pytest.raises(InputError, match="deploy"):
+        PolicyDescription.from_deploy("deploy.yaml", LEGS)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="machine_joints"):
+        PolicyDescription.from_deploy(deploy_file(), 3)  # type: ignore[arg-type]
+
+
 def test_a_network_of_a_file_is_its_function(tmp_path: Path) -> None:
     weights = np.random.default_rng(1).normal(size=(4, 7)).astype(np.float32)
     network = OnnxNetwork(write_network(tmp_path / "w.onnx", weights))
     seen = np.random.default_rng(2).normal(size=7).astype(np.float32)
     np.testing.assert_allclose(network(seen), weights @ seen, rtol=1e-5)
     assert (network.inputs, network.outputs) == (7, 4)
-
-
-N = len(LEGS)
 
 
 @pytest.mark.parametrize(

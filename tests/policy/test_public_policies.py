@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import re
+import json
+import shutil
 import subprocess
 import sys
 import urllib.request
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 import pinocchio as pin
@@ -21,13 +20,14 @@ import wbc
 from wbc.machine import RunSettings
 from wbc.machine.report import Phase
 from wbc.machine.run import Runner
-from wbc.policy import PolicyControl, PolicyGuard
+from wbc.policy import PolicyControl, PolicyDescription, PolicyGuard
 from wbc.tasks import RelativeFrameTask
 
 pytest.importorskip("onnxruntime")
 
 WHEEL = "holosoma-inference==0.1.3"
 ROOT = Path(__file__).resolve().parents[2]
+DESCRIPTIONS = ROOT / "examples" / "policies"
 DT = 0.002
 
 
@@ -50,40 +50,30 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-WALK, T1_POSTURE, DANCE = 0, 1, 2
-"""Numbers of the descriptions that the page of policies prints."""
-
-OF_T1 = {", scale = 0.25 }": " }", "0.05": "0.1"}
-"""Differences of the description of a walk of the T1, as the page says."""
-
-
-def unpacked(
-    folder: Path,
-    name: str,
-    block: int,
-    posture: int = WALK,
-    changes: Mapping[str, str] = MappingProxyType({}),
-) -> Path:
-    """Return a policy of the wheel with the description beside it that the page of policies prints, with a posture."""
+def unpacked(folder: Path, name: str, description: str) -> Path:
+    """Return a policy of the wheel with one of the descriptions of the examples beside it."""
     (wheel,) = folder.glob("*.whl")
     file = folder / Path(name).name
     with zipfile.ZipFile(wheel) as content:
         file.write_bytes(content.read(f"holosoma_inference/models/{name}"))
-    page = (ROOT / "docs" / "policies.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
-    head, _, _ = blocks[block].partition("[default]")
-    for said, instead in changes.items():
-        assert said in head
-        head = head.replace(said, instead)
-    text = f"{head}[default]{blocks[posture].partition('[default]')[2]}"
-    file.with_suffix(".toml").write_text(text, encoding="utf-8")
+    shutil.copy(DESCRIPTIONS / f"{description}.toml", file.with_suffix(".toml"))
     return file
+
+
+def test_descriptions_of_the_g1_fit_it() -> None:
+    """They name its joints and known terms; joints and gains are those of the metadata."""
+    names = wbc.load_robot("g1").joint_names
+    gains = json.dumps([1.0] * len(names))
+    metadata = {"dof_names": json.dumps(names), "kp": gains, "kd": gains}
+    for file in DESCRIPTIONS.glob("g1_*.toml"):
+        description = PolicyDescription.of(file.with_suffix(".onnx"), metadata)
+        assert description.joints == names and description.default[names.index("left_knee_joint")] == 0.669
 
 
 @pytest.fixture(scope="module")
 def walk(wheel: Path) -> Path:
     """Return a public policy of the g1."""
-    return unpacked(wheel, "loco/g1_29dof/fastsac_g1_29dof.onnx", WALK)
+    return unpacked(wheel, "loco/g1_29dof/fastsac_g1_29dof.onnx", "g1_walk")
 
 
 @pytest.mark.slow
@@ -94,7 +84,7 @@ def test_a_public_policy_of_the_t1_walks_and_is_taken_over(wheel: Path) -> None:
     except OSError as error:
         pytest.skip(f"the model of the T1 cannot be had: {error}")
     description = wbc.RobotDescription.from_mjcf(wheel / "t1.xml", meshes=False)
-    file = unpacked(wheel, "loco/t1_29dof/fastsac_t1_29dof.onnx", WALK, T1_POSTURE, OF_T1)
+    file = unpacked(wheel, "loco/t1_29dof/fastsac_t1_29dof.onnx", "t1_walk")
     plant = wbc.Plant(description, control_period=DT, noise="realistic")
     guard = PolicyGuard(PolicyControl(description.robot(), file, DT))
     while plant.time < 7.0:
@@ -111,7 +101,7 @@ def test_a_public_policy_of_the_t1_walks_and_is_taken_over(wheel: Path) -> None:
 @pytest.mark.slow
 def test_a_public_policy_dances(wheel: Path) -> None:
     """It tracks the motion in its network, from the first frame on."""
-    file = unpacked(wheel, "wbt/ppo_g1_29dof_dancing.onnx", DANCE)
+    file = unpacked(wheel, "wbt/ppo_g1_29dof_dancing.onnx", "g1_dance")
     plant = wbc.Plant("g1", control_period=DT, noise="realistic")
     policy = PolicyControl(plant.description.robot(), file, DT)
     errors = []

@@ -59,7 +59,7 @@ class HeightMapSettings:
         wander: Growth of the uncertainty of a height that is not seen again, m/√s.
         known: Standard deviation from which on a height counts as unknown, m.
         shared: Number of cells that map and frame must share for the map to be shifted to the frame.
-        follow: Share of that shift that is made.
+        follow: Share of the shift to a frame that is made.
     """
 
     cell: Annotated[float, Field(ge=0.01, le=0.05), "m"] = 0.02

@@ -57,7 +57,7 @@ WAY = np.array([0.2, 0.4, 0.6, 0.8])
 
 @settings
 class GroundSettings:
-    """Settings of what is known of the ground.
+    """Settings of the known ground.
 
     Attributes:
         map: Heights on cells.

@@ -1,6 +1,7 @@
 """Description of a policy: joints, default posture, gains, action, and the terms of its observation.
 
     description = PolicyDescription.of("policy.onnx")    # from its metadata and from policy.toml beside it
+    description = PolicyDescription.from_deploy(yaml.safe_load(text), robot.joint_names)    # from a deploy.yaml
 
 Two conventions of metadata are known: that of holosoma (dof_names, kp, kd, command_ranges), and that of mjlab and
 whole_body_tracking (joint_names, joint_stiffness, joint_damping, default_joint_pos, action_scale, observation_names).
@@ -18,6 +19,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown, shown_path, unknown_name
 from wbc.base.files import read_toml
 from wbc.base.settings import Count, NonNegative, Number, Period, Positive, from_json, settings
@@ -70,7 +72,7 @@ class Term:
         name: Name of the term, one of `TERMS` or a name that other projects give it.
         scale: Factor of its values: one for all, or one for each.
         history: Number of values of the last periods, oldest first, of which the term consists.
-        clip: Largest magnitude of a value after the factor; None for no bound.
+        clip: Largest magnitude of a value before the factor; None for no bound.
     """
 
     name: str
@@ -162,6 +164,117 @@ class PolicyDescription:
             values["default"] = _by_joint(values["default"], values["joints"])
         return from_json(cls, values)
 
+    @classmethod
+    @checked
+    def from_deploy(cls, deploy: Mapping[str, Any], machine_joints: Sequence[str]) -> PolicyDescription:
+        """Return the description in a `deploy.yaml`, which unitree_rl_lab writes beside the network of a policy.
+
+            deploy = yaml.safe_load(Path("deploy.yaml").read_text())
+            description = PolicyDescription.from_deploy(deploy, robot.joint_names)
+
+        Args:
+            deploy: Values of the file, as PyYAML's `safe_load` reads them.
+            machine_joints: Names of the joints in the order of the machine's motors, to which `joint_ids_map` refers.
+
+        Raises:
+            InputError: A key that lacks, or a value that cannot be; an action or an observation that a description
+                cannot express, with the reason.
+
+        Source: `export_deploy_cfg.py` and `manager_term_cfg.h` of unitree_rl_lab.
+        """
+        motors, columns = range(len(machine_joints)), _in_deploy(deploy, "joint_ids_map", kind=list)
+        if not columns or not all(type(column) is int and column in motors for column in columns):
+            raise InputError(
+                f"joint_ids_map of a deploy.yaml must have numbers of the machine's {len(motors)} joints, from 0 to "
+                f"{len(motors) - 1}, got {shown(columns)}"
+            )
+        default = _in_deploy(deploy, "default_joint_pos")
+        action = _in_deploy(deploy, "actions", "JointPositionAction", kind=Mapping)
+        if len(deploy["actions"]) > 1:
+            raise InputError(
+                f"actions of a deploy.yaml must be JointPositionAction alone, got {shown([*deploy['actions']])}"
+            )
+        for key, wanted, why in (
+            ("joint_ids", None, "the joints of a description are observed and moved"),
+            ("clip", None, "a description bounds actions, and no targets"),
+            ("offset", default, "the target of a zero action is the default posture"),
+        ):
+            if (given := action.get(key, wanted)) != wanted:
+                raise InputError(
+                    f"{key} of the JointPositionAction of a deploy.yaml must be "
+                    f"{'null' if wanted is None else 'default_joint_pos'}, got {shown(given)}: {why}"
+                )
+        values = {
+            "joints": [machine_joints[column] for column in columns],
+            "default": default,
+            "kp": _of_columns(deploy, "stiffness", columns),
+            "kd": _of_columns(deploy, "damping", columns),
+            "action_scale": _in_deploy(deploy, "actions", "JointPositionAction", "scale"),
+            "period": _in_deploy(deploy, "step_dt"),
+            "observation": [
+                _term_of_deploy(*term) for term in _in_deploy(deploy, "observations", kind=Mapping).items()
+            ],
+        }
+        if "base_velocity" in _in_deploy(deploy, "commands", kind=Mapping):
+            ranges = _in_deploy(deploy, "commands", "base_velocity", "ranges")
+            values["fastest"] = _fastest("ranges of base_velocity of a deploy.yaml", ranges, "ang_vel_z")
+        return from_json(cls, values)
+
+
+def _in_deploy(deploy: Mapping[str, Any], *keys: str, kind: type = object) -> Any:
+    """Return the value of a deploy.yaml behind nested keys, which is of a kind."""
+    value: Any = deploy
+    for depth, key in enumerate(keys, 1):
+        if not isinstance(value, Mapping) or key not in value:
+            raise InputError(f"a deploy.yaml must have {'.'.join(keys[:depth])}")
+        value = value[key]
+    if not isinstance(value, kind):
+        raise InputError(
+            f"{'.'.join(keys)} of a deploy.yaml must be a {'list' if kind is list else 'mapping'}, got {shown(value)}"
+        )
+    return value
+
+
+def _of_columns(deploy: Mapping[str, Any], key: str, columns: Sequence[int]) -> list[Any]:
+    """Return the values of a list of a deploy.yaml, which is in the order of the machine, in that of the policy."""
+    values = _in_deploy(deploy, key, kind=list)
+    if len(values) <= max(columns):
+        raise InputError(
+            f"{key} of a deploy.yaml must have a value for each joint of the machine up to number {max(columns)} of "
+            f"joint_ids_map, got {len(values)} values"
+        )
+    return [values[column] for column in columns]
+
+
+def _term_of_deploy(name: str, term: Any) -> dict[str, Any]:
+    """Return the fields of a `Term`, which checks its name, from a key of the observations of a deploy.yaml."""
+    if name == "joint_pos":
+        raise InputError(
+            "the term joint_pos of a deploy.yaml is the absolute position of the joints, and observations have them "
+            "from the default posture: joint_pos_rel"
+        )
+    term = term if isinstance(term, Mapping) else {}
+    if (clip := term.get("clip")) is not None:
+        numbers = isinstance(clip, list) and len(clip) == 2 and all(type(c) in (int, float) for c in clip)
+        if not numbers or clip[0] != -clip[1]:
+            raise InputError(
+                f"clip of the term {name} of a deploy.yaml must be null or [-c, c] with a number c, got {shown(clip)}"
+            )
+        clip = clip[1]
+    scale = 1.0 if term.get("scale") is None else term["scale"]
+    return {"name": name, "scale": scale, "history": term.get("history_length", 1), "clip": clip}
+
+
+def _fastest(what: str, ranges: Any, turn: str) -> list[Any]:
+    """Return the greatest values of ranges of velocities: ahead, aside and turn, whose name is given."""
+    try:
+        return [max(ranges[name]) for name in ("lin_vel_x", "lin_vel_y", turn)]
+    except (KeyError, TypeError, ValueError):
+        raise InputError(
+            f"{what} must have lin_vel_x, lin_vel_y and {turn}, each with its least and greatest value, got "
+            f"{shown(ranges)}"
+        ) from None
+
 
 def _by_joint(default: Mapping[str, Any], joints: Sequence[str]) -> list[Any]:
     """Return a posture that names its joints in the order of all; joints that it does not name are at zero."""
@@ -184,13 +297,7 @@ def _from_metadata(metadata: Mapping[str, str]) -> dict[str, Any]:
             values[name] = value[0]
     ranges = _value("command_ranges", metadata.get("command_ranges", "null"))
     if ranges is not None:
-        try:
-            values["fastest"] = [max(ranges[n]) for n in ("lin_vel_x", "lin_vel_y", "ang_vel_yaw")]
-        except (KeyError, TypeError, ValueError):
-            raise InputError(
-                "command_ranges of a policy must have lin_vel_x, lin_vel_y and ang_vel_yaw, each with its least and "
-                f"greatest value, got {shown(ranges)}"
-            ) from None
+        values["fastest"] = _fastest("command_ranges of a policy", ranges, "ang_vel_yaw")
     return values
 
 

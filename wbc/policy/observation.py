@@ -13,7 +13,7 @@ from wbc.policy.terms import TERMS, Observed
 
 
 class Observation:
-    """Observation of a policy: its terms, scaled and clipped, each with those of the last ticks of the policy.
+    """Observation of a policy: its terms, bounded and scaled, each with those of the last ticks of the policy.
 
     Attributes:
         values: What the network sees, shape (width,).
@@ -51,9 +51,10 @@ class Observation:
     def take(self) -> NDArray[np.float32]:
         """Read all terms, and return the values."""
         for part, (term, scale, clip) in zip(self._parts, self._terms, strict=True):
-            values = term(self._observed) * scale
+            values = term(self._observed)
             if clip is not None:
                 values = np.clip(values, -clip, clip)
+            values = values * scale
             if self._fresh:
                 part[:] = values
             else:

@@ -41,13 +41,13 @@ LEGS = 0.01
 
 @settings
 class TaskGains(BodyGains):
-    """Weights and gains of the tasks of a walk: those of `wbc.tasks.balance.BodyGains`, and these.
+    """Weights and gains of the tasks of planned steps, beside those of `BodyGains`.
 
     Attributes:
-        swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
-        swing_stiffness: 1/s².
+        swing_weight: Cost of the error of the acceleration of the foot in the air, per (m/s²)² and (rad/s²)².
+        swing_stiffness: Stiffness of the foot in the air towards its reference, 1/s².
         contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
-        wrench_weight: Desired foot wrenches, cost per N² and (Nm)².
+        wrench_weight: Cost of the difference of foot wrenches from the desired ones, per N² and (Nm)².
     """
 
     swing_weight: Positive = 1000.0

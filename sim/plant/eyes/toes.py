@@ -20,7 +20,7 @@ class ToeSensors:
 
     Attributes:
         nearest: Shortest distance to the ground under the sole that is read, m.
-        furthest: Longest distance, m.
+        furthest: Longest distance to the ground under the sole that is read, m.
         rate: Readings a second, Hz.
         latency: Time from a reading until it is delivered, s.
         noise: Standard deviation of a reading, m.

@@ -108,7 +108,7 @@ class FailurePolicy:
 
 @settings
 class SafetySettings:
-    """Ranges of what comes into a control and of what leaves it.
+    """Ranges of measurements and commands, and the reaction to a fall.
 
     Attributes:
         plausibility: Ranges that measurements must keep.

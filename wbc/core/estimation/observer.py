@@ -69,8 +69,8 @@ class ObserverSettings:
         inertial: Time constants of the inertial part.
         min_load: Normal force below which a foot has no share in the estimate, N; less for a light robot
             (`Robot.force_scale`).
-        load_time_constant: Low-pass of the normal forces, s; 0 for none.
-        cop_time_constant: Low-pass of the CoPs, s; 0 for none.
+        load_time_constant: Time constant of the low-pass of the normal forces, s; 0 for none.
+        cop_time_constant: Time constant of the low-pass of the CoPs, s; 0 for none.
         slip_time_constant: Time constant with which anchors of loaded feet settle when their distance changes, s.
         spin: Speed of a foot about the vertical, by encoders and gyroscope, from which its heading is no reference for
             the yaw until it rests again, rad/s. Eight times the noise of a foot at rest: the encoder of a hip yaw joint

@@ -41,7 +41,7 @@ OPTIONAL = {
 
 @settings
 class PlausibilitySettings:
-    """Ranges that a measurement must keep, and how long a refused signal is predicted over.
+    """Ranges of measurements, and the time for which a refused signal is predicted.
 
     Attributes:
         velocity_margin: A joint velocity is refused above this multiple of the joint's limit, and an encoder that moves

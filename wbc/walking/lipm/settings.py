@@ -26,7 +26,7 @@ class PhaseSettings:
         early: Ratio of the swing before which a load is a stumble, not a touch-down.
         lift_off: Greatest load of the foot that leaves.
         stance: Least load of the foot that stays.
-        max_wait: Longest time that lift-off waits for these two loads, s; then the foot lifts all the same.
+        max_wait: Longest time that lift-off waits for the loads `lift_off` and `stance`, s; then the foot lifts.
         max_late: Longest time that a foot searches for ground, s; then it is taken to stand where it is.
     """
 

@@ -112,7 +112,7 @@ class Gait:
         landing_height: Height above the landing below which the foot sinks at `landing_speed`, m, so that higher ground
             is also met gently. 0 in a plan with stairs, whose heights are known.
         search_depth: Depth below the landing to which the foot searches for lower ground, m.
-        search_time: Time from the planned touch-down until the foot is at that depth, s.
+        search_time: Time from the planned touch-down until the foot is at `search_depth`, s.
     """
 
     step_length: Annotated[Size, "m"] | None = None

@@ -260,7 +260,7 @@ class SteppingSettings:
         widest: Largest distance between the feet, h.
         reach: Largest length of a step, forward or back, h.
         swing_height: Height of the swing above the lift-off or the landing, whichever is higher, h.
-        friction: Coulomb coefficient of the ground.
+        friction: Coulomb coefficient between the soles and the ground.
         acceleration: Largest rate of the walking velocity, g.
         effort: Share of the torque of a hip that swings the leg in a fast walk.
         fastest_back: Largest velocity back, hω.
