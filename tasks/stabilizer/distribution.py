@@ -19,6 +19,7 @@ whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -28,9 +29,11 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import largest
+from wbc.core.frames import Sole
 from wbc.core.friction import rectangle_wrench_cone
 from wbc.core.qp.solving.problem import Problem
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
+from wbc.core.robot import Robot
 
 ROWS = 17
 """Inequalities of a foot: 16 of its wrench cone, then its normal force."""
@@ -55,8 +58,7 @@ class DistributionSettings:
 
     Attributes:
         friction: Coulomb coefficient between the soles and the ground.
-        min_force: Least normal force of a foot in contact, N; `StabilizerTask` scales it down
-            for a light robot.
+        min_force: Least normal force of a foot in contact, N; less for a light robot (`Robot.force_scale`).
         margin: Distance of the CoP from the edge of the sole, m.
         net_force: Cost of the force that the feet lack, 1/N².
         ankle_yaw: Cost of yaw torque at the ankle, 1/(Nm)².
@@ -150,6 +152,13 @@ class WrenchDistribution:
         self._net = pin.Force.Zero()  # the constructor of an array takes five times as long as to assign it
         # In newtons: a residual of a millinewton is negligible.
         self._solver = QpSolver(p, SolverSettings(tolerance=1e-5, residual_tolerance=1e-3))
+
+    @staticmethod
+    def of(robot: Robot, soles: Sequence[Sole], settings: DistributionSettings) -> WrenchDistribution:
+        """Return the distribution over the left and the right sole of a robot; a light one has its least force."""
+        left, right = ((sole.length, sole.width) for sole in soles)
+        least = settings.min_force * robot.force_scale
+        return WrenchDistribution((left, right), replace(settings, min_force=least))
 
     def solve(
         self,

@@ -82,8 +82,8 @@ class Stabilizer:
 
     @mass.setter
     def mass(self, mass: float) -> None:
-        self._mass = mass
-        self.gains = self._given
+        if mass != self._mass:
+            self._mass, self.gains = mass, self._given
 
     @property
     def gains(self) -> StabilizerGains:

@@ -17,7 +17,7 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.core.trajectories import Follower
 from wbc.robots import load
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.tasks.stabilizer.task import StabilizerTask
+from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.frames import PELVIS, Frames, carried
 from wbc.walking.hands.hand import HandState
@@ -398,7 +398,7 @@ def test_a_tick_of_the_stabilizer_that_has_failed_is_followed_by_good_ones(
     walking, _ = standing()
     balance = walking.balance
     assert balance is not None and balance.bias is not None
-    update, calls = StabilizerTask.update, []
+    update, calls = Stabilizer.update, []
 
     def fails_first(*arguments: Any, **options: Any) -> Any:
         calls.append(len(calls))
@@ -406,7 +406,7 @@ def test_a_tick_of_the_stabilizer_that_has_failed_is_followed_by_good_ones(
             raise RuntimeError("no forces yet")
         return update(*arguments, **options)
 
-    monkeypatch.setattr(StabilizerTask, "update", fails_first)
+    monkeypatch.setattr(Stabilizer, "update", fails_first)
     for tick in range(4):
         walking.command(at_rest(walking.controller.robot, 0.005 * tick))
         assert walking.drives.failing == (tick == 0)

@@ -20,7 +20,6 @@ from wbc.core.trajectories import Quintic
 from wbc.robots import RobotDescription
 from wbc.tasks.balance import BodyGains
 from wbc.tasks.stabilizer.distribution import DistributionSettings
-from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.body import lowest_com
@@ -54,7 +53,7 @@ def test_the_table_of_planned_steps_has_the_gains_of_its_settings(torque: bool, 
         contact_stiffness=700.0, wrench_weight=2e-3,
     )  # fmt: skip
     distribution = DistributionSettings(friction=0.55, by_load=by_load)
-    table = planned_table(robot, gains, StabilizerGains(), distribution, robot, torque=torque)
+    table = planned_table(robot, gains, distribution, torque=torque)
     for contact in table.contacts:
         assert contact.friction == (0.55 if torque else 2.0)
         assert contact.min_force == 0.0
@@ -70,7 +69,8 @@ def test_the_table_of_planned_steps_has_the_gains_of_its_settings(torque: bool, 
         expected[robot.leg_joints] = 0.003
     np.testing.assert_allclose(table.posture.weight, expected)
     np.testing.assert_allclose(table.posture.stiffness, 15.0)
-    assert table.torque is torque and table.stance is None and table.rise is None and table.reaching == 1.0
+    assert table.stabilized is not None and table.stabilized.torque is torque and table.stance is None
+    assert table.rise is None and table.reaching == 1.0
     assert isinstance(gains, BodyGains)
 
 

@@ -17,10 +17,11 @@ from wbc.base.numbers import Array, scalar
 from wbc.core.drive.control import DriveControl, State
 from wbc.core.robot import Robot
 from wbc.tasks.stabilizer.bias import BiasEstimator
+from wbc.tasks.stabilizer.distribution import WrenchDistribution
+from wbc.tasks.stabilizer.feet import StabilizedFeet
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.tasks.stabilizer.pendulum import natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
-from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.hands.hands import Hands
 from wbc.walking.load import HeldLoad
 from wbc.walking.settings import WalkingControlSettings
@@ -34,6 +35,7 @@ class Balance:
     """Balance of one robot by the stabilizer.
 
     Attributes:
+        stabilizer: Feedback and admittances.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
         hands: Hands that press on things and hold on to them; None of a robot without.
@@ -48,7 +50,7 @@ class Balance:
     def __init__(
         self,
         control: DriveControl,
-        task: StabilizerTask,
+        feet: StabilizedFeet,
         hands: Hands | None,
         load: HeldLoad | None,
         settings: WalkingControlSettings,
@@ -56,8 +58,11 @@ class Balance:
     ) -> None:
         """Make all parts for a robot that stands, with the height of the CoM over the soles while walking, m."""
         s, robot = settings, control.controller.robot
-        self._task, self._robot = task, robot
-        self._dt = control.controller.dt
+        self._feet, self._robot, self._dt = feet, robot, control.controller.dt
+        estimate, soles = control.observer.robot, robot.soles[:2]
+        self._soles = [estimate.placement(sole.frame) for sole in soles]
+        wrenches = WrenchDistribution.of(robot, soles, s.distribution)
+        self.stabilizer = Stabilizer(robot.mass, wrenches, s.gains, yields=not feet.torque)
         omega = natural_frequency(height)
         self._divisor = scalar(omega)  # of velocities in the DCM
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
@@ -67,14 +72,10 @@ class Balance:
         self._bias: Array | None = None
 
     @property
-    def stabilizer(self) -> Stabilizer:
-        """Feedback and admittances."""
-        return self._task.stabilizer
-
-    @property
     def wrenches(self) -> Mapping[str, Array] | None:
         """Name of a foot's contact → wrench that the torques are to make in place of the QP's; None for those."""
-        return self._task.wrenches if self._feedforward else None
+        output = self.output
+        return None if output is None or not self._feedforward else self._feet.wrenches(output)
 
     def correct(self, state: State, last: Reference | None) -> State:
         """Return the state with the DCM that references are to be compared with; the last ones have driven it."""
@@ -97,20 +98,30 @@ class Balance:
 
         Feet whose contact is another one than in the last references, None in the first tick, begin anew.
         """
-        measurement, hands, dt = state.measurement, self.hands, self._dt
-        contact, heading = reference.progress.contact, reference.progress.heading
-        before = BOTH if last is None else last.progress.contact
-        for side in (0, 1):
-            if contact[side] != before[side]:
-                self.stabilizer.feet.reset(side)
+        measurement, hands, dt, robot = state.measurement, self.hands, self._dt, state.robot
+        stabilizer, contact, heading = self.stabilizer, reference.progress.contact, reference.progress.heading
         outside = None
         if hands is not None:
             outside = hands.update(measurement, reference, dt)
             if outside is not None:
                 reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
-        self.output = output = self._task.update(
-            reference.pendulum, measurement.wrenches, contact, heading, dt, bias=self._bias, outside=outside
+        stabilizer.mass = robot.mass  # with what it carries
+        self.output = output = stabilizer.update(
+            reference.pendulum,
+            robot.com,
+            robot.com_velocity,
+            measurement.wrenches,
+            self._soles,
+            contact,
+            heading,
+            dt,
+            bias=self._bias,
+            outside=outside,
         )
+        before = BOTH if last is None else last.progress.contact
+        for side in (0, 1):
+            if contact[side] != before[side]:
+                stabilizer.feet.reset(side)
         if outside is not None and hands is not None and not output.in_air:
             hands.help(output.feet.shortfall[3:5], output.zmp, dt)
         if self.lean is not None:  # towards the moment that the feet cannot give

@@ -41,7 +41,6 @@ from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.lean import UPRIGHT
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
-from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.balance import Balance
 from wbc.walking.body import STEPPING_TURN, UNTWISTED, Body
 from wbc.walking.contact import GaitPhase
@@ -145,8 +144,8 @@ class WalkingControl(SteeredControl):
         self.load = None if s.load is None else HeldLoad(estimate, s.load)
         self._outside = None if s.load is None else observer.observe_outside()
         self.balance: Balance | None = None
-        if isinstance(self.tasks.com, StabilizerTask):
-            self.balance = Balance(self.drives, self.tasks.com, self._hands, self.load, s, height)
+        if self.tasks.stabilized is not None:
+            self.balance = Balance(self.drives, self.tasks.stabilized, self._hands, self.load, s, height)
         self.body = Body(
             controller,
             height,

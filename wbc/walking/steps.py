@@ -101,10 +101,7 @@ def tasks_of(control: DriveControl, source: ReferenceSource, settings: WalkingCo
         observer.retune(_tuned(ON_POINTS, observer.inertial.settings))
         return WalkTasks(controller, free_table(robot, source))
     control.dcm_limit = PLANNED
-    table = planned_table(
-        robot, s.tasks, s.gains, s.distribution, observer.robot, torque=s.mode != "position"
-    )
-    return WalkTasks(controller, table)
+    return WalkTasks(controller, planned_table(robot, s.tasks, s.distribution, torque=s.mode != "position"))
 
 
 def com_height(robot: Robot, source: ReferenceSource) -> float:

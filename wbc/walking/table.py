@@ -19,8 +19,7 @@ from wbc.tasks.balance import BodyGains
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.distribution import DistributionSettings
-from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.tasks.stabilizer.task import StabilizerTask
+from wbc.tasks.stabilizer.feet import StabilizedFeet
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.rise import RiseLimit
 from wbc.walking.tasks import StanceContacts, TaskTable
@@ -59,9 +58,7 @@ class TaskGains(BodyGains):
 def planned_table(
     robot: Robot,
     gains: TaskGains,
-    stabilizer: StabilizerGains,
     distribution: DistributionSettings,
-    estimate: Robot,
     *,
     torque: bool,
 ) -> TaskTable:
@@ -79,16 +76,10 @@ def planned_table(
         )
         for sole in robot.soles
     ]
-    com = StabilizerTask(
-        contacts,
-        drives="torque" if torque else "position",
-        gains=stabilizer,
-        distribution=distribution,
-        estimate=estimate,
-        wrench_weight=gains.wrench_weight,
-        weight=gains.com_weight,
-        stiffness=gains.com_stiffness,
-    )
+    by_load, height = distribution.by_load, gains.com_stiffness
+    feet = StabilizedFeet(contacts, torque=torque, weight=gains.wrench_weight, by_load=by_load)
+    # On torques the feedback gives the horizontal acceleration.
+    com = CoMTask(weight=gains.com_weight, stiffness=(0.0, 0.0, height) if torque else height)
     turn = SWING_TURN_WEIGHT if torque else gains.swing_weight
     swing: GainOptions = {
         "weight": np.repeat([gains.swing_weight, turn], 3),
@@ -96,10 +87,10 @@ def planned_table(
     }
     trunk: GainOptions = {"weight": gains.orientation_weight, "stiffness": gains.orientation_stiffness}
     weight = np.full(robot.na, gains.posture_weight)
-    if distribution.by_load:
+    if by_load:
         weight[robot.leg_joints] *= LEGS
     posture = PostureTask(joints=robot.joint_names, weight=weight, stiffness=gains.posture_stiffness)
-    return TaskTable(com, contacts, swing, (trunk, trunk), posture, torque=torque)
+    return TaskTable(com, contacts, swing, (trunk, trunk), posture, stabilized=feet)
 
 
 # ---- free steps -----------------------------------------------------------------------------------------------------
@@ -207,7 +198,9 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     posture = PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
     rise = RiseLimit(SLACK * scale.height)
     twist: GainOptions = {"weight": TWIST[0] * turn, "stiffness": TWIST[1] * square}
-    return TaskTable(com, contacts, swing, (pelvis, torso), posture, twist, stance, rise, reaching=REACHING)
+    return TaskTable(
+        com, contacts, swing, (pelvis, torso), posture, twist, stance, rise=rise, reaching=REACHING
+    )
 
 
 def _com_gains(place: tuple[float, float], height: tuple[float, float]) -> tuple[Array, Array]:

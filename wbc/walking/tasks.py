@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.base.numbers import Array
-from wbc.base.vectors import Point
 from wbc.core.frames import heading, yaw_rotation
 from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
@@ -19,10 +18,9 @@ from wbc.core.qp.options import GainOptions
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.stabilizer.feet import StabilizedFeet
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
-from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
-from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.body import UNTWISTED, Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference, WholeBody
@@ -49,16 +47,16 @@ class TaskTable(NamedTuple):
     """Tasks and contacts of planned or free steps, with their costs and gains; see `wbc.walking.table`.
 
     Attributes:
-        com: Task of the centre of mass, and where a stabilizer balances the robot that of the wrenches on the feet.
+        com: Task of the centre of mass.
         contacts: Contacts of the left and of the right sole.
         swing: Gains of the pose of a foot in the air.
         trunk: Gains of the rotation of the pelvis, and of the torso where it is another link.
         posture: Task of all joints.
         twist: Gains of the torso's heading while the waist turns it; None where those of the trunk hold it.
-        stance: How feet carry that no stabilizer loads; None with one.
+        stance: How feet carry in steps that balance the robot; None where a stabilizer balances it.
+        stabilized: Feet that a stabilizer loads; None where steps balance the robot.
         rise: Limit on the rise of the centre of mass; None without.
         reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
-        torque: True under torques, where the feedback's acceleration is about that of the pendulum.
     """
 
     com: CoMTask
@@ -68,9 +66,9 @@ class TaskTable(NamedTuple):
     posture: PostureTask
     twist: GainOptions | None = None
     stance: StanceContacts | None = None
+    stabilized: StabilizedFeet | None = None
     rise: RiseLimit | None = None
     reaching: float = 1.0
-    torque: bool = True
 
 
 class WalkTasks:
@@ -78,16 +76,18 @@ class WalkTasks:
 
     Attributes:
         contacts: Contacts of the left and of the right sole.
-        com: Task of the centre of mass, and where a stabilizer balances the robot that of the wrenches on the feet.
+        com: Task of the centre of mass.
         posture: Task of all joints.
+        stabilized: Feet that a stabilizer loads; None where steps balance the robot.
         reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
     """
 
     def __init__(self, controller: Controller, table: TaskTable) -> None:
         """Add all to a controller."""
         robot = controller.robot
-        com, contacts, swing, trunk, posture, twist, self._stance, rise, self.reaching, self._torque = table
+        com, contacts, swing, trunk, posture, twist, self._stance, stabilized, rise, self.reaching = table
         self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
+        self.stabilized = stabilized
         self._urgency, self._swing_scale = 0.0, np.ones(6)
         self._carried: tuple[
             object, ...
@@ -109,7 +109,10 @@ class WalkTasks:
             self._twist.scale = 0.0
         limits = [JointLimits(), TorqueLimits(), *(() if rise is None else (rise,))]
         turning = () if self._twist is None else (self._twist,)
-        controller.add(com, *self._swings, *self._trunk, *turning, posture, *limits, *self.contacts)
+        wrenches = () if stabilized is None else stabilized.parts
+        controller.add(
+            com, *wrenches, *self._swings, *self._trunk, *turning, posture, *limits, *self.contacts
+        )
         forward = yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_yaws = [heading(tilt) for tilt in self._trunk_tilts]
@@ -222,34 +225,24 @@ class WalkTasks:
         for side, (motion, stands) in enumerate(zip(reference.feet, contact, strict=True)):
             if not stands or side == air:
                 self._swings[side].follow(*motion)
-        beyond = 0.0, 0.0
         if body is None:
+            acceleration = pendulum.com_acceleration
             self._turn_trunk(progress.heading, lean, twist)
         else:
-            pendulum, beyond = self._follow_body(pendulum, body, lean)
-        if isinstance(self.com, StabilizerTask) and output is not None:
-            places = [motion.placement for motion in reference.feet]
-            self.com.apply(output, pendulum, contact, places, beyond)
-        else:
-            self.com.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
+            acceleration = body.com_acceleration
+            self._follow_body(body, lean)
+        if self.stabilized is not None and output is not None:
+            self.stabilized.follow(output, contact, [motion.placement for motion in reference.feet])
+            acceleration = self.stabilized.com_acceleration(output, pendulum, acceleration)
+        self.com.follow(pendulum.com, pendulum.com_velocity, acceleration)
 
-    def _follow_body(self, pendulum: Pendulum, body: WholeBody, lean: LeanMotion) -> tuple[Pendulum, Point]:
-        """Set the targets of a source that gives the motion of all joints.
-
-        Returns:
-            The pendulum with the acceleration of the CoM, and its part beyond that of the pendulum, which feedback of
-            a stabilizer under torques lacks, m/s².
-        """
-        beyond = 0.0, 0.0
-        if self._torque:
-            x, y = (body.com_acceleration[:2] - pendulum.com_acceleration[:2]).tolist()
-            beyond = x, y
+    def _follow_body(self, body: WholeBody, lean: LeanMotion) -> None:
+        """Set the targets of a source that gives the motion of all joints."""
         for task, (rotation, velocity, acceleration) in zip(self._trunk, body.trunk, strict=True):
             task.follow(
                 lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
             )
         self.posture.follow(body.position, body.velocity, body.acceleration)
-        return pendulum._replace(com_acceleration=body.com_acceleration), beyond
 
     def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist) -> None:
         """Turn pelvis and torso to a heading (rad), twist them and let them lean.
