@@ -241,13 +241,15 @@ def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
         contact.velocity = [0.0, float("nan"), 0.0, 0.0, 0.0, 0.0]
 
 
+@pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.1, -0.05, 0.2)])
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-0.5, 0.3, 0.7)])
-def test_point_contact_holds_its_point_and_pushes_from_the_surface(normal: tuple[float, ...]) -> None:
+def test_point_contact_holds_its_point_and_pushes_from_the_surface(
+    normal: tuple[float, ...], point: tuple[float, ...]
+) -> None:
     controller = standing("talos")
     robot = controller.robot
-    hand = PointContact(
-        left_hand(robot), normal=normal, friction=0.4, min_force=5.0, ramp=0.0, stiffness=0.0, damping=0.0
-    )
+    held = {"friction": 0.4, "min_force": 5.0, "ramp": 0.0, "stiffness": 0.0, "damping": 0.0}
+    hand = PointContact(left_hand(robot), point=point, normal=normal, **held)
     controller.add(hand, CoMTask(np.array(robot.com) + [0.05, 0.05, -0.02], weight=100.0))
     solution = controller.solve()
     assert solution.ok, controller.diagnose()
@@ -257,8 +259,10 @@ def test_point_contact_holds_its_point_and_pushes_from_the_surface(normal: tuple
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, robot.q, robot.v, solution.accelerations)
     frame = robot.frame_id(hand.frame)
-    moved = pin.getFrameClassicalAcceleration(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
-    np.testing.assert_allclose(moved, 0.0, atol=1e-6)
+    motion = pin.getFrameClassicalAcceleration(robot.model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+    arm, spin = robot.placement(hand.frame).rotation @ point, robot.v[3:6]
+    assert not spin.any()
+    np.testing.assert_allclose(motion.linear + np.cross(motion.angular, arm), 0.0, atol=1e-6)
     # The base is held by the soles and the hand together: Newton's law in the world.
     axis = np.array(normal) / np.linalg.norm(normal)
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
@@ -344,7 +348,14 @@ def test_a_contact_of_ones_own_carries_the_robot_and_is_checked() -> None:
     controller = standing("hrp4_class")
     robot = controller.robot
     frame = robot.sole("left_foot").frame
-    for contact in (Edge(frame), SoleContact("left_foot"), PointContact("left_hand"), FixedContact(frame)):
+    beside = PointContact("left_hand", point=(0.1, -0.05, 0.2), normal=(-0.5, 0.3, 0.7))
+    for contact in (
+        Edge(frame),
+        SoleContact("left_foot"),
+        PointContact("left_hand"),
+        beside,
+        FixedContact(frame),
+    ):
         check_rows(contact, robot)
     with pytest.raises(InputError, match="Jacobian by x"):
         check_rows(Edge(frame, scale=2.0), robot)

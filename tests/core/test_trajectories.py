@@ -157,6 +157,7 @@ def test_a_ramp_goes_along_a_quintic_and_rests_at_its_goal() -> None:
     ramp.advance(DT)
     assert ramp.value == ramp.goal == 1.0
     ramp.to(3.0, 0.1)
+    assert [ramp.after(time) for time in (0.0, 0.05, 0.1, 9.0)] == pytest.approx([1.0, 2.0, 3.0, 3.0])
     for tick in range(1, 31):
         ramp.advance(DT)
         assert ramp.value == pytest.approx(1.0 + 2.0 * minimum_jerk(min(tick * DT / 0.1, 1.0))[0])

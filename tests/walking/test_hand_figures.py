@@ -333,8 +333,8 @@ def test_a_light_robot_takes_a_smaller_force_for_a_touch(monkeypatch: pytest.Mon
 
 
 def test_the_com_goes_towards_what_a_hand_presses_by_the_moment_over_the_weight() -> None:
-    """F h / (m g) ahead, of the height of the hand over the ZMP."""
-    walking, hands = standing(ramp=0.1)
+    """F h / (m g) ahead, of the height of the hand over the ZMP, while the force grows and then."""
+    walking, hands = standing(ramp=2.0)
     hold(hands, "left_hand", AHEAD, 20.0)
     robot = walking.controller.robot
     left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
@@ -342,10 +342,15 @@ def test_the_com_goes_towards_what_a_hand_presses_by_the_moment_over_the_weight(
     place, readings = hands._places["left_hand"], np.zeros((2, 6))
     readings[0, :3] = readings[1, :3] = place.rotation.T @ (-20.0, 0.0, 0.0)
     measurement: Any = SimpleNamespace(angular_velocity=np.zeros(3), hand_wrenches=readings)
-    for _ in range(600):
-        hands.update(measurement, reference, 0.005)
     height = float(place.translation[2] - reference.pendulum.zmp[2])
-    assert hands.shift[0] == pytest.approx(20.0 * height / (robot.mass * GRAVITY), rel=1e-3)
+    lever, hand, off = height / (robot.mass * GRAVITY), hands.all["left_hand"], []
+    for force in (20.0, 40.0):
+        hands.press("left_hand", force, AHEAD, firm=True)
+        for _ in range(600):
+            hands.update(measurement, reference, 0.005)
+            off.append(hands.shift[0] / lever - hand.planned)
+        assert hands.shift[0] == pytest.approx(force * lever, rel=1e-3)
+    assert max(np.abs(off[600:])) < 0.7, "N; with a lag of 0.3 s it would be 5 N"
 
 
 def test_the_force_of_a_hand_is_the_one_that_the_qp_has_chosen_for_its_contact() -> None:

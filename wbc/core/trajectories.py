@@ -162,11 +162,15 @@ class Ramp:
     def advance(self, dt: float) -> None:
         """Advance by a period, s."""
         self._elapsed += dt
-        if self._elapsed >= self._duration:
-            self.value = self.goal
-        else:
-            share, _ = minimum_jerk(self._elapsed / self._duration)
-            self.value = self._start + share * (self.goal - self._start)
+        self.value = self.after(0.0)
+
+    def after(self, time: float) -> float:
+        """Return the value that it will have after a time, s."""
+        elapsed = self._elapsed + time
+        if elapsed >= self._duration:
+            return self.goal
+        share, _ = minimum_jerk(elapsed / self._duration)
+        return self._start + share * (self.goal - self._start)
 
 
 class Follower(Generic[ValueT]):

@@ -530,6 +530,7 @@ class PointContact(Contact):
         self,
         frame: str,
         *,
+        point: ArrayLike = (0.0, 0.0, 0.0),
         normal: ArrayLike = (0.0, 0.0, 1.0),
         friction: Positive = 0.7,
         **options: Unpack[ContactOptions],
@@ -537,14 +538,21 @@ class PointContact(Contact):
         """Describe the contact.
 
         Args:
-            frame: Frame at the point.
+            frame: Frame of the robot.
+            point: Place of the contact in the frame, shape (3,), m.
             normal: Direction from the surface to the robot, in the world, shape (3,), of any length.
             friction: Coulomb coefficient.
             **options: See `ContactOptions`.
         """
         self._friction = friction
         super().__init__(frame, frame, friction_pyramid(friction), **options)
+        self._point = finite_array(f"point of contact '{self.name}' (m)", point, (3,))
         self.normal = normal
+
+    @property
+    def point(self) -> Array:
+        """Place of the contact in the frame, shape (3,), m, read-only."""
+        return read_only(self._point)
 
     @property
     def normal(self) -> Array:
@@ -569,12 +577,16 @@ class PointContact(Contact):
 
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill the motion rows in the contact frame; see `Motion.measure`."""
-        rows = frame_jacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)[:3]
-        turn = self._world_to_contact
-        jacobian[:] = turn.dot(rows)
-        np.dot(turn, self._target.translation - self._placement.translation, out=error)
+        rows = frame_jacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)
+        arm, turn = pin.skew(self._placement.rotation.dot(self._point)), self._world_to_contact
+        jacobian[:] = turn.dot(rows[:3] - arm.dot(rows[3:]))
+        np.dot(turn, self._target.act(self._point) - self._placement.act(self._point), out=error)
 
     def drift(self) -> Array:
         """Return the acceleration of the point, shape (3,); see `Motion.drift`."""
-        motion = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)
-        return np.asarray(self._world_to_contact.dot(motion.linear))
+        model, data, world, still = self._model, self._data, pin.LOCAL_WORLD_ALIGNED, (0.0, 0.0, 0.0)
+        arm = self._placement.rotation.dot(self._point).tolist()
+        spin = pin.getFrameVelocity(model, data, self._id, world).angular.tolist()
+        motion = pin.getFrameClassicalAcceleration(model, data, self._id, world)
+        turning = add_cross(motion.linear.tolist(), motion.angular.tolist(), arm)
+        return np.asarray(self._world_to_contact.dot(add_cross(turning, spin, add_cross(still, spin, arm))))

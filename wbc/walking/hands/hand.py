@@ -149,11 +149,13 @@ class Hand:
             "motion_weight": 0.0,
             "wrench_weight": 1e-8,
         }
-        self.contact, self.grasp = PointContact(frame, **options), FixedContact(frame, **options)
+        self._axis = arm.axis()
+        # At the tip: the force on a hand that turns aside is beside its frame, and would turn it further.
+        self.contact = PointContact(frame, point=settings.length * self._axis, **options)
+        self.grasp = FixedContact(frame, **options)
         self.contact.name, self.grasp.name = f"{name} press", f"{name} grip"
         self._force = WrenchTask(self.contact, weight=WRENCH_WEIGHT)
         self._wrench = WrenchTask(self.grasp, weight=WRENCH_WEIGHT)
-        self._axis = arm.axis()
         self.direction = np.zeros(3)
         self.reading, self.tare = np.zeros(6), np.zeros(6)
         self._then = HandState.APPROACH  # state after the way to where it presses or grips
@@ -174,7 +176,11 @@ class Hand:
     @property
     def planned(self) -> float:
         """Planned force, N: the force asked for, limited to what the QP gives."""
-        return min(self.force.value, self._most)
+        return self.planned_after(0.0)
+
+    def planned_after(self, time: float) -> float:
+        """Return the planned force after a time, s, N."""
+        return min(self.force.after(time), self._most)
 
     @property
     def target(self) -> float:

@@ -39,7 +39,8 @@ from wbc.walking.hands.turn import GyroSlip
 from wbc.walking.source import Reference
 
 SHIFT_TIME = 0.15
-"""Time constant with which the CoM follows the planned forces, s, twice: its acceleration is bounded."""
+"""Time constant with which the CoM follows the planned forces, s, twice: its acceleration is bounded. It follows those
+that are planned for after twice this time, so that it does not lag behind a force that grows."""
 
 RELAX = 0.1
 """Ratio of the forces on them to which hands that grip yield while the robot stands: forces that remain when a walk
@@ -331,7 +332,7 @@ class Hands:
                 pulled += place.act(pin.Force(wrench)).vector
             elif hand.state in (HandState.HOLD, HandState.LOST):
                 felt += place.act(pin.Force(wrench)).vector
-                push = -hand.planned * hand.direction
+                push = -hand.planned_after(2.0 * SHIFT_TIME) * hand.direction
                 planned += np.concatenate((push, np.cross(place.translation, push)))
         return felt, pulled, planned
 
