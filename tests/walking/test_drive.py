@@ -31,6 +31,7 @@ from wbc.walking import (
 )
 from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm.settings import WalkSettings
+from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.lipm.walk import TURNED
 from wbc.walking.plans.reach import Leg, Reach, check_plan
 from wbc.walking.plans.sources import (
@@ -43,7 +44,6 @@ from wbc.walking.plans.sources import (
     next_steps,
 )
 from wbc.walking.source import Reference
-from wbc.walking.steering import SteeredSteps
 from wbc.walking.steps import planned_walk
 
 DT = 0.005

@@ -18,13 +18,13 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
 from wbc.walking import LoadSettings
 from wbc.walking.ground import HIGHEST, GroundEstimate
+from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.load import LAG, REST_LAG, SETTLING, HeldLoad
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import MOST_STEPS, climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.plans.reach import Leg, Reach
 from wbc.walking.plans.sources import AT_REST, Standing
-from wbc.walking.steering import SteeredSteps
 from wbc.walking.swing import HEEL_TIME, SwingFoot
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())

@@ -11,6 +11,7 @@ import pytest
 
 from wbc.base.errors import InputError
 from wbc.robots import load
+from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, check_start
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
@@ -25,7 +26,7 @@ from wbc.walking.plans.sources import (
     close_up,
     next_steps,
 )
-from wbc.walking.steering import SteeredSteps, Steering
+from wbc.walking.steering import Steering
 from wbc.walking.stepping.program import Bounds, StepProgram, Wish
 
 ROBOT = load("hrp4_class").robot()

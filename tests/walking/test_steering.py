@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 import wbc
+from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import DriveSettings, Standing, VelocityLimits
-from wbc.walking.steering import PathConstants, PathSteering, SteeredSteps, Steering
+from wbc.walking.steering import Steering
+from wbc.walking.stepping.path import PathConstants, PathSteering
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 
 DT = 0.002
@@ -229,7 +231,7 @@ def test_a_robot_beside_its_path_comes_back_to_it_at_a_speed_that_grows_with_the
         steering.rest((1.0, -2.0))
         steering.velocity, steering.goes = (speed, 0.0), True
         x, y = turned((0.02, aside), yaw)
-        back = steering._held((1.0 + x, -2.0 + y), 0.0)
+        back = steering._kept_to_path((1.0 + x, -2.0 + y), 0.0)
         along = 0.02 - speed * DT if speed == 0.0 else 0.0  # a robot that walks is never behind its path
         expected = [-own.drift_gain * part for part in (along, aside)]
         cut = [min(max(part, -own.drift_speed), own.drift_speed) for part in expected]
@@ -246,7 +248,7 @@ def test_the_path_goes_along_with_a_robot_that_walks_to_the_side_and_lags_behind
     for tick in range(1, 301):
         along = 0.05 * tick * DT
         x, y = turned((0.0, along + 0.1), yaw)
-        steering._held((1.0 + x, -2.0 + y), 0.0)
+        steering._kept_to_path((1.0 + x, -2.0 + y), 0.0)
     assert steering._path is not None
     x, y = turned((steering._path[0] - 1.0, steering._path[1] + 2.0), -yaw)
     assert x == pytest.approx(0.0, abs=1e-9)
@@ -264,7 +266,7 @@ def test_a_line_to_a_far_goal_is_held_from_where_it_began(settings: SteppingSett
     steering._wanted(start)
     for gone, aside in ((1.0, 0.02), (2.0, -0.03)):
         x, y = turned((gone, aside), yaw)
-        back = steering._held((start[0] + x, start[1] + y), 0.0)
+        back = steering._kept_to_path((start[0] + x, start[1] + y), 0.0)
         assert back[1] == pytest.approx(-own.drift_gain * aside, abs=1e-9)
 
 

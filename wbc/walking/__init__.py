@@ -2,7 +2,7 @@
 
 control     the control: what is asked of a robot, and the tick; steered: what it has in common with policies
 source      what the control follows in every tick; another one derives from `ReferenceSource`
-steering    velocities and goals, for planned and free steps
+steering    the velocity or goal that is asked for, for planned and free steps
 plans       footsteps: plans, gait, reach of the legs, and who is asked for them while the robot walks
 lipm        planned steps of position control: preview control, step adjustment
 stepping    free steps of torque and hybrid control, which are decided as the robot goes

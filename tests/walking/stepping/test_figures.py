@@ -20,11 +20,11 @@ from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import PlanSource
-from wbc.walking.steering import StepVelocity
 from wbc.walking.stepping.course import Course
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.law import Divergent, StanceAxes
+from wbc.walking.stepping.path import StepVelocity
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
 from wbc.walking.swing import SwingFoot
 

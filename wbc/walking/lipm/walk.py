@@ -33,6 +33,7 @@ from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.lipm.adjustment import FREEZE, PlannedSwing, StepAdjuster
 from wbc.walking.lipm.schedule import SupportPhase, schedule
 from wbc.walking.lipm.settings import WalkSettings, law_of
+from wbc.walking.lipm.steered_steps import PLANNED_NEAR, SteeredSteps
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading, other
 from wbc.walking.plans.reach import Extent, Reach, check_plan
 from wbc.walking.plans.sources import (
@@ -47,7 +48,7 @@ from wbc.walking.plans.sources import (
     close_up,
 )
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.steering import PLANNED_NEAR, SteeredSteps, Steering
+from wbc.walking.steering import Steering
 from wbc.walking.swing import FootMotion, SwingFoot
 
 logger = logging.getLogger(__name__)

@@ -1,4 +1,4 @@
-"""Sources of footsteps: a plan, or a planner of one's own; `wbc.walking.steering` has that of velocities and goals.
+"""Sources of footsteps: a plan, or a planner of one's own; `wbc.walking.lipm.steered_steps` has that of velocities.
 
 A source is asked again while the robot walks, and answers with the steps from where the feet stand then. An answer
 without steps is a stand. Sources are exchanged at any time; the step that has begun is finished.

@@ -7,7 +7,7 @@
 
     felt.take(state)                        state, contact point and DCM of the robot       `felt`
     stand.joined, pushed, shift             on both feet: does a step begin?                `double_support`
-    steering.update → Asked                 velocity or footsteps that are asked for        `wbc.walking.steering`
+    steering.update → Asked                 velocity or footsteps that are asked for        `path`
     step.update(asked)                      on one foot: time, place, contact of the swing  `single_support`
         decision.decide(state, wish)        where and when the foot lands                   `decision`, `program`
         touch.bears, rubs, is_to_carry      whether it has landed, and is to carry          `touch`
@@ -35,10 +35,10 @@ from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import Extent, Reach, over
 from wbc.walking.plans.sources import REPLAN, FootstepSource, PlanSource, Standing, Velocity, answer_of
 from wbc.walking.source import Progress, Reference, ReferenceSource
-from wbc.walking.steering import PathSteering, StepVelocity
 from wbc.walking.stepping.course import Course
 from wbc.walking.stepping.double_support import DoubleSupport
 from wbc.walking.stepping.felt import BodyReader, BodyState, Felt, Frames
+from wbc.walking.stepping.path import PathSteering, StepVelocity
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 from wbc.walking.stepping.single_support import Asked, SingleSupport
 from wbc.walking.swing import FootMotion

@@ -21,11 +21,11 @@ from wbc.core.robot import SIDES
 from wbc.walking.contact import Event, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.steering import StepVelocity
 from wbc.walking.stepping.course import Course, PhaseReference
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.felt import Felt, Frames
 from wbc.walking.stepping.law import SIDE, SIDEWAYS, Orbit, StanceAxes
+from wbc.walking.stepping.path import StepVelocity
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, swing_shape
 from wbc.walking.stepping.touch import SwingTouch
 from wbc.walking.swing import RISE, SwingFoot

@@ -1,0 +1,228 @@
+"""Planned steps of a robot that is steered: footsteps of a velocity within the reach of the legs, or to a goal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from wbc.core.robot import SIDES
+from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other
+from wbc.walking.plans.gait import Gait, pace
+from wbc.walking.plans.planners import opens, steps_along
+from wbc.walking.plans.reach import Reach
+from wbc.walking.plans.sources import AT_REST, DriveSettings, FootstepSource, Standing, Velocity, close_up
+from wbc.walking.steering import Steering
+
+LEADER_TURN = 4.0 / 3.0
+"""Turn of the outer foot over that of the step; the inner one takes 2/3 and turns inwards."""
+
+TURN_REACH = 0.9
+"""Ratio of the greatest turn of a foot that steps may use."""
+
+TRIES = 2
+"""Landings beside a goal after which a robot stands as near to it as its landings are to their plans."""
+
+AHEAD, STOPPING = 4, 0.1
+"""Steps that are planned ahead, before the one that closes up; length of a step above which a robot that is to stop
+takes a shorter one before it closes up, m: no step of a robot of half a metre is as long."""
+
+PLANNED_NEAR, PLANNED_ARRIVED = 0.6, (0.02, 0.05)
+"""Distance from which on a goal is walked to face first, m; distance and turn from which on it is reached, m and rad,
+by planned steps, which land where they are planned."""
+
+SETTING_OFF = 0.5
+"""Time whose change of velocity a robot that stands sets off with, s."""
+
+
+class SteeredSteps(FootstepSource):
+    """Footsteps of a robot that is steered.
+
+    Sideways the foot on the side of the motion opens by two steps' worth and the other one closes; in turns the outer
+    foot takes the greater part. The last steps to a goal have its heading.
+
+    Attributes:
+        steering: What is asked for.
+        granted: Velocity of the present plan: the commanded one, limited in change, by the settings and by the reach of
+            the legs.
+        pace: Speed of the gait (`SPEEDS`), m/s: that of the velocity.
+    """
+
+    granted: Velocity
+    to_check = 0
+
+    def __init__(
+        self,
+        reach: Reach,
+        settings: DriveSettings | None = None,
+        steering: Steering | None = None,
+        granted: Velocity = AT_REST,
+        pace: float = 0.0,
+    ) -> None:
+        """Stand; `granted` and `pace` are those of the robot now."""
+        self.settings = s = settings or DriveSettings()
+        self.steering = steering or Steering(s.limits, PLANNED_NEAR)
+        self.granted, self.pace = granted, pace
+        self._wish: Velocity = granted  # before the limits of the reach
+        self._asked: tuple[Velocity, float, Gait] | None = None  # last asked of the reach
+        self._share = 1.0  # of that velocity within reach
+        self._reach = reach
+        self._time: float | None = None
+        self._stop: int | None = None  # steps begun when the stop was commanded
+        self._goal: Place | None = None  # last one
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin to walk to a goal."""
+        self._stops = False  # the goal has been reached by feet that stride
+        self._aim: tuple[int, Footstep] | None = None  # number and place of the step that was planned last
+        self._missed = dict.fromkeys(SIDES, 0.0)  # distance of a foot from where it was to land, m
+        self._beside, self._tries = False, 0  # no further from the goal than that; landings there
+
+    @property
+    def order(self) -> object:  # type: ignore[override]
+        """Velocity and goal that are asked for."""
+        return self.steering.target, self.steering.goal
+
+    def footsteps(self, now: Standing) -> FootstepPlan:
+        """See `FootstepSource`."""
+        past, self._time = self._time, now.time
+        steering = self.steering
+        if steering.goal is None:
+            wanted = steering.target or AT_REST
+        else:
+            wanted = self._towards_goal(now)
+            if wanted == AT_REST and now.first is None:
+                steering.goal = None  # it stands there
+        if wanted == AT_REST:
+            plan = self._stopping(now)
+        else:
+            self._stop = None
+            self._ramp(wanted, 0.0 if past is None else now.time - past)
+            _, left, turn = wanted
+            side = now.first or ("right" if (left or turn) < 0.0 else "left")
+            asked = self._wish, now.start.spacing, now.start.gait
+            if asked != self._asked:  # a constant velocity keeps its ratio within reach
+                self._asked, (self.pace, self._share) = asked, self._fit(*asked)
+            forward, left, turn = self._wish
+            self.granted = self._share * forward, self._share * left, self._share * turn
+            gait = Gait.at_speed(self.pace, now.start.gait)
+            cycle = gait.cycle
+            dx, dy, turn = (cycle * part for part in self.granted)
+            plan = replace(now.start, gait=gait, steps=_steps(now.start, side, [(dx, dy, turn)] * AHEAD))
+        self._aim = (now.begun, plan.steps[0]) if plan.steps else None
+        return plan
+
+    def _ramp(self, wanted: Velocity, time: float) -> None:
+        """Let the velocity wished for follow the one that is asked for, for a time (s)."""
+        if self.granted == AT_REST:
+            time = SETTING_OFF
+        parts = [
+            now + max(-rate * time, min(rate * time, part - now))
+            for now, part, rate in zip(
+                self._wish, self.steering.limited(wanted), self.settings.acceleration, strict=True
+            )
+        ]
+        self._wish = (parts[0], parts[1], parts[2])
+
+    def _stopping(self, now: Standing) -> FootstepPlan:
+        """Come to a stand: a shorter step where the last one was long, then the foot that closes up."""
+        if self._stop is None:
+            self._stop = now.begun - now.swings  # the step that has begun is the first of two
+        gait = Gait.at_speed(self.pace, now.start.gait)
+        start = replace(now.start, gait=gait)
+        cycle = gait.cycle
+        dx, dy, turn = (0.5 * cycle * part for part in self.granted)
+        last = now.begun - self._stop > 0 or math.hypot(2.0 * dx, 2.0 * dy) < STOPPING
+        if now.first is not None and not last:
+            return replace(start, steps=_steps(start, now.first, [(dx, dy, turn)]))
+        self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
+        return start if now.first is None else close_up(start, now.first)
+
+    def _towards_goal(self, now: Standing) -> Velocity:
+        """Return the velocity towards the goal, at most what the next two steps need; zero where it is reached."""
+        s, start, steering = self.settings, now.start, self.steering
+        if steering.goal != self._goal:
+            self._goal = steering.goal
+            self._forget()
+        if self._aim is not None and now.begun - now.swings > self._aim[0]:
+            aim = self._aim[1]
+            landed = start.foot(aim.side)
+            self._missed[aim.side] = math.hypot(landed.x - aim.x, landed.y - aim.y)
+            self._tries += self._beside
+        px, py, heading = start.middle
+        if now.first is not None:  # feet that stride: the middle is beside the foot that stands
+            px, py, heading = start.foot(other(now.first)).middle(start.spacing)
+        away, turn = steering.away((px, py), heading)
+        # Feet that close up may stay where they are by as much as `CLOSED`: a stand is no worse for that.
+        more = CLOSED if self._stops and now.first is None else (0.0, 0.0)
+        near, missed = PLANNED_ARRIVED[0] + more[0], max(self._missed.values())
+        self._beside = away < near + missed
+        if self._tries >= TRIES:  # a robot whose landings are always put off would march for ever
+            near += missed
+        self._stops = away < near and abs(turn) < PLANNED_ARRIVED[1] + more[1]
+        if self._stops:
+            return AT_REST
+        gait = Gait.for_speed(self.granted, start.gait)
+        two = 2.0 * gait.cycle
+        return steering.approach((px, py), heading, two, s.fastest[0], None)
+
+    def _fit(self, velocity: Velocity, spacing: float, gait: Gait) -> tuple[float, float]:
+        """Return the speed of the gait for a velocity, and the greatest ratio of the velocity within reach."""
+        speed = pace(velocity)
+        strains = self._strains(
+            velocity, speed, gait, 1.0
+        )  # what the whole velocity does not, no part of it does
+        if not strains and self._within(velocity, speed, spacing, gait, 1.0):
+            return speed, 1.0
+        low, high = 0.0, 1.0
+        for _ in range(8):
+            middle = 0.5 * (low + high)
+            if self._within(velocity, speed, spacing, gait, middle) and not (
+                strains and self._strains(velocity, speed, gait, middle)
+            ):
+                low = middle
+            else:
+                high = middle
+        return speed, low
+
+    def _strains(self, velocity: Velocity, speed: float, gait: Gait, share: float) -> bool:
+        """True if steps with the ratio `share` of a velocity take more than hip and knee give in their time."""
+        gait = Gait.at_speed(speed, gait)
+        dx, dy, _ = (share * gait.cycle * part for part in velocity)
+        return self._reach.effort(gait, -dx, dx, 2.0 * dy) > 1.0
+
+    def _within(self, velocity: Velocity, speed: float, spacing: float, gait: Gait, share: float) -> bool:
+        """True if both feet's steps with the ratio `share` of a velocity are within reach, and no soles overlap."""
+        r, s = self._reach, self.settings.reach
+        gait = Gait.at_speed(speed, gait)
+        cycle = gait.cycle
+        dx, dy, turn = (share * cycle * part for part in velocity)
+        wider = s * (r.max_spacing - spacing)
+        outer = LEADER_TURN * abs(turn)  # the inner foot may turn half as far, and does
+        # Steps that are long and wide at once take more of the hip than each alone.
+        effort = (dx / (s * r.max_length)) ** 2 + (2.0 * dy / max(wider, 1e-6)) ** 2
+        if effort > 1.0 or outer > TURN_REACH * r.max_yaw:
+            return False
+        for side in SIDES:
+            stance = Footstep(other(side), 0.0, 0.0)
+            (step,) = steps_along(
+                stance.middle(spacing), 0.0, spacing, side, [(dx, dy, turn)], _shares, close=False
+            )
+            forward, left, _, _ = step.seen_from(stance)
+            far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= r.max_spacing
+            if far or r.overlap(stance, step):
+                return False
+        return True
+
+
+def _shares(side: str, left: float, turn: float) -> tuple[float, float]:
+    return 2.0 * opens(side, left), LEADER_TURN if opens(side, turn) else 2.0 - LEADER_TURN
+
+
+def _steps(
+    start: FootstepPlan, side: str, moves: Sequence[tuple[float, float, float]]
+) -> tuple[Footstep, ...]:
+    """Steps from the foot that stands, and the one that closes up."""
+    stance = start.foot(other(side))
+    return steps_along(stance.middle(start.spacing), stance.z, start.spacing, side, moves, _shares)

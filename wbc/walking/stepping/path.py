@@ -1,0 +1,240 @@
+"""Velocity of free steps: that of the steering, limited in change, and the way back to the path that it asks for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+from wbc.base.numbers import lag_gain
+from wbc.base.vectors import Point, along
+from wbc.walking.plans.footsteps import Place
+from wbc.walking.plans.reach import Extent
+from wbc.walking.plans.sources import AT_REST, Velocity, VelocityLimits
+from wbc.walking.steering import Steering
+from wbc.walking.stepping.law import SIDEWAYS, Pace
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
+
+
+@dataclass(frozen=True, slots=True)
+class PathConstants:
+    """Constants of the steering of free steps, in units of the robot."""
+
+    near: Annotated[float, "h"] = 0.8  # a goal within it is walked to without being faced: turns cost steps
+    # Angle from the line to a far goal to the goal from which on a new line is begun: ground turned the robot aside.
+    astray: Annotated[float, "rad"] = 0.8
+    goal_time: Annotated[float, "1/ω"] = 4.0  # of the approach to a near goal, some two steps
+    arrived: Annotated[float, "h"] = 0.15  # what steps reach: landings serve the balance
+    arrived_turn: Annotated[float, "rad"] = 0.15
+    slow_turn: Annotated[float, "ω"] = (
+        0.05  # from which on steps become quick: headings turn as a foot stands
+    )
+    path_lag: Annotated[float, "1/ω"] = 2.0  # of the path behind a robot that walks sideways or turns
+    speed_lag: Annotated[float, "1/ω"] = 8.0  # of the velocity by which the robot falls short
+    # Greatest one: where feet carry is known to centimetres; twice if fast.
+    speed_bias: Annotated[float, "hω"] = 0.08
+    drift_gain: Annotated[float, "ω"] = 0.124  # of the way back to the path
+    drift_speed: Annotated[float, "hω"] = 0.041
+    turned: Annotated[float, "rad"] = 0.35  # of the pelvis from the heading, at most: a push may turn it
+
+
+class StepVelocity(NamedTuple):
+    """Velocity of the next steps."""
+
+    velocity: Point  # forward and left, m/s
+    go: bool  # true if the robot is to walk; False brings it to a stand
+    made_up: float = 0.0  # part of the forward velocity that offsets of ξ make up, and no longer steps, m/s
+
+
+class PathSteering(Steering):
+    """Steering of free steps: their velocity at every tick, held to a path.
+
+    Attributes:
+        heading: Heading of the pelvis and of the next steps, rad.
+        direction: Cosine and sine of the heading.
+        velocity: Velocity of the steps now, forward and left, m/s.
+        turn: Turn of the steps now, rad/s.
+        goes: False for a robot that is to stand.
+        held: Width of the soles that has held in the last steps, of that from which on steps are slow; 1 at most.
+        follows: True while the steps are footsteps that are given.
+        climbs: Height to the next stair of these, up or down, m; 0 on the level.
+    """
+
+    def __init__(
+        self,
+        settings: SteppingSettings,
+        scale: RobotSize,
+        constants: SteppingConstants,
+        heading: float,
+        dt: float,
+        extent: Extent | None = None,
+        held: float = 0.0,
+    ) -> None:
+        """Stand, with settings and constants of the law in SI units, on a ground of an extent, m, and `held` by it."""
+        self._sole, self._plan_time, self._held_gain = scale.sole, constants.plan_time, constants.held_gain
+        self._s, self._c, self._dt = settings, in_si(PathConstants(), scale), dt
+        self._pace = pace = Pace.of(constants, settings, scale)
+        self._path_gain = lag_gain(dt, self._c.path_lag)
+        self.turn_to(heading)
+        self.velocity: Point = (0.0, 0.0)
+        self.turn = 0.0
+        self.held, self.goes, self.follows, self.climbs = held, True, False, 0.0
+        self._path: Point | None = None
+        self._line: tuple[Point, float] | None = None  # start and direction of the line to a far goal
+        self._goal: Place | None = None  # to which that line leads
+        self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
+        aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
+        forward = pace.fastest(settings.step_time)
+        back = min(settings.fastest_back, forward)
+        super().__init__(VelocityLimits(forward, back, aside, settings.fastest_turn), self._c.near, extent)
+
+    @property
+    def step_time(self) -> float:
+        """Time T of a step at this velocity, s."""
+        return self._pace.time(self.velocity[0], self._slow)
+
+    @property
+    def fast_share(self) -> float:
+        """Share from 0 to 1 by which the walk is a fast one: 1 from twice the speed on at which hips decide."""
+        return min(max(abs(self.velocity[0]) / self._pace.quick - 1.0, 0.0), 1.0)
+
+    @property
+    def _slow(self) -> float:
+        """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
+        s = self._s
+        if self.follows:
+            if self.climbs < 0.0:
+                return s.slow_time
+            held = 1.0 if self.climbs else self.held
+            return s.step_time + held * max(min(self._plan_time, s.slow_time) - s.step_time, 0.0)
+        brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
+        slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.goes else 0.0
+        return s.step_time + slow * (s.slow_time - s.step_time)
+
+    def rest(self, place: Point) -> None:
+        """Start again from a stand at a place, m."""
+        self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
+        self.follows = False
+
+    def land(self, held: float) -> None:
+        """Take in a landing: the width of the sole that has held, of that from which on steps are slow."""
+        less, more = self._held_gain
+        self.held += (less if held < self.held else more) * (held - self.held)
+
+    def climb(self, height: float) -> None:
+        """Take the height to the next stair of the footsteps to come, m; 0 on the level."""
+        self.climbs = height
+
+    def follow_footsteps(self) -> None:
+        """Take the time of steps that footsteps take, from the shift of the weight before them on."""
+        self.follows = True
+
+    def along(self, velocity: Point, heading: float) -> None:
+        """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
+        self.follow_footsteps()
+        self.goes = True
+        self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
+        most = self._s.fastest_turn * self._dt
+        self.turn_to(self.heading + min(max(math.remainder(heading - self.heading, math.tau), -most), most))
+
+    def turn_to(self, heading: float) -> None:
+        """Set the heading, rad."""
+        self.heading, self.direction = heading, (math.cos(heading), math.sin(heading))
+
+    def turn_with(self, heading: float) -> None:
+        """Go on from where the pelvis faces, rad, if something has turned it far from the heading.
+
+        Feet that held on to the heading would cross beneath it.
+        """
+        off = math.remainder(heading - self.heading, math.tau)
+        if abs(off) > self._c.turned:
+            self.turn_to(self.heading + off - math.copysign(self._c.turned, off))
+
+    def arrives(self, place: Point) -> bool:
+        """Return True, and drop the goal, if it is reached at a place, m."""
+        if self.goal is None:
+            return False
+        distance, turn = self.away(place, self.heading)
+        if distance >= self._c.arrived or abs(turn) >= self._c.arrived_turn:
+            return False
+        self.goal = None
+        return True
+
+    def overruns(self, place: Point) -> bool:
+        """Return True if a robot at a place, m, could soon stop no more on the ground with the commanded velocity."""
+        if self.extent is None or self.target is None:
+            return False
+        x, y, _ = self.limited(self.target)
+        u, v = self.velocity if any(self.velocity) else (x, y)
+        (cos, sin), (length, width), s = self.direction, self._sole, self._s
+        stop = math.hypot(u, v) / (2.0 * s.acceleration) + s.step_time  # s, at this velocity
+        width += max(0.5 * s.width, s.gap + abs(v) * s.step_time / SIDEWAYS)  # feet that come apart
+        ends = self.extent[:2], self.extent[2:]
+        for at, (low, high), (a, b) in zip(place, ends, ((cos, -sin), (sin, cos)), strict=True):
+            towards, ahead = a * x + b * y, stop * (a * u + b * v)
+            room = abs(a) * length + abs(b) * width
+            if (towards > 0.0 and at + ahead + room > high) or (towards < 0.0 and at + ahead - room < low):
+                return True
+        return False
+
+    def update(self, place: Point, speed: Point) -> StepVelocity:
+        """Return the velocity of the next steps, from place (m) and speed (m/s) of the CoM in the world."""
+        s, dt, self.follows = self._s, self._dt, False
+        forward, left, turn = self._wanted(place)
+        change = s.acceleration * dt
+        x, y = self.velocity
+        x += min(max(forward - x, -change), change)
+        y += min(max(left - y, -change), change)
+        self.velocity, self.turn = (x, y), turn
+        self.turn_to(self.heading + turn * dt)
+        held = self._kept_to_path(place, turn)
+        self._make_up(held, speed)
+        self.goes = self.pending
+        return StepVelocity((held[0] + self._missing, held[1]), self.pending, self.fast_share * self._missing)
+
+    def _wanted(self, place: Point) -> Velocity:
+        """Return the velocity that target or goal ask for, within the limits."""
+        if self.goal != self._goal:
+            self._goal, self._line = self.goal, None
+        if self.goal is None:
+            return AT_REST if self.target is None else self.limited(self.target)
+        c, (x, y, _), (distance, _) = self._c, self.goal, self.away(place, self.heading)
+        if distance > c.near:
+            straight = math.atan2(y - place[1], x - place[0])
+            if self._line is None or abs(math.remainder(straight - self._line[1], math.tau)) > c.astray:
+                self._line = place, straight
+        else:
+            self._line, self._path = None, place  # a near goal is walked to as one stands
+            if self.arrives(place):
+                return AT_REST
+        towards = None if self._line is None else self._line[1]
+        return self.limited(self.approach(place, self.heading, c.goal_time, self._s.cruise, towards))
+
+    def _kept_to_path(self, place: Point, turn: float) -> Point:
+        """Return the velocity of the steps plus the one back to the path, whose point moves on beside the robot."""
+        c, (x, y) = self._c, self.velocity
+        cos, sin = self.direction
+        if self._line is not None:
+            (from_x, from_y), direction = self._line
+            way_x, way_y = math.cos(direction), math.sin(direction)
+            gone = way_x * (place[0] - from_x) + way_y * (place[1] - from_y)
+            self._path = from_x + way_x * gone, from_y + way_y * gone
+        path = place if self._path is None else self._path
+        path = (path[0] + (cos * x - sin * y) * self._dt, path[1] + (sin * x + cos * y) * self._dt)
+        ahead, aside = along(self.direction, place[0] - path[0], place[1] - path[1])
+        # A robot that walks is never behind its path; one that walks sideways or turns takes it along.
+        taken = 0.0 if x == 0.0 and y == 0.0 and turn == 0.0 else ahead
+        across = 0.0 if y == 0.0 and turn == 0.0 else aside * self._path_gain
+        self._path = (path[0] + cos * taken - sin * across, path[1] + sin * taken + cos * across)
+        most = c.drift_speed
+        back = -c.drift_gain * (ahead - taken), -c.drift_gain * aside
+        return x + min(max(back[0], -most), most), y + min(max(back[1], -most), most)
+
+    def _make_up(self, asked: Point, speed: Point) -> None:
+        """Integrate the velocity by which the robot falls short, forward: where feet carry is known to centimetres."""
+        c, (cos, sin) = self._c, self.direction
+        short = asked[0] - cos * speed[0] - sin * speed[1]
+        # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
+        lag = c.speed_lag * (self._slow / self.step_time) ** 4
+        missing, most = self._missing + short * self._dt / lag, (1.0 + self.fast_share) * c.speed_bias
+        self._missing = min(max(missing, -most), most)
