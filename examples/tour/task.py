@@ -15,7 +15,7 @@ from generator import Generator
 from model import ARMATURE, ARMS, JOINTS
 
 import wbc
-from wbc.sim.walks.meter import Vibration
+from wbc.sim.walks.meter import vibration
 
 SECONDS, POINTS, SEGMENT = 90.0, 18, 5.0
 """Time of a run, s; number of waypoints, and the time for each of them, s."""
@@ -168,18 +168,19 @@ class Effort:
             for group, parts in GROUPS.items()
         }
         self.energy = np.zeros(len(joint_names))
-        self._vibration = Vibration(len(joint_names), COMMANDS)
+        self._velocities: list[np.ndarray] = []
 
     def add(self, torque: np.ndarray, velocity: np.ndarray) -> None:
         """Add a sample: torques, shape (na,), Nm, and velocities, shape (na,), rad/s, of the joints."""
         self.energy += np.abs(torque * velocity) * COMMANDS
-        self._vibration.add(velocity)
+        self._velocities.append(velocity.copy())
 
     def by_group(self) -> dict[str, dict[str, float]]:
         """Return energy, J, and vibration, rad/s², of each group of joints."""
+        rattle = vibration(np.reshape(self._velocities, (-1, len(self.energy))), COMMANDS)
         return {
             name: {group: round(float(values[columns].sum()), 3) for group, columns in self._groups.items()}
-            for name, values in (("energy", self.energy), ("vibration", self._vibration.value))
+            for name, values in (("energy", self.energy), ("vibration", rattle))
         }
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wbc.base.hull import hull_and_area
 from wbc.base.numbers import Array
@@ -45,6 +46,9 @@ that rests shakes and rolls at some 0.02 m/s."""
 SAMPLE = 0.02
 """Period over which accelerations of joints are differences of velocities, for the vibration, s."""
 
+LEAST_WAY = 0.05
+"""Shortest distance for which a cost of transport and a speed are told, m."""
+
 MIN_FORCE = 1.0
 """Normal force below which a contact does not count, N."""
 
@@ -81,27 +85,13 @@ class _Moment(NamedTuple):
         return math.atan2(side, up), -math.asin(min(1.0, max(-1.0, down)))
 
 
-class Vibration:
-    """Sum of the changes of the joints' accelerations from sample to sample; an acceleration is that of two samples.
+def vibration(velocities: ArrayLike, period: float) -> Array:
+    """Return the sums of the changes of joints' accelerations from sample to sample, shape (na,), rad/s².
 
-    Attributes:
-        value: Sum of each joint, rad/s².
+    An acceleration is the difference of two samples of the velocities, shape (na,), rad/s, over their period, s.
     """
-
-    def __init__(self, joints: int, period: float) -> None:
-        """Begin without a sample, for a number of joints and the time from sample to sample, s."""
-        self.value, self._period = np.zeros(joints), period
-        self._velocity: Array | None = None
-        self._acceleration: Array | None = None
-
-    def add(self, velocity: Array) -> None:
-        """Add a sample of the joints' velocities, shape (na,), rad/s."""
-        if self._velocity is not None:
-            acceleration = (velocity - self._velocity) / self._period
-            if self._acceleration is not None:
-                self.value += np.abs(acceleration - self._acceleration)
-            self._acceleration = acceleration
-        self._velocity = velocity.copy()
+    found: Array = np.abs(np.diff(velocities, 2, axis=0)).sum(axis=0) / period
+    return found
 
 
 class WalkMeter(TrialHook):
@@ -126,7 +116,9 @@ class WalkMeter(TrialHook):
         self._effort: list[float] = []
         self.work = np.zeros(plant.robot.na)  # of each joint, the negative counted as positive, J
         self._ticks, self._every = 0, max(1, round(SAMPLE / plant.control_period))
-        self._vibration = Vibration(plant.robot.na, self._every * plant.control_period)
+        self._sample = self._every * plant.control_period
+        self._velocities: list[Array] = []  # of the joints, a sample
+        self._places: list[Sequence[float]] = []  # of the base, a sample
         self._slip = 0.0
         self._soles: list[tuple[Array, Array, Array] | None] = [None, None]
         self._impact: float | None = None
@@ -166,7 +158,8 @@ class WalkMeter(TrialHook):
         self.work += np.abs(torque * velocity) * plant.control_period
         self._effort.append(float(share.max()))
         if self._ticks % self._every == 0:
-            self._vibration.add(velocity)
+            self._velocities.append(velocity.copy())
+            self._places.append(plant.base_pose[:2])
         self._ticks += 1
 
     def _record_slip(self, wrenches: list[list[float]]) -> None:
@@ -288,12 +281,13 @@ class WalkMeter(TrialHook):
             "dcm_error_max": max(self._dcm, default=None),
             "peak_torque_ratio": float(self._peak[worst]),
             "peak_torque_joint": self._plant.robot.joint_names[worst],
+            "speed": self._speed(),
             "torque_ratio": spread(self._effort),
             "energy": Energy(
                 float(self.work[legs := self._plant.robot.leg_joints].sum()),
                 float(np.delete(self.work, legs).sum()),
             ),
-            "vibration": float(self._vibration.value.sum()),
+            "vibration": float(vibration(self._velocities, self._sample).sum()),
             "slip": self._slip,
             "touchdowns": Touchdowns(
                 count[Event.EARLY_TOUCH_DOWN],
@@ -307,6 +301,14 @@ class WalkMeter(TrialHook):
             "sole_pitch": spread(self._pitch),
             "contact_area": spread(self._area),
         }
+
+    def _speed(self) -> float | None:
+        """Return the mean speed over the middle half of the way from the start, m/s; None for hardly any way."""
+        ways = np.linalg.norm(np.subtract(self._places, self._places[:1]).reshape(-1, 2), axis=1)
+        if not (ways.size and ways[-1] >= LEAST_WAY):
+            return None
+        first, last = (int(np.argmax(ways >= share * ways[-1])) for share in (0.25, 0.75))
+        return float((ways[last] - ways[first]) / ((last - first) * self._sample))
 
 
 def spread(values: list[float]) -> Spread:

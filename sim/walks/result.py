@@ -129,6 +129,8 @@ class WalkResult(TrialResult):
         diverged: Reason why the simulation has diverged; None while it has not.
         distance: Displacement of the feet along their first heading, m.
         drift: Displacement of the feet to the left, m.
+        speed: Mean speed of the base over the middle half of its distance from the start, without setting off and
+            stopping; None for a robot that is less than 0.05 m from its start.
         yaw_error: Heading of the pelvis minus that of the reference, rad.
         goal_error: Distance of the middle of the feet from that of the plan's last stand, m; None for a driven walk.
         track_error: Greatest distance of that middle from the planned track, m; None for a driven walk.
@@ -175,6 +177,7 @@ class WalkResult(TrialResult):
     diverged: str | None
     distance: Annotated[float, "m"]
     drift: Annotated[float, "m"]
+    speed: Annotated[float, "m/s"] | None
     yaw_error: Annotated[float, "rad"]
     goal_error: Annotated[float, "m"] | None
     track_error: Annotated[float, "m"] | None

@@ -32,7 +32,7 @@ from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.arrival import Arrival, middle
-from wbc.sim.walks.meter import WalkMeter
+from wbc.sim.walks.meter import LEAST_WAY, WalkMeter
 from wbc.sim.walks.plan import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
 from wbc.sim.walks.presets import over, plan_over
@@ -48,9 +48,6 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.steered import SteeredControl
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
-LEAST_WAY = 0.05
-"""Shortest distance for which a cost of transport is told, m."""
-
 FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
 
 

@@ -35,7 +35,7 @@ class Made:
             leg_joints=[1],
         )
         self.time, self.joint_torque, self.joint_velocity = 0.0, np.zeros(2), np.zeros(2)
-        self.rotation, self.slid = np.eye(3), np.zeros(3)
+        self.rotation, self.slid, self.base_pose = np.eye(3), np.zeros(3), (0.0, 0.0)
         self.contacts: list[tuple[tuple[float, float, float], float, int]] = []
         self.progress: Any = SimpleNamespace(
             swing=None, stance=0, steps_done=0, phase=GaitPhase.DOUBLE, elapsed=0.0, duration=1.0
@@ -232,6 +232,23 @@ def test_vibration_is_the_sum_of_the_changes_of_accelerations_in_samples_of_20_m
     samples = velocities[::2]  # of periods of 10 ms
     changes = np.diff(np.diff(samples, axis=0) / 0.02, axis=0)
     assert made.figures()["vibration"] == pytest.approx(np.abs(changes).sum())
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0])
+def test_the_speed_is_that_over_the_middle_half_of_the_distance_from_the_start(turn: float) -> None:
+    """Setting off and stopping, each a quarter of the way, do not count, nor does the time that the robot stands."""
+    made, way = Made(), 0.0
+    assert made.figures()["speed"] is None
+    for speed, seconds in ((0.0, 0.3), (0.5, 1.0), (1.0, 1.0), (0.25, 2.0), (0.0, 0.5)):
+        for _ in range(round(seconds / PERIOD)):
+            way += speed * PERIOD
+            made.base_pose = (3.0 + way * math.cos(turn), way * math.sin(turn) - 1.0)
+            made.meter.after(None)  # type: ignore[arg-type]
+    assert made.figures()["speed"] == pytest.approx(1.0, rel=0.03)  # samples of 20 ms
+    still = Made()
+    for _ in range(10):
+        still.meter.after(None)  # type: ignore[arg-type]
+    assert still.figures()["speed"] is None
 
 
 def test_slip_is_the_way_of_the_point_of_a_loaded_sole_at_its_centre_of_pressure() -> None:

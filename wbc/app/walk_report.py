@@ -83,7 +83,8 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
         landing += f"; at most {result.impact:.2f} x weight"
     lines += [
         f"  distance  {result.distance:.2f} m, {100 * result.drift:+.1f} cm to the left, heading off by "
-        f"{math.degrees(result.yaw_error):+.1f}°",
+        f"{math.degrees(result.yaw_error):+.1f}°"
+        + ("" if result.speed is None else f", {result.speed:.2f} m/s over its middle half"),
         *errors,
         *([] if spec.trained is not None else [landing]),
         f"  torque    up to {100 * result.peak_torque_ratio:.0f} % of its limit ({result.peak_torque_joint})",
