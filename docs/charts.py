@@ -145,7 +145,7 @@ def draw_soles(path: Path) -> None:
     rows = table("measured_floors.md", "Walks that arrive:")
     soles = ["own flat sole", "rigid", "soft", "variable"]
     figure, axis = plt.subplots(figsize=(8.4, 2.4), layout="constrained")
-    observers = (("older", "older observer, of 8", 8, ORANGE, -0.12), ("newer", "of 20", 20, BLUE, 0.12))
+    observers = (("B", "version B, of 8", 8, ORANGE, -0.12), ("C", "of 20", 20, BLUE, 0.12))
     for name, row, layouts, colour, shift in observers:
         cells = next(cells for floor, *cells in rows if floor == f"1e6 N/m³, {row}")
         places = np.arange(len(soles)) + shift
@@ -153,7 +153,7 @@ def draw_soles(path: Path) -> None:
             done, count = int(sum(found)), layouts * len(found)
             low, high = share_interval(done, count)
             axis.plot([100.0 * low, 100.0 * high], [place, place], color=colour, lw=1.8)
-            label = f"{name} observer" if place == places[0] else None
+            label = f"version {name} of the observer" if place == places[0] else None
             axis.plot(100.0 * done / count, place, "o", color=colour, label=label)
     axis.set_yticks(range(len(soles)), soles, fontsize=9)
     axis.set_ylim(len(soles) - 0.5, -0.5)
@@ -182,7 +182,7 @@ def draw_pairs(path: Path, corner: str, label: str, legends: tuple[str, str]) ->
 
 def draw_sinking(path: Path) -> None:
     """Error of the estimated height on floors that give."""
-    legends = "observer that takes feet for fixed", "observer that knows the compliance"
+    legends = "version A: feet do not sink", "version C: feet sink"
     draw_pairs(path, "Error of the height at the end, mm", "error of the height (mm)", legends)
 
 

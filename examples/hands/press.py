@@ -49,7 +49,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         trial.advance(options.hold, look)
         trial.stage = "done"
 
-    spans = np.array(given[: len(given) // 20 * 20]).reshape(-1, 20).mean(axis=1)  # over 0.1 s each
+    count = round(0.1 / plant.control_period)
+    spans = np.array(given[: len(given) // count * count]).reshape(-1, count).mean(axis=1)  # over 0.1 s each
     steady = float(np.mean(np.abs(spans - options.force) <= 0.1 * options.force))
     asked = {"on": options.on, "force_N": options.force, "lost": hands.lost}
     force = {"mean_N": spans.mean(), "least_N": spans.min(), "greatest_N": spans.max(), "steady": steady}

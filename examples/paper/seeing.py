@@ -1,7 +1,7 @@
 """Softness or sight: how seeing and blind walks end, as a small table, and its figure.
 
 python examples/paper/seeing.py JOURNAL …   writes seeing.csv from journals of the studies seeing and seeing_high
-python examples/paper/seeing.py             prints what the default sole and sight add
+python examples/paper/seeing.py             prints what the default sole, a camera and range sensors at the toes add
 python examples/paper/figures.py sight      draws it
 """
 
@@ -51,6 +51,7 @@ GAINS = (
     (("long arch 5", "depth"), ("long arch 5", "none")),
     (("long arch 5", "depth"), ("rigid", "depth")),
     (("long arch 5", "depth"), ("rigid", "none")),
+    *(((sole, "toes"), (sole, "none")) for sole in ("long arch 5", "rigid", "soft 5", "soft 80")),
 )
 """Soles and eyes that are compared: the first with the second."""
 
@@ -62,6 +63,8 @@ def gains() -> str:
         done = 100.0 * (part["outcome"] == "completed")
         of = done.groupby([part["sole"], part["eyes"], part["family"], part["seed"]]).mean()
         for one, other in GAINS:
+            if not {one, other} <= {*zip(part["sole"], part["eyes"], strict=True)}:
+                continue
             found = (of[one] - of[other]).dropna()
             families = found.index.get_level_values("family")
             each, p = mean_interval(found.tolist(), families), sign_flip_p(found.tolist(), families)
