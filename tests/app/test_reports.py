@@ -52,6 +52,7 @@ WALKED = WalkResult(
     diverged=None,
     distance=1.25,
     drift=-0.031,
+    speed=0.126,
     yaw_error=0.1,
     goal_error=0.21,
     track_error=0.32,
@@ -92,7 +93,9 @@ def test_the_text_of_a_walk_has_its_figures_in_their_units() -> None:
     assert told["walked"] == "8 of 9 steps in 12.3 s"
     assert told["errors"] == "ZMP 12.3 ± 4.5, CoM 6.7 ± 1.1, DCM – mm, at most 89 mm"
     assert told["landing"] == "2 early, 3 on time, 1 late, 4 without ground; at most 1.75 x weight"
-    assert told["distance"] == "1.25 m, -3.1 cm to the left, heading off by +5.7°"
+    assert (
+        told["distance"] == "1.25 m, -3.1 cm to the left, heading off by +5.7°, 0.13 m/s over its middle half"
+    )
     assert told["torque"] == "up to 57 % of its limit (left_knee)"
     assert (
         told["cost"] == ("of transport 0.40: 100 J, 80 J of them in the legs; vibration 4.32e+04 rad/s²")
