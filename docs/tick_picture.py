@@ -17,7 +17,7 @@ ESTIMATE: Mapping[str, str] = {
     "plausibility.check": "readings checked",
     "accelerometer.check": "IMU checked",
     "observer.update": "base, joints, feet",
-    "_with_wrenches": "forces on the feet",
+    "_estimator().observe": "forces on the feet",
     "monitor.update": "sensors compared",
 }
 """Call in a tick's estimate → what the picture says of it."""
@@ -40,7 +40,7 @@ ACT: Mapping[str, str] = {
     "_damp": "fallen: damps",
     "_hold": "no solution: holds",
     "_follow": "references, torques",
-    "_passed_on": "released joints: zero",
+    "_finish": "released joints: zero",
 }
 """Call at the end of a tick → what the picture says of it."""
 

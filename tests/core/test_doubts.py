@@ -13,8 +13,9 @@ import pytest
 from at_rest import at_rest
 
 from wbc.base.errors import MeasurementError
-from wbc.core.estimation.consistency import ConsistencyMonitor, time_ratio
+from wbc.core.estimation.consistency import ConsistencyMonitor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
+from wbc.core.estimation.integrals import time_ratio
 from wbc.core.estimation.legs import LegComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.estimation.wrenches import OutsideSettings, OutsideWrench, moment_about
+from wbc.core.estimation.outside import OutsideSettings, OutsideWrench, moment_about
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load

@@ -439,11 +439,11 @@ def test_a_clock_may_step_by_twenty_periods_and_one_that_has_jumped_is_adopted_a
         checks.check(rest(1.0 + 40.0 * DT))
     with pytest.raises(MeasurementError):
         checks.check(rest(0.5))
-    begun = checks._time
+    begun = checks.stamps.time
     for tick in range(1, 6):  # 30 ms of steps
         with pytest.raises(MeasurementError):
             checks.check(rest(0.5 + tick * DT))
-    assert checks._time == begun, "it is refused without being adopted"
+    assert checks.stamps.time == begun, "it is refused without being adopted"
     used, anew = checks.check(rest(0.5 + 6.01 * DT))
     assert anew and used.time == pytest.approx(0.5 + 6.01 * DT)
     assert not checks.check(rest(0.5 + 7.0 * DT))[1]

@@ -13,7 +13,8 @@ from at_rest import at_rest
 
 from wbc import TorqueControl, balance_controller
 from wbc.base.errors import MeasurementError
-from wbc.core.estimation.consistency import FROZEN_AFTER, AccelerometerCheck, ConsistencyMonitor
+from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor
+from wbc.core.estimation.frozen import FROZEN_AFTER
 from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.robot import GRAVITY
 from wbc.robots import load

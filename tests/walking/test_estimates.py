@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.base.errors import InputError
-from wbc.core.estimation.wrenches import OutsideSettings, OutsideWrench
+from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load

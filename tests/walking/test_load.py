@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wbc.core.drive.control import Mode
-from wbc.core.estimation.wrenches import OutsideSettings, OutsideWrench
+from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.robot import GRAVITY
 from wbc.robots import load as load_robot
 from wbc.sim import Plant, Trial

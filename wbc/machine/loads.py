@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.numbers import Array, lag_gain
-from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.robot import BASE_DOF, GRAVITY
 from wbc.core.signals import Command, Measurement
@@ -47,8 +46,7 @@ class SoleLoads:
         """Make the estimator; `gains` are kp and kd of the machine, each of shape (na,)."""
         self._robot = robot = description.robot()
         self._gap = max(GAP, 2.5 * period)
-        self._estimator = WrenchEstimator(robot, period)
-        self._sent = SentCommands(gains, (robot.torque_lower, robot.torque_upper), period, 0.0)
+        self._estimator = WrenchEstimator(robot, period, gains=gains)
         imu = robot.placement(robot.imu_frame).rotation
         self._base_from_imu = np.array(robot.placement(robot.base_frame).rotation.T @ imu)
         self._weight = robot.mass * GRAVITY
@@ -61,7 +59,7 @@ class SoleLoads:
 
     def sent(self, command: Command) -> None:
         """Take over the command that is sent now."""
-        self._sent.sent(command)
+        self._estimator.sent(command)
 
     @property
     def share(self) -> float:
@@ -108,10 +106,8 @@ class SoleLoads:
         if lost:  # what was followed before is not that of now
             self._age, self._speed, self._attitude = 0.0, np.zeros(3), np.eye(3)
         self._lean(measurement, passed, begins)
-        torque = measurement.joint_torque
-        if torque is None:
-            torque = self._sent.torque(measurement)
         estimator = self._estimator
+        torque = estimator.torque(measurement)
         if torque is None:  # nothing has been sent: nothing is known
             estimator.wrench[:] = 0.0
         else:

@@ -25,7 +25,7 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import Positive, settings
-from wbc.core.estimation.wrenches import OutsideWrench, moment_about
+from wbc.core.estimation.outside import OutsideWrench, moment_about
 from wbc.core.frames import direction
 from wbc.core.robot import GRAVITY, Robot
 

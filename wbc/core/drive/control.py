@@ -23,11 +23,10 @@ import pinocchio as pin
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError
-from wbc.base.numbers import Array
+from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.core.drive.gate import CommandGate
 from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor
-from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.falls import FallDetector, FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
@@ -37,7 +36,7 @@ from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.qp.solving.solver import Status
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.signals import Command, Measurement, WrenchSource
+from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
 
@@ -167,6 +166,14 @@ class Control:
         """Control period, s; None for any."""
         return None if self.drives is None else self.drives.controller.dt
 
+    def check_period(self, period: float) -> None:
+        """Refuse a loop whose period, s, is not that of the control, by an `InputError`."""
+        if (dt := self.dt) is not None and abs(dt - period) > ROUNDING:
+            own, other = (f"{1e3 * each:g} ms ({1.0 / each:g} Hz)" for each in (dt, period))
+            raise InputError(
+                f"the control is made for a period of {own}, its loop has {other}: give both the same"
+            )
+
     @property
     def fallen(self) -> FallReason | None:
         """Reason of the robot's fall; None while it has not fallen, or nobody looks."""
@@ -232,12 +239,7 @@ class DriveControl(Control):
         self.monitor: ConsistencyMonitor | None = None
         self.accelerometer = AccelerometerCheck(dt)
         self.gate = CommandGate(robot, dt)
-        gains = None if robot.servos is None else (robot.servos.kp, robot.servos.kd)
-        # Made when a measurement comes without wrenches.
         self.wrenches: WrenchEstimator | None = None
-        self._sent = SentCommands(
-            gains, (robot.torque_lower, robot.torque_upper), dt, self.observer.settings.delay
-        )
         self.failures = 0
         self.reason = ""
         self.measurement: Measurement | None = None
@@ -246,7 +248,6 @@ class DriveControl(Control):
         self._dcm_limit = FEET_STAY
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
-        self._stamp = math.nan  # of the last measurement with wrenches estimated, s
 
     @property
     def drives(self) -> DriveControl:  # type: ignore[override]  # nobody assigns it
@@ -295,8 +296,7 @@ class DriveControl(Control):
             self.monitor.reset()
         self.accelerometer.reset()
         self.gate.reset(self.controller.robot.q[7:])
-        self.wrenches, self._stamp = None, math.nan
-        self._sent.reset()
+        self.wrenches = None
 
     def status(self) -> str:
         """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""
@@ -361,7 +361,7 @@ class DriveControl(Control):
         observer, start, dt, last = self.observer, perf_counter(), self.controller.dt, self.measurement
         self.time = time = self.time + dt
         try:
-            released, soles = self.controller.released, self._begin()
+            released, soles = self.controller.released, self._reference_soles()
             self.measurement = plausible = self._estimate(measurement, soles)
             estimate, robot = observer.robot, self.controller.robot
             if self._follows_estimate and estimate is not robot:
@@ -404,7 +404,7 @@ class DriveControl(Control):
         else:
             solution = self._solve(state, wrenches) if state.ok else None
             command = self._hold(state) if solution is None else self._follow(state, solution)
-        return self._passed_on(command)
+        return self._finish(command)
 
     def relay(self, state: State, law: Callable[[State], Command]) -> Command:
         """End a tick with the command of another law than the QP's, such as that of a policy.
@@ -417,24 +417,24 @@ class DriveControl(Control):
             law: Function of the state that makes the command; it is not called where the joints are damped.
         """
         if self.damped or self.stopped:
-            return self._passed_on(self._damp(state))
+            return self._finish(self._damp(state))
         try:
             command = law(state)
             if state.ok:
                 self._failing = 0
         except Exception as error:  # of a law of the user's own
             command = self._hold(self.refuse(state, error))
-        return self._passed_on(command)
+        return self._finish(command)
 
-    def _passed_on(self, command: Command) -> Command:
-        """Return the command of a tick, whose arrays are its own, with nothing in it for joints of somebody else."""
+    def _finish(self, command: Command) -> Command:
+        """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it."""
         if (released := self.released) is not None:
             for part in (command.joint_torque, command.kp, command.kd):
                 if part is not None:
                     part[released.index] = 0.0
             command = replace(command, released=released.mask)
         if self.wrenches is not None:
-            self._sent.sent(command)  # for the torques that it makes
+            self.wrenches.sent(command)
         return command
 
     def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
@@ -461,8 +461,8 @@ class DriveControl(Control):
         released = self.controller.released
         return None if released is None or released.commanded else released
 
-    def _begin(self) -> Sequence[pin.SE3 | None] | None:
-        """Return where loaded soles are, in the world of the controller's robot; None where the observer is to say."""
+    def _reference_soles(self) -> Sequence[pin.SE3 | None] | None:
+        """Return where the controlled robot has its soles, up to date; None where the estimate says where they are."""
         return None
 
     def _follow(self, state: State, solution: Solution) -> Command:
@@ -521,42 +521,32 @@ class DriveControl(Control):
         """Update the estimate from what is plausible of a measurement, and return that."""
         blind = type(measurement) is Measurement and measurement.sole_wrench is None
         if blind:
-            measurement = measurement.with_wrenches(self._estimator().wrench.copy(), "sensor")
+            measurement = self._estimator().fill(measurement)
         released = self.controller.released
         forgiven = None if released is None else released.mask
         measurement, renewed = self.plausibility.check(measurement, felt=not blind, forgiven=forgiven)
         if measurement.sole_wrench is None:  # a sensor that is refused for too long
-            blind, measurement = True, measurement.with_wrenches(self._estimator().wrench.copy(), "sensor")
+            blind, measurement = True, self._estimator().fill(measurement)
+        observer = self.observer
         if renewed:
-            self.observer.resume(measurement.time - self.controller.dt)
-        measurement = self.accelerometer.check(measurement, self.observer)
-        self.observer.update(measurement, soles, plausible=True)
+            observer.resume(measurement.time - self.controller.dt)
+        measurement = self.accelerometer.check(measurement, observer)
+        observer.update(measurement, soles, plausible=True)
         if blind:
-            measurement = self._with_wrenches(measurement)
+            measurement = self._estimator().observe(measurement, *observer.measured_state, observer.lifts)
         if self.monitor is not None:
             solution = self.solution if self._follows_estimate and not self._failing else None
             asked = None if solution is None or not solution.ok or self.damped else solution.accelerations
-            self.monitor.update(self.plausibility.values, measurement, self.observer, asked)
+            self.monitor.update(self.plausibility.values, measurement, observer, asked)
         return measurement
 
     def _estimator(self) -> WrenchEstimator:
         """Return the estimator of wrenches, which is made when it is needed first."""
         if self.wrenches is None:
             robot, settings = self.controller.robot, self.observer.settings
-            self.wrenches = WrenchEstimator(robot, self.controller.dt, settings.wrenches)
+            dt, delay = self.controller.dt, settings.delay
+            self.wrenches = WrenchEstimator(robot, dt, settings.wrenches, delay=delay)
         return self.wrenches
-
-    def _with_wrenches(self, measurement: Measurement) -> Measurement:
-        """Return a measurement with wrenches estimated from the torques that acted when it was made."""
-        assert self.wrenches is not None
-        torque = measurement.joint_torque  # finite after the check of plausibility
-        source: WrenchSource = "measured torques"
-        if torque is None:
-            torque, source = self._sent.torque(measurement), "commanded torques"
-        if torque is not None:
-            passed, self._stamp = measurement.time - self._stamp, measurement.time
-            self.wrenches.update(*self.observer.measured_state, torque, passed, lifts=self.observer.lifts)
-        return measurement.with_wrenches(self.wrenches.wrench.copy(), source)
 
     def _fail(self, reason: str, error: Exception | None = None) -> None:
         """Count a failed tick and log the first of a row and the stop."""

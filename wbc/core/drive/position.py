@@ -88,7 +88,8 @@ class PositionControl(DriveControl):
         self.observer.reset(self.q)
         self._forget()
 
-    def _begin(self) -> Sequence[pin.SE3 | None] | None:
+    def _reference_soles(self) -> Sequence[pin.SE3 | None] | None:
+        """Bring the commanded robot to where it is commanded, released joints to where they are; return its soles."""
         if (released := self.controller.released) is not None:  # the commanded robot has them where they are
             index, estimate = released.index, self.observer.robot
             self.q[7 + index], self.v[BASE_DOF + index] = estimate.q[7 + index], estimate.v[BASE_DOF + index]
@@ -104,12 +105,12 @@ class PositionControl(DriveControl):
     def _follow(self, state: State, solution: Solution) -> Command:
         if self.feedback == "closed":
             self._draw()
-        return self._passed(solution.accelerations)
+        return self._limited(solution.accelerations)
 
     def _hold(self, state: State) -> Command:
         """Let the motion decay; once stopped, freeze the references."""
         dt = self.controller.dt
-        return self._passed(-self.v / (dt if self.stopped else max(self.failure_policy.damping_time, dt)))
+        return self._limited(-self.v / (dt if self.stopped else max(self.failure_policy.damping_time, dt)))
 
     def _damp(self, state: State) -> Command:
         """Send gains with the command: the machine's stiffness would hold the joints against the ground."""
@@ -120,7 +121,7 @@ class PositionControl(DriveControl):
         self.gate.reset(position)  # the reference is where the joint is, however fast it moves
         return self.gate.pass_on_with_gains(none, position, none, (none, damping), (position, velocity))
 
-    def _passed(self, acceleration: Array) -> Command:
+    def _limited(self, acceleration: Array) -> Command:
         """Move the commanded robot on, and return it as references within all limits."""
         # Constant acceleration over the period, for which the braking law of the joint limits is made.
         step = np.multiply(acceleration, self._half_square, out=self._step)

@@ -138,22 +138,22 @@ class HybridControl(TorqueControl):
         ) is not None:  # their servos are not ours: no torque of them counts in the gate
             index = released.index
             self.q[index], self.v[index] = robot.q[7 + index], velocity[index]
-        return self._passed(state, self._torques, (self.kp, self.kd))
+        return self._limited(state, self._torques, (self.kp, self.kd))
 
     def _hold(self, state: State) -> Command:
         """Hold references and torques while the servos damp; once stopped, only damp."""
         if self.stopped:
             return self._damp(state)
         self.v[:] = 0.0
-        return self._passed(state, self._torques, (self.kp, self.kd))
+        return self._limited(state, self._torques, (self.kp, self.kd))
 
     def _damp(self, state: State) -> Command:
         damping = self.failure_policy.joint_damping * self.controller.robot.torque_limit
         position, _ = self.plausibility.joints(state.received)
         self.q[:], self.v[:] = np.where(np.isnan(position), self.q, position), 0.0
-        return self._passed(state, self._off, (self._off, np.maximum(self.kd, damping)))
+        return self._limited(state, self._off, (self._off, np.maximum(self.kd, damping)))
 
-    def _passed(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
+    def _limited(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
         """Return the command of the references, within all limits; the references are where it says."""
         measured = self.plausibility.joints(state.received)
         command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, measured)

@@ -14,26 +14,16 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.numbers import Array, lag_gain, scalar
+from wbc.base.numbers import Array, lag_gain
 from wbc.base.vectors import Vector, part_way
+from wbc.core.estimation.frozen import FrozenReadings
+from wbc.core.estimation.integrals import UNMET, IntegralComparison
 from wbc.core.estimation.legs import LASTING, MEMORY, OFFSET, SMOOTHING, STILL, LegComparison
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 
 logger = logging.getLogger(__name__)
-
-_ONE = scalar(1.0)
-
-FROZEN_AFTER, BUSY = 20, 0.8
-"""Ticks for which a reading must stay the same to the bit to count as frozen, and share of the ticks before in which it
-must have changed: noise changes a reading in every tick, one that is rounded comes to rest by and by."""
-
-PARTS = 10
-"""Number of ticks over which velocities and accelerations are integrated before the integrals are compared."""
-
-MISSED = 10
-"""Number of periods between two measurements from which on what joints have done meanwhile is not known."""
 
 TIME_CONSTANT = 0.05
 """Low-pass of the compared signals, s."""
@@ -46,24 +36,6 @@ CALM, SHAKEN, TURNED, SLOWLY = 0.3, 2.0, 0.2, 0.1
 """Time for which a robot must have been calm when a contradiction begins, s; horizontal acceleration, m/s², and change
 of the trunk's rate against its mean over the last time, rad/s and s, from which on it is not: a push, and the steps
 that catch it, pull at robot and feet as no model knows."""
-
-BUSY_GAIN, NAMED = 0.02, 6
-"""Gain of that share in a tick, and number of frozen sensors that are named."""
-
-DRIFT, DRIFT_MEMORY, DRIFTING = 0.1, 2.0, 0.1
-"""Distance by which an encoder may leave the integral of its joint's velocity, rad, time constant with which that is
-forgotten, and time for which it must last, s. In walks with realistic noise, over stones and with pushes, it is 0.011
-rad at most."""
-
-UNMET_SPEED, UNMET_RATE, UNMET_MEMORY, UNMET = 1.0, 4.0, 0.3, 0.2
-"""Velocity, m/s, and angular velocity about the horizontal axes of the base, rad/s, by which it may stay behind the
-integral of its commanded accelerations, time constant with which that is forgotten, and time for which it must last, s.
-Walks with realistic noise over stones of 20 mm come to 0.3 m/s and 0.8 rad/s; a push adds its impulse over the mass,
-for a shorter time. About the vertical they come to 4 rad/s, because feet slip on stones: that turn does not count."""
-
-REAL_TIME, AGREEMENT = 0.8, 0.95
-"""Ratio of the encoders' speeds to the joint velocities below which a machine's own time runs slower than the stamps,
-or the inverse of that from which on it runs faster, and cosine between the two from which on all joints agree on it."""
 
 FOOT_ROTATION, FOOT_SPIN = 0.5, 0.5
 """Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, once both have stood for
@@ -157,14 +129,6 @@ class AccelerometerCheck:
         return replace(measurement, specific_force=GRAVITY * rotation[2]) if left_out else measurement
 
 
-def time_ratio(moved: Array, expected: Array) -> float | None:
-    """Return the ratio of motions by encoders to those by joint velocities, shape (na,); None if joints disagree."""
-    cross, square, own = float(moved @ expected), float(expected @ expected), float(moved @ moved)
-    if square == 0.0 or cross < AGREEMENT * math.sqrt(square * own):
-        return None
-    return cross / square
-
-
 class ConsistencyMonitor:
     """Comparison of sensors with each other, tick by tick, of a machine that is driven.
 
@@ -176,12 +140,9 @@ class ConsistencyMonitor:
 
     def __init__(self, robot: Robot, dt: float, channels: tuple[str, ...]) -> None:
         """Prepare for a robot, a control period, s, and the names of the numbers that `update` gets."""
-        self._channels, self._dt = channels, dt
-        self._robot = robot
+        self._robot, self._dt = robot, dt
         self._names = [sole.name for sole in robot.soles]
-        self._na = robot.na
-        self._drift_limit = DRIFT * robot.per_rad
-        self._wrenches = len(channels) - 6 * len(self._names)
+        self._frozen, self._integrals = FrozenReadings(robot, channels), IntegralComparison(robot, dt)
         self._gain = lag_gain(dt, TIME_CONSTANT)
         self._keep, self._offset_gain = 1.0 - lag_gain(dt, MEMORY), lag_gain(dt, OFFSET)
         self._smoothing, self._slowly = lag_gain(dt, SMOOTHING), lag_gain(dt, SLOWLY)
@@ -194,18 +155,7 @@ class ConsistencyMonitor:
     def reset(self) -> None:
         """Forget the past."""
         self.doubts: tuple[str, ...] = ()
-        n = len(self._channels)
-        self._last: Array | None = None
         self._time, self._sensed = math.nan, False
-        self._run, self._busy, self._frozen = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
-        self._ticks = 0
-        # Of some ticks: their number and time, encoders at their begin, and the integral of the velocities.
-        self._parts, self._part = PARTS, 0.0
-        self._begin, self._travelled = np.zeros((2, self._na))
-        # What is forgotten slowly: motions of joints by encoders and by velocities, and what the base lacks.
-        self._moved, self._expected, self._drifting = np.zeros((3, self._na))
-        self._unmet, self._gained, self._asked, self._behind = np.zeros(6), np.zeros(6), False, 0.0
-        self._drifts: list[str] = []
         self._shares = [1.0 / len(self._names)] * len(self._names)
         self._gravity, self._stood, self._rotation = 1.0, 0.0, STILL
         self._since = [0.0, 0.0, 0.0, 0.0]
@@ -214,7 +164,8 @@ class ConsistencyMonitor:
         self._suspected = self._gyro_doubted = self._slapped = 0.0
         self._turned: Vector = STILL
         self._slips, self._slipped = [0.0] * len(self._names), [0.0] * len(self._names)
-        self._legs.reset()
+        for part in (self._frozen, self._integrals, self._legs):
+            part.reset()
 
     def update(
         self, values: Array, measurement: Measurement, observer: Observer, commanded: Array | None = None
@@ -228,14 +179,11 @@ class ConsistencyMonitor:
             commanded: Accelerations that the last solution asked of the estimated robot, shape (nv,); None if there are
                 none.
         """
-        last, self._last = self._last, values
         passed, self._time = measurement.time - self._time, measurement.time
-        doubts, drifts = [], []
-        if last is not None:
-            self._integrate(values, commanded, observer, passed)
-            drifts = self._drifts
-            doubts = self._frozen_readings(values, last)
-        if self._behind >= UNMET:
+        base = None if commanded is None else (commanded[:6], observer.robot.v[:6])
+        integrals, doubts = self._integrals, self._frozen.update(values)
+        drifts = integrals.update(values, base, passed)
+        if integrals.behind >= UNMET:
             doubts.append("the trunk does not accelerate as commanded: weak drives, or something holds it")
         if measurement.wrench_source == "sensor":
             self._sensed = True
@@ -298,55 +246,6 @@ class ConsistencyMonitor:
         shaken = abs(self._shaken) > SHAKEN or float(change.dot(change)) > TURNED**2
         self._calm = 0.0 if shaken else self._calm + self._dt
 
-    def _integrate(self, values: Array, commanded: Array | None, observer: Observer, passed: float) -> None:
-        """Integrate velocities of joints and commanded accelerations of the base over the time that has passed, s."""
-        na = self._na
-        if commanded is None or not self._asked:
-            self._unmet.fill(0.0)
-            self._behind, self._asked = 0.0, commanded is not None
-            if self._asked:
-                self._gained[:] = observer.robot.v[:6]
-        if self._parts < PARTS and 0.0 < passed < MISSED * self._dt:
-            self._part += passed
-            self._parts += 1
-            self._travelled += passed * values[na : 2 * na]
-            if commanded is not None:
-                self._unmet += passed * commanded[:6]
-            if self._parts < PARTS:
-                return
-            self._compare_integrals(values, observer)
-        # Begin anew; what joints have done in a gap is not known.
-        self._parts, self._part, self._begin = 0, 0.0, values[:na].copy()
-        self._travelled.fill(0.0)
-        if self._asked:
-            self._gained[:] = observer.robot.v[:6]
-
-    def _compare_integrals(self, values: Array, observer: Observer) -> None:
-        """Compare the integrals over some ticks with encoders and with the velocity of the base."""
-        part, moved, expected = self._part, self._moved, self._expected
-        keep = 1.0 - min(part / DRIFT_MEMORY, 1.0)
-        moved += values[: self._na] - self._begin
-        expected += self._travelled
-        moved *= keep
-        expected *= keep
-        far = np.abs(moved - expected) > self._drift_limit
-        self._drifting = np.where(far, self._drifting + part, 0.0)
-        named = (self._drifting >= DRIFTING).nonzero()[0]
-        self._drifts = [f"{self._channels[self._na + i]} contradicts its encoder" for i in named[:4]]
-        ratio = time_ratio(moved, expected) if named.size else None
-        if (
-            ratio is not None and not REAL_TIME <= ratio <= 1.0 / REAL_TIME
-        ):  # all joints agree on another time
-            self._drifts = [f"the machine runs at {ratio:.1f} of real time"]
-        if not self._asked:
-            return
-        unmet = self._unmet
-        unmet -= observer.robot.v[:6] - self._gained
-        unmet *= 1.0 - min(part / UNMET_MEMORY, 1.0)
-        linear, angular = unmet[:3], unmet[3:5]  # not about the vertical, about which feet slip
-        behind = linear.dot(linear) > UNMET_SPEED**2 or angular.dot(angular) > UNMET_RATE**2
-        self._behind = self._behind + part if behind else 0.0
-
     def _gyroscope_contradicts(self, rotation: Vector, unexplained: complex, blind: bool) -> bool:
         """Compare the speed of the legs, which the gyroscope turns about the foot, with that of the accelerometer."""
         most, lasting = SPEED_DIFFERENCE, SUSPICION
@@ -380,31 +279,6 @@ class ConsistencyMonitor:
             self._slips[i] = self._slips[i] + self._dt if slips else 0.0
             self._slipped[i] = SLIPPED if self._slips[i] >= SLIPS else self._slipped[i] - self._dt
         return [f"{name} slips" for name, left in zip(self._names, self._slipped, strict=True) if left > 0.0]
-
-    def _frozen_readings(self, values: Array, last: Array) -> list[str]:
-        """Names of the channels whose reading has stayed the same for too long."""
-        run, busy, frozen = self._run, self._busy, self._frozen
-        changed = values != last
-        run += _ONE
-        run[changed] = 0.0
-        self._ticks += 1
-        busy += max(BUSY_GAIN, 1.0 / self._ticks) * (changed - busy)
-        stands = run == FROZEN_AFTER
-        if stands.any():
-            frozen |= stands & (busy > BUSY * (1.0 - BUSY_GAIN) ** FROZEN_AFTER)
-        if not frozen.any():
-            return []
-        frozen &= ~changed
-        na, doubted = self._na, frozen.copy()
-        doubted[self._wrenches :] &= values[self._wrenches :] != 0.0  # no force is that of a foot in the air
-        # A joint that sticks has no speed, and its encoder stays.
-        sticks = (values[na : 2 * na] == 0.0) & (run[:na] >= 1.0)
-        doubted[: 2 * na] &= ~np.concatenate((sticks, sticks))
-        # One that is faster than it can be is cut off by the check of plausibility.
-        doubted[na : 2 * na] &= np.abs(values[na : 2 * na]) < self._robot.velocity_limit
-        names = list(dict.fromkeys(self._channels[i] for i in doubted.nonzero()[0]))
-        more = [f"{len(names) - NAMED} more sensors frozen"] if len(names) > NAMED else []
-        return [f"{name} frozen" for name in names[:NAMED]] + more
 
     def _contradiction(self, which: int, loads: list[float], weight: float) -> str:
         if which == 0:

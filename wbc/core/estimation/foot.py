@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import pinocchio as pin
 
 from wbc.base.vectors import Rotation, Vector, add_cross, turned, turned_all
 from wbc.core.estimation.sinking import Sinking
 from wbc.core.frames import Sole
+
+SLIDES = 0.12
+"""Speed against the steady velocity of the inertial unit from which a foot that carries slips, m/s. In walks over
+stones of 30 mm a foot that rests has 0.08 m/s at most."""
+
+TURNS = 0.5
+"""Speed by which this threshold grows with the speed at which a foot seems to turn over, m: a gyroscope that is wrong
+moves a foot, too, and turns it."""
+
+CARRIES, SETTLED = 0.2, 0.03
+"""Share of the load of a foot that carries, and time for which it must have carried before it can slip, s: the legs
+jerk at a landing. It counts at once while no foot rests, since the ground is the same. Feet that carry and rest beside
+each other do not slip: an accelerometer that is wrong shows the same of both."""
 
 
 class FootEstimate:
@@ -101,6 +115,39 @@ class FootEstimate:
         sliding, (u, v, w), point, self.ahead = turned_all(base, (at_cop, turning, self.point, self.axis))
         (x, y, z), (a, b, c) = add_cross(sliding, spin, point), spin
         self.motion, self.rotation = (x, y, z + self.sinks), (u + a, v + b, w + c)
+
+    def judge(
+        self,
+        expected: Sequence[float],
+        steady: complex,
+        most: tuple[float, float, float],
+        dt: float,
+        *,
+        sliding: bool,
+    ) -> None:
+        """Find out whether the foot lifts, slips, sinks or moves in another way.
+
+        `expected` is the velocity that the base is to have, m/s, `steady` its steady horizontal part; `most` are speeds
+        of a foot at rest: at most, after a time without any, and along the ground, m/s. `sliding` is True while no foot
+        rests.
+        """
+        (x, y, z), (u, v, w), (slip, fastest, farthest) = self.motion, expected, most
+        speed = math.hypot(x + u, y + v, z + w)
+        self.moves, self.quick, self.lifts = speed > fastest, speed > slip, abs(z + w) > fastest
+        self.sunk = self.sunk + dt if z + w < -fastest and self.load_share > 0.0 else 0.0
+        self.carried = self.carried + dt if self.load_share > CARRIES else 0.0
+        along = 0.0
+        if self.carried > (0.0 if sliding else SETTLED):
+            along = abs(complex(x, y) + steady)
+            if not sliding:
+                along -= TURNS * math.hypot(*self.rotation[:2])
+        self.slides = along > farthest and not self.lifts
+        self.quick |= along > SLIDES
+
+    def rest(self) -> None:
+        """Take the foot for one at rest, whatever it seems to do."""
+        self.share, self.sunk = self.load_share, 0.0
+        self.slides = self.quick = False
 
 
 def yaw_of(axis: Vector) -> float:

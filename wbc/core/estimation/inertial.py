@@ -95,11 +95,19 @@ class InertialFilter:
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
         """Restart from attitude (3, 3) and velocity (3,), m/s, of the IMU in the world; the gyro bias is kept."""
         self.rotation = np.array(rotation)
-        self.velocity = np.zeros(3) if velocity is None else np.array(velocity)
-        self.steady = complex(self.velocity[0], self.velocity[1])
+        self.take(np.zeros(3) if velocity is None else np.array(velocity))
         self._last = None
         self.unexplained, self._left, self.legs = 0j, None, None
         self.turned = self._yaw_left = 0.0
+
+    def take(self, velocity: Array) -> None:
+        """Take a velocity of the IMU point in the world over as it is, shape (3,), m/s, as the steady one, too."""
+        self.velocity = velocity.copy()
+        self.steady = complex(velocity[0], velocity[1])
+
+    def return_to_steady(self) -> None:
+        """Take back what a foot that slips has added to the horizontal velocity."""
+        self.velocity[:2] = self.steady.real, self.steady.imag
 
     def rest(self) -> None:
         """Learn the gyro bias in a tick of a stand, after `correct`: a robot that stands does not turn.

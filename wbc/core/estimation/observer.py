@@ -28,10 +28,11 @@ from wbc.base.numbers import Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, settings
 from wbc.base.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 from wbc.core.estimation.delay import DelayPredictor
-from wbc.core.estimation.foot import FootEstimate, yaw_of
+from wbc.core.estimation.foot import SLIDES, FootEstimate, yaw_of
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
+from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.sinking import Sinking
-from wbc.core.estimation.wrenches import OutsideSettings, OutsideWrench, WrenchSettings
+from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.frames import net_wrench
 from wbc.core.robot import GRAVITY, Robot, checked_configuration
 from wbc.core.signals import SIGNALS, Measurement
@@ -39,21 +40,11 @@ from wbc.core.signals import SIGNALS, Measurement
 LONGEST_DELAY = 0.1
 """Longest delay that can be stated, s."""
 
-SLIDES, DRIFTS = 0.12, 0.3
-"""Speed against the steady velocity of the inertial unit from which a foot that carries slips, m/s, and its growth with
-the time since a foot gave a reference, m/s². In walks over stones of 30 mm a foot that rests has 0.08 m/s at most."""
-
-TURNS = 0.5
-"""Speed by which the first of these thresholds grows with the speed at which a foot seems to turn over, m: a gyroscope
-that is wrong moves a foot, too, and turns it."""
-
-CARRIES, SETTLED = 0.2, 0.03
-"""Share of the load of a foot that carries, and time for which it must have carried before it can slip, s: the legs
-jerk at a landing. It counts at once while no foot rests, since the ground is the same. Feet that carry and rest beside
-each other do not slip: an accelerometer that is wrong shows the same of both."""
-
 UNAIDED = 2.0
 """Error of the inertial velocity that may have come up while no foot gave a reference, over the time, m/s²."""
+
+DRIFTS = 0.3
+"""Growth of the speed from which a foot that carries slips with the time since a foot gave a reference, m/s²."""
 
 STRUCK = 0.03
 """Time for which a foot that bears the robot must seem to sink into the ground until its velocity counts at once, s:
@@ -320,15 +311,14 @@ class Observer:
         if velocity is not None:
             velocity += imu_arm
             if first or self._struck:
-                inertial.velocity, self._struck, self._slid = velocity.copy(), False, False
-                inertial.steady = complex(velocity[0], velocity[1])
-        elif any(
-            foot.slides for foot in self._feet
-        ):  # what a foot that slips has added to the velocity is taken back
-            inertial.velocity[:2], self._slid = (inertial.steady.real, inertial.steady.imag), True
+                inertial.take(velocity)
+                self._struck = self._slid = False
+        elif any(foot.slides for foot in self._feet):
+            inertial.return_to_steady()
+            self._slid = True
         inertial.correct(velocity, yaw_error, dt)
         if self._slid and velocity is not None:
-            inertial.steady = complex(inertial.velocity[0], inertial.velocity[1])
+            inertial.take(inertial.velocity)
 
         base = inertial.rotation.dot(self._imu_rotation_t)
         base_velocity = inertial.velocity - imu_arm
@@ -389,7 +379,7 @@ class Observer:
             foot.move(pin.getFrameVelocity(model, data, sole, pin.LOCAL_WORLD_ALIGNED), base, spin)
         unaided = self._unaided + dt
         if expected is not None:
-            self._find_moving(spin, expected, unaided, dt)
+            self._find_moving(expected, unaided, dt)
         total = 0.0
         for foot in feet:
             foot.share = 0.0 if foot.moves else foot.load_share
@@ -399,9 +389,8 @@ class Observer:
             if bearing.sunk < STRUCK:
                 self._unaided = unaided
                 return None, 0.0
-            bearing.share = total = bearing.load_share
-            bearing.slides = bearing.quick = False
-            self._struck, bearing.sunk = True, 0.0
+            bearing.rest()
+            self._struck, total = True, bearing.share
         if not any(foot.quick and foot.share > 0.0 for foot in feet):
             self._unaided, self._slid = 0.0, False  # feet and inertial unit agree again
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
@@ -418,28 +407,17 @@ class Observer:
                 yaw_error += share * _wrap(foot.yaw - yaw_of(foot.ahead))
         return np.array((vx, vy, vz)), yaw_error
 
-    def _find_moving(self, spin: Vector, expected: Sequence[float], unaided: float, dt: float) -> None:
+    def _find_moving(self, expected: Sequence[float], unaided: float, dt: float) -> None:
         """Find the feet that lift, slip, sink or move in another way against the velocity that the base is to have.
 
         `unaided` is the time since a foot gave a reference, s; the others are as in `_motion_from_anchors`.
         """
-        feet, (u, v, w) = self._feet, expected
+        feet = self._feet
         slip = self.settings.slip + self.sinking.speed
-        fastest, farthest = slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
+        most = slip, slip + UNAIDED * unaided, SLIDES + DRIFTS * unaided
         steady = self.inertial.steady - complex(*self._imu_motion[:2])
         for foot in feet:
-            x, y, z = foot.motion
-            speed = math.hypot(x + u, y + v, z + w)
-            foot.moves, foot.quick, foot.lifts = speed > fastest, speed > slip, abs(z + w) > fastest
-            foot.sunk = foot.sunk + dt if z + w < -fastest and foot.load_share > 0.0 else 0.0
-            foot.carried = foot.carried + dt if foot.load_share > CARRIES else 0.0
-            along = 0.0
-            if foot.carried > (0.0 if self._slid else SETTLED):
-                along = abs(complex(x, y) + steady)
-                if not self._slid:
-                    along -= TURNS * math.hypot(*foot.rotation[:2])
-            foot.slides = along > farthest and not foot.lifts
-            foot.quick |= along > SLIDES
+            foot.judge(expected, steady, most, dt, sliding=self._slid)
         if any(foot.slides for foot in feet):
             if all(foot.carried for foot in feet) and _alike([foot.motion for foot in feet]):
                 for foot in feet:

@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
-import numbers
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Annotated, Any, NamedTuple
 
@@ -25,6 +23,7 @@ from wbc.base.errors import MeasurementError, shown
 from wbc.base.numbers import FLOAT64, ROUNDING, Array
 from wbc.base.settings import Count, NonNegative, Positive, settings
 from wbc.base.vectors import largest
+from wbc.core.estimation.stamps import Stamps, stamp_of
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
 from wbc.core.signals import SIGNALS, Measurement
 
@@ -77,12 +76,6 @@ class PlausibilitySettings:
     resync: Annotated[Positive, "s"] = 0.03
 
 
-PACE_TICKS = 50
-"""Number of ticks in which a control looks how often measurements come, again and again."""
-
-STANDS = 5
-"""Number of changed measurements in a row with the same stamp after which the stamp is taken for no clock."""
-
 RESTS = 1e-4
 """Speed of joints and gyroscope up to which a robot may rest, rad/s."""
 
@@ -95,9 +88,6 @@ until it is named, s. In the air a sensor reads the inertia of the sole below it
 
 HINT = "wbc.conformance(loop) finds wrong units, signs and orders"
 """Advice of the first message about a sensor."""
-
-PACE_RATIO = 1.2
-"""Ratio of the period of measurements to that of the controller from which, either way, they do not fit together."""
 
 
 class Refusal(NamedTuple):
@@ -136,8 +126,7 @@ class Plausibility:
         settings: Settings.
         refused: Number of ticks in which something was refused.
         names: Name of the sensor of every number of a measurement, in the order of `values`.
-        pace: Sentence that measurements do not come at the period of the controller, or without a clock; empty while
-            they do.
+        stamps: Check of the time stamps; `pace` is its sentence.
         pull: Sentence that a force sensor reads a pull of the ground, which a wrong sign does; empty while none has.
         reasons: Readings of the encoders, the IMU and the soles that are refused at present, the worst of each sensor.
     """
@@ -146,6 +135,7 @@ class Plausibility:
         """Take the ranges from a robot; dt is the control period, s."""
         self.settings = s = settings or PlausibilitySettings()
         self._dt = dt
+        self.stamps = Stamps(dt, s.max_gap, s.resync)
         n, na = len(robot.soles), robot.na
         self._na = na
         self._shapes = ((na,), (na,), (3,), (3,), (n, 6))
@@ -203,13 +193,9 @@ class Plausibility:
         self.pull, self._pulled = "", 0.0
         self.refused = 0
         self._values: Array | None = None
-        self._time, self._other_time = math.nan, math.nan
-        self._consistent = 0.0
-        self.pace = ""
-        self._ticks, self._begin, self._odd = 0, math.nan, 0
+        self.stamps.reset()
         self._identical, self._changed_at, self._sudden = 0, math.nan, False
         self._older: Array | None = None  # readings before the last ones
-        self._stamp, self._stands = math.nan, 0  # as it came, and changed measurements in a row that had it
         self._lasting = np.zeros(len(self._channels))
         self._unformed = ""  # what is wrong with the wrenches on the soles as they came
 
@@ -230,20 +216,16 @@ class Plausibility:
         values = np.concatenate(
             (m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, wrenches)
         )
-        last, stamp, before = self._values, m.time, self._time
-        if type(stamp) is not float:
-            stamp = _stamp_of(m)
-            m = replace(m, time=stamp)
+        last, stamps, before = self._values, self.stamps, self.stamps.time
+        stamp = m.time if type(m.time) is float else stamp_of(m.time)
         same = last is not None and (
             values[0] == last[0]
             and values[2 * self._na] == last[2 * self._na]
             and np.array_equal(values, last)
         )
-        if stamp == self._stamp and (self._stands or not same):
-            m, renewed = self._without_clock(m, same=same), False
-        else:
-            renewed = self._check_time(stamp, again=self._stands >= STANDS)
-            self._stamp, self._stands = stamp, 0
+        renewed = stamps.take(stamp, first=last is None, same=same)
+        if stamps.time is not m.time:
+            m = replace(m, time=stamps.time)
         if same:
             self._check_frozen(values, stamp)
         else:
@@ -251,7 +233,7 @@ class Plausibility:
         if self._within(values, last) and not self._faults:
             self._values = values
         else:
-            passed = self._time - before
+            passed = stamps.time - before
             m = self._repair(m, values, passed if passed > 0.0 and not renewed else self._dt, forgiven)
         if felt and m.sole_wrench is not None:
             self._check_pull(m.sole_wrench)
@@ -323,6 +305,11 @@ class Plausibility:
         return replace(m, **formed)
 
     @property
+    def pace(self) -> str:
+        """Sentence that measurements do not come at the period of the controller, or without a clock; else empty."""
+        return self.stamps.pace
+
+    @property
     def faults(self) -> tuple[str, ...]:
         """Signals that are refused at present, such as "encoder of left_knee"; empty when all is well."""
         return self._faults + self._optional_faults
@@ -368,69 +355,6 @@ class Plausibility:
                     arrays[SIGNALS[-1]] = np.full(shapes[SIGNALS[-1]], np.nan)
                 return replace(m, **arrays)
         return m
-
-    def _without_clock(self, m: Measurement, *, same: bool) -> Measurement:
-        """Return a measurement whose stamp stands still; one period a measurement is counted if it goes on so."""
-        self._stands += not same
-        if self._stands < STANDS or same:
-            return replace(m, time=self._time)
-        self._time += self._dt
-        if self._stands == STANDS:
-            self._time += (STANDS - 1) * self._dt
-            self.pace = (
-                f"time stamps stand still at {m.time:g} s: one control period a measurement is counted"
-            )
-            logger.error("%s", self.pace)
-        return replace(m, time=self._time)
-
-    def _check_time(self, time: float, *, again: bool) -> bool:
-        """Adopt a stamp, refuse it, or adopt a clock that has jumped and moves on; True for the last.
-
-        `again` is True for a clock that has stood still: it is adopted where it is.
-        """
-        if not math.isfinite(time):
-            raise MeasurementError(f"time of a measurement must be a finite number, got {time!r}")
-        if again:
-            logger.warning("time stamps move on again, from %.4f s", time)
-            self._time, self._consistent, self._other_time = time, 0.0, math.nan
-            self._ticks, self.pace = 0, ""
-            return True
-        largest = self.settings.max_gap * self._dt
-        if self._values is None or 0.0 <= time - self._time <= largest:
-            self._time, self._consistent, self._other_time = time, 0.0, math.nan
-            self._check_pace(time)
-            return False
-        step = time - self._other_time  # NaN for the first stamp of another clock
-        # One that stands still at another time is adopted as well, as one that is no clock.
-        self._consistent = self._consistent + (step or self._dt) if 0.0 <= step <= largest else 0.0
-        self._other_time = time
-        if self._consistent >= self.settings.resync:
-            logger.warning("the clock of measurements has jumped by %+.3f s; adopted", time - self._time)
-            self._time, self._consistent, self._other_time = time, 0.0, math.nan
-            self._ticks = 0
-            return True
-        raise MeasurementError(
-            f"time stamp {time:.4f} s does not follow {self._time:.4f} s: steps must lie in [0, {largest:g}] s"
-        )
-
-    def _check_pace(self, time: float) -> None:
-        """Compare the mean step of stamps with the control period: of the first ones, and twice in a row later."""
-        if self._ticks == 0:
-            self._begin, self._odd = time, 1
-        self._ticks += 1
-        if self._ticks <= PACE_TICKS:
-            return
-        period, self._begin, self._ticks = (time - self._begin) / PACE_TICKS, time, 1
-        if self._dt / PACE_RATIO <= period <= self._dt * PACE_RATIO:
-            self._odd, self.pace = 0, ""
-            return
-        self._odd += 1
-        if self._odd >= 2 and not self.pace:
-            own = 1e3 * self._dt
-            self.pace = (
-                f"measurements come every {1e3 * period:.3g} ms, the controller is made for {own:.3g} ms"
-            )
-            logger.warning("%s", self.pace)
 
     def _check_frozen(self, values: Array, stamp: float) -> None:
         """Count a measurement that repeats the last one, and raise where sensors that work do not repeat themselves.
@@ -528,17 +452,6 @@ def _worst(values: Array, most: Array) -> tuple[int, float]:
     """Return the place of the number that is farthest beyond its bound, or is none, and this bound."""
     worst = int(np.argmax(np.nan_to_num(np.abs(values) / most, nan=np.inf)))
     return worst, float(most[worst])
-
-
-def _stamp_of(m: Measurement) -> float:
-    """Return the time of a measurement as a float, s; truth values and texts are none."""
-    time: Any = m.time
-    if isinstance(time, np.ndarray) and time.ndim == 0:
-        time = time[()]
-    if not isinstance(time, bool) and isinstance(time, numbers.Real):
-        with suppress(OverflowError):  # an integer of many digits
-            return float(time)
-    raise MeasurementError(f"time of a measurement must be a finite number, got {shown(time)}")
 
 
 def _numbers(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:
