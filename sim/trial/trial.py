@@ -30,7 +30,6 @@ import numpy as np
 
 from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError, MeasurementError, WbcError, check_parts
-from wbc.base.numbers import ROUNDING
 from wbc.core.drive.control import Control, DriveControl
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Measurement
@@ -130,11 +129,7 @@ class Trial:
             scenario: Hooks that act.
         """
         check_parts("a loop", plant, "robot", "control_period", "measure", "step")
-        if (dt := control.dt) is not None and abs(dt - plant.control_period) > ROUNDING:
-            raise InputError(
-                f"the control is made for a period of {1e3 * dt:g} ms, and the plant advances by "
-                f"{1e3 * plant.control_period:g} ms: give both the same control_period"
-            )
+        control.check_period(plant.control_period)
         self.plant = plant
         self.control: Any = control
         self.meters: list[TrialHook] = []

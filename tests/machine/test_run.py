@@ -28,8 +28,8 @@ import wbc
 from wbc import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.machine import Driver
+from wbc.machine.commands import Parking
 from wbc.machine.loads import SoleLoads
-from wbc.machine.loop import Parking
 from wbc.machine.report import Phase
 from wbc.machine.start import SafeStart
 from wbc.sim import Machine, Plant

@@ -25,10 +25,10 @@ import wbc
 from wbc import Command, HybridControl, Measurement, TorqueControl
 from wbc.core.robot import GRAVITY
 from wbc.machine import Runner, RunSettings
+from wbc.machine.commands import mixed
 from wbc.machine.inlet import Inlet, TimeRatio
 from wbc.machine.loads import SoleLoads
 from wbc.machine.report import Phase, RunReport
-from wbc.machine.run import mixed
 from wbc.machine.stand import Stand, standing
 from wbc.machine.start import Landing, SafeStart
 from wbc.walking import WalkingControlSettings

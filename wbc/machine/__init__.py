@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from wbc.base.errors import missing_from
 from wbc.machine.conformance import conformance
 from wbc.machine.loop import Driver, DriverLoop
+from wbc.machine.phases import RunSettings
 from wbc.machine.report import RunReport
-from wbc.machine.run import Runner, RunSettings, run
+from wbc.machine.run import Runner, run
 from wbc.machine.udp import UdpDriver, UdpRobot
 from wbc.machine.unitree import UnitreeDriver
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Protocol
-
-import numpy as np
 
 from wbc.base.checked import checked, fixed
 from wbc.base.errors import InputError, WbcError, shown
@@ -89,49 +86,6 @@ def check_driver(driver: Driver) -> None:
     about = getattr(driver, "description", None)
     if not isinstance(about, RobotDescription):
         raise InputError(f"description of a driver must be a RobotDescription, got {shown(about)}")
-
-
-def with_gains(command: Command, gains: tuple[Array, Array]) -> Command:
-    """Return a command with the gains that act where it brings none: the machine's, zero without a position."""
-    none = np.zeros(len(command.joint_torque))
-    kp, kd = command.gains((none, none) if command.joint_position is None else gains)
-    return replace(command, kp=kp, kd=kd)
-
-
-class Parking:
-    """Joints that somebody else is to move on a wire of which every motor gets its command: they are never limp."""
-
-    def __init__(self, gains: tuple[Array, Array]) -> None:
-        """Hold joints with gains kp and kd, each of shape (na,)."""
-        self._gains = gains
-        self._parked = np.zeros(gains[0].size, dtype=bool)
-        self._place = np.zeros(gains[0].size)
-
-    def hold(self, command: Command, position: Array) -> Command:
-        """Return a command for all joints: those that are released stay where they were at first, shape (na,), rad."""
-        released = command.released
-        if released is None:
-            self._parked[:] = False
-            return command
-        self._place = np.where(released & self._parked, self._place, position)
-        self._parked = released.copy()
-        whole = with_gains(command, self._gains)
-        q, v = whole.joint_position, whole.joint_velocity
-        q, v = position if q is None else q, np.zeros_like(position) if v is None else v
-        assert whole.kp is not None and whole.kd is not None
-        kp, kd = (
-            np.where(released, own, given)
-            for own, given in zip(self._gains, (whole.kp, whole.kd), strict=True)
-        )
-        torque = np.where(released, 0.0, whole.joint_torque)
-        return Command(
-            torque,
-            np.where(released, self._place, q),
-            np.where(released, 0.0, v),
-            command.sole_stiffness,
-            kp,
-            kd,
-        )
 
 
 class DriverLoop:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,6 +13,10 @@ from wbc.machine.clock import Quiet
 
 BUCKETS = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Upper ends of the classes of the histogram, ms."""
+
+
+KEPT = 1 << 20
+"""Ticks whose times are kept: 35 minutes at 500 Hz; later ones replace the first."""
 
 
 class Phase(enum.Enum):
@@ -78,3 +83,49 @@ class RunReport:
         for i, end in enumerate([*BUCKETS, np.inf]):
             lines.append(f"{end:>12g}{counts['late'][i]:>10}{counts['busy'][i]:>10}")
         return "\n".join(lines)
+
+
+class TickTimes:
+    """Times of all ticks of a run while it goes on.
+
+    Attributes:
+        ticks: Number of ticks so far.
+        age: Longest time between two measurements so far, s.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Begin without a tick, for a control period, s."""
+        self._period = period
+        self._late, self._busy = np.full((2, KEPT), 0.0)  # touched, so that no page fault waits in the loop
+        self.ticks = self._missed = self._skipped = 0
+        self.age = 0.0
+
+    def add(self, deadline: float, woken: float, done: float) -> float:
+        """Add a tick that should have begun at a deadline, s, and return the deadline of the next one."""
+        place = self.ticks % KEPT
+        self._late[place], self._busy[place] = woken - deadline, done - woken
+        self.ticks += 1
+        deadline += self._period
+        if done > deadline:
+            self._missed += 1
+            lost = int((done - deadline) / self._period) + 1
+            self._skipped += lost
+            deadline += lost * self._period
+        return deadline
+
+    def report(self, reason: str, phases: Sequence[tuple[Phase, float]], got: Quiet, blind: str) -> RunReport:
+        """Return the report of the run; arguments are as in `RunReport`."""
+        kept = min(self.ticks, KEPT)
+        return RunReport(
+            reason,
+            tuple(phases),
+            self.ticks,
+            self._missed,
+            self._skipped,
+            self._late[:kept].copy(),
+            self._busy[:kept].copy(),
+            self.age,
+            got,
+            self._period,
+            blind,
+        )

@@ -57,7 +57,8 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.core.signals import Command, Measurement
-from wbc.machine.loop import Driver, MachineError, with_gains
+from wbc.machine.commands import with_gains
+from wbc.machine.loop import Driver, MachineError
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 

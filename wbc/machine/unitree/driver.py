@@ -18,7 +18,8 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.drive.gate import CommandGate
 from wbc.core.signals import Command, Measurement
-from wbc.machine.loop import Driver, with_gains
+from wbc.machine.commands import with_gains
+from wbc.machine.loop import Driver
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
 from wbc.machine.unitree.wire import (
     ENABLED,
