@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator
@@ -83,9 +84,8 @@ class TrialSpec:
     loop: str = PLANT
 
     def __post_init__(self) -> None:
-        description = load(self.robot).with_servos(self.servo)
-        description.needs_feet("standing")
-        object.__setattr__(self, "_mode", chosen_mode(description, self.mode or self._usual_mode()))
+        load(self.robot).needs_feet("standing")
+        _ = self.chosen  # refuses a mode that the servos do not allow
         foot_by_name(self.foot)
         NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
@@ -118,11 +118,10 @@ class TrialSpec:
         with reading_data():
             return from_json(cls, values)
 
-    @property
+    @cached_property
     def chosen(self) -> Mode:
         """Control mode: the given one, or what follows from the other fields."""
-        mode: Mode = self._mode  # type: ignore[attr-defined]
-        return mode
+        return chosen_mode(load(self.robot).with_servos(self.servo), self.mode or self._usual_mode())
 
     @property
     def period(self) -> float:

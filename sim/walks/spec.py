@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import PlainValidator
@@ -148,16 +148,12 @@ class WalkSpec(TrialSpec):
         store("changes", checked_changes(self.gains, self.changes))
         trial = self.settings()
         check_read(self.changes, trial)
-        store("_free", trial.free)
         ground = self.ground()
         store("terrain_params", _as_used(ground, self.terrain_params))
         if self.scene is None and self.scene_params:
             raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")
         self.things()
-        scheduling = checked_policy(
-            self.foot_design(), self.policy, self.policy_params, trial.stiffness, ground
-        )
-        store("_scheduling", scheduling)
+        scheduling = self.scheduling
         if self.policy is not None or self.policy_params:
             store("policy_params", scheduling[1])
         prepared = self.prepare()
@@ -191,11 +187,11 @@ class WalkSpec(TrialSpec):
         """See `TrialSpec`."""
         return None if self.trained is None else "torque"
 
-    @property
+    @cached_property
     def scheduling(self) -> tuple[str | None, Changes]:
         """Stiffness policy of variable soles with its parameters, by default the library's; None for other soles."""
-        found: tuple[str | None, Changes] = self._scheduling  # type: ignore[attr-defined]
-        return found
+        timing = self.settings().stiffness
+        return checked_policy(self.foot_design(), self.policy, self.policy_params, timing, self.ground())
 
     def _wanted(self) -> dict[str, object]:
         """See `TrialSpec`."""
@@ -213,8 +209,7 @@ class WalkSpec(TrialSpec):
     @property
     def free(self) -> bool:
         """True if the steps are decided as the robot goes, in torque and hybrid control; False for planned steps."""
-        free: bool = self._free  # type: ignore[attr-defined]
-        return free
+        return self.chosen != "position"
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:

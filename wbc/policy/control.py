@@ -83,7 +83,7 @@ class PolicyControl(SteeredControl):
         contacts: Contacts of the feet, by their measured loads.
         ground: Known ground, for a policy that sees it; None for a blind one.
         controller: The controller; tasks and limits on the arms are added to it.
-        lost: Error of the last action; None if it was good.
+        network_error: Error of the last action; None if it was good.
         acted: True if the policy has acted in the last tick.
         posture: Task on the posture of the arms; None without arms of the QP.
     """
@@ -92,6 +92,7 @@ class PolicyControl(SteeredControl):
     drives: TorqueControl
     observer, solution = renamed("observer", "drives.observer"), renamed("solution", "drives.solution")
     failures, stopped = renamed("failures", "drives.failures"), renamed("stopped", "drives.stopped")
+    lost = renamed("lost", "network_error")
 
     @checked
     def __init__(
@@ -278,7 +279,7 @@ class PolicyControl(SteeredControl):
 
     def _begin_policy(self) -> None:
         self._ticks = 0
-        self.lost: Exception | None = None
+        self.network_error: Exception | None = None
         self.acted = False
         self._asked = 0.0  # time since a velocity was asked for, s
         self._lack = np.zeros(2)  # velocity that is asked for as well, m/s
@@ -347,12 +348,12 @@ class PolicyControl(SteeredControl):
                 self.acted = True
                 try:
                     self._step(state)
-                    self.lost = None
+                    self.network_error = None
                 except Exception as error:  # of a network of the user's own
-                    self.lost = error
+                    self.network_error = error
             self._ticks += 1
-            if state.ok and self.lost is not None:  # until the next action
-                state = self.drives.refuse(state, self.lost)
+            if state.ok and self.network_error is not None:  # until the next action
+                state = self.drives.refuse(state, self.network_error)
         return self.drives.relay(state, self._servos)
 
     def _step(self, state: State) -> None:

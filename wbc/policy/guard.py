@@ -122,8 +122,8 @@ class PolicyGuard(SteeredControl):
             return reason
         if not state.ok or policy.drives.damped:
             return ""
-        if policy.lost is not None:
-            return str(policy.lost)
+        if policy.network_error is not None:
+            return str(policy.network_error)
         if policy.acted:
             robot = policy.controller.robot
             far = np.abs(policy.asked(state.measurement)) > BEYOND * robot.torque_limit

@@ -122,9 +122,7 @@ class Items:
 
     def _bind(self, item: Item) -> None:
         """Bind an item to the robot, and evaluate it once."""
-        item.bind(self.robot)
-        if isinstance(item, (Task, Barrier)) and getattr(item, "_robot", None) is None:
-            raise InputError(f"{item!r} has not been bound: its bind must call super().bind(robot) first")
+        bind(item, self.robot)
         if (
             isinstance(item, Task)
             and not isinstance(item, VariableTask)
@@ -235,6 +233,13 @@ class Items:
             f"{kind} {', '.join(i.name for i in items)}" for kind, items in lists.items() if items
         )
         return f"{type(self).__name__}({self.robot!r}, dt={self._dt:g} s{f'; {held}' if held else ''})"
+
+
+def bind(item: Item, robot: Robot) -> None:
+    """Bind an item to a robot, whose state is up to date; refuse one whose own `bind` has kept it from its base."""
+    item.bind(robot)
+    if isinstance(item, (Task, Contact, Barrier)) and getattr(item, "_robot", None) is not robot:
+        raise InputError(f"bind of '{item.name}' must call super().bind(robot) first")
 
 
 def _owner(item: Item) -> Items | None:
