@@ -26,7 +26,7 @@ from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, settings
 from wbc.base.vectors import Vector
 
-Limit = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
+Bound = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
 """A number of at least zero, or infinity."""
 
 
@@ -46,7 +46,7 @@ class BiasSettings:
     """
 
     drift_std: Annotated[NonNegative, "m/s"] = 0.02
-    limit: Annotated[tuple[Limit, Limit], "m"] = (0.02, 0.02)
+    limit: Annotated[tuple[Bound, Bound], "m"] = (0.02, 0.02)
 
     def sized(self, scale: float) -> BiasSettings:
         """Return the settings with their limit times a factor, for a small robot (`Robot.length_scale`).

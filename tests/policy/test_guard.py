@@ -123,11 +123,12 @@ def test_joints_that_somebody_else_moves_are_no_reason_to_relieve_a_policy() -> 
     plant, guard, network = guarded()
     elbow = G1.joint_names.index("left_elbow_joint")
     network.action[elbow] = 50.0
-    guard.policy.release([G1.joint_names[elbow]])
-    guard.walking.release([G1.joint_names[elbow]])
+    released = guard.release([G1.joint_names[elbow]])
+    assert released is guard.policy.drives.released is not None
+    assert guard.walking.drives.released is not None
     run_guard(plant, guard, 0.1)
     assert not guard.relieved
-    guard.policy.release([])
+    assert guard.release([]) is guard.walking.drives.released is None
     run_guard(plant, guard, 0.05)
     assert "left_elbow_joint" in guard.relieved
 

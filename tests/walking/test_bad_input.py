@@ -69,7 +69,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: turn_in_place(START, -7.0), r"angle of turn_in_place \(rad\)"),
     (lambda: turn_in_place(START, 1.0, per_step=15.0), r"per_step of turn_in_place \(rad\)"),
     (lambda: walk_path(START, [(0.1, 0.0, 10.0)]), r"turn of a move \(rad\)"),
-    (lambda: walk_velocity(START, (0.1, 0.0, 20.0), 3), r"velocity of walk_velocity \(m/s, m/s, rad/s\)"),
+    (lambda: walk_velocity(START, (0.1, 0.0, 20.0), 3), r"turning velocity \(rad/s\)"),
     (lambda: walking().go_to(0.5, 0.0, 90.0), r"yaw of WalkingControl.go_to \(rad\)"),
     (lambda: body("turn", 45.0), "rad"),
     (lambda: body("lean", (10.0, 0.0)), "rad"),

@@ -19,7 +19,7 @@ from wbc.robots import load
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking import FootstepPlan, HandSettings, WalkingControl, WalkingControlSettings
-from wbc.walking.hands.frames import PELVIS, Frames, carried
+from wbc.walking.hands.frames import PELVIS, TargetFrames, carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.source import Reference
 from wbc.walking.swing import FootMotion
@@ -58,7 +58,7 @@ def test_the_pelvis_accelerates_as_the_last_solution_says(solved: bool) -> None:
     q = pin.integrate(robot.model, robot.half_sitting, 0.3 * rng.normal(size=robot.nv))
     v, acceleration, h = rng.normal(size=robot.nv), 3.0 * rng.normal(size=robot.nv) * solved, 1e-4
     solution = SimpleNamespace(accelerations=acceleration) if solved else None
-    frames = Frames(SimpleNamespace(robot=robot, solution=solution))  # type: ignore[arg-type]
+    frames = TargetFrames(SimpleNamespace(robot=robot, solution=solution))  # type: ignore[arg-type]
 
     def moving(time: float) -> Any:
         step = time * v + 0.5 * time**2 * acceleration

@@ -34,7 +34,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum, zmp_offset
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.arm import LEAD
-from wbc.walking.hands.frames import FEET, FOLLOW, Frames, carried
+from wbc.walking.hands.frames import FEET, FOLLOW, TargetFrames, carried
 from wbc.walking.hands.hand import HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.turn import GyroSlip
@@ -330,7 +330,7 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
     assert follower.velocity == pytest.approx(s * decay / 0.3, abs=1e-3)
     assert follower.acceleration == pytest.approx((1.0 - s) * decay / 0.09, abs=1e-2)
     walking, held = standing()[0], pin.SE3.Random()
-    frames, step = Frames(walking.controller), np.array((0.4, 0.2, 0.1))
+    frames, step = TargetFrames(walking.controller), np.array((0.4, 0.2, 0.1))
     start, _, _ = frames.now(FEET)
     soles = [walking.controller.robot.placement(sole.frame) for sole in walking.controller.robot.soles]
     middle = 0.5 * (soles[0].translation + soles[1].translation)
@@ -356,7 +356,7 @@ def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_i
 
 def test_the_frame_of_feet_that_move_at_a_constant_speed_stays_in_their_middle() -> None:
     walking, _ = standing()
-    frames, dt, speed = Frames(walking.controller), 1e-3, np.array((0.3, -0.1, 0.0))
+    frames, dt, speed = TargetFrames(walking.controller), 1e-3, np.array((0.3, -0.1, 0.0))
     start = frames.now(FEET)[0].translation.copy()
     for tick in range(1, 4001):
         frames.follow(True, feet_at(walking, tick * dt * speed), 0.0, dt)
@@ -367,7 +367,7 @@ def test_the_frame_of_feet_that_move_at_a_constant_speed_stays_in_their_middle()
 
 def test_a_foot_that_swings_does_not_raise_the_frame_of_the_feet() -> None:
     walking, _ = standing()
-    frames = Frames(walking.controller)
+    frames = TargetFrames(walking.controller)
     start = frames.now(FEET)[0].translation.copy()
     left, right = (motion.placement.copy() for motion in feet_at(walking, np.zeros(3)))
     left.translation += (0.2, 0.0, 0.15)

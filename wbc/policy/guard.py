@@ -11,6 +11,7 @@ from wbc.base.checked import checked, renamed
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.drive.control import DriveControl, State
+from wbc.core.qp.released import ReleasedJoints
 from wbc.core.signals import Command
 from wbc.ground import PointCloud
 from wbc.ground.cloud import ElevationMap
@@ -108,6 +109,16 @@ class PolicyGuard(SteeredControl):
             raise InputError("a robot must stand before a policy controls it again")
         self.policy.resume()
         self.relieved = ""
+
+    def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
+        """Leave joints to somebody else, whoever controls the robot; see `PolicyControl.release`.
+
+        The joints that are returned are those of the one who controls the robot now. The other one goes by what is
+        measured of them.
+        """
+        self.policy.release(joints)
+        self.walking.release(joints)
+        return self.drives.released
 
     def reset(self, q: Array | None = None) -> None:
         """Let the policy begin anew from a configuration at rest, shape (nq,); half-sitting when None."""

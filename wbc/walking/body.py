@@ -7,7 +7,7 @@ cannot reach is refused by name. Nothing is computed until a set-point is assign
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +27,7 @@ from wbc.tasks.motion.frame import LookAtTask, PoseTask, PositionTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.plans.reach import Leg, vertical_joint
+from wbc.walking.source import ReferenceSource
 
 SPEED, ACCELERATION = 0.1, 0.5
 """Greatest speed (m/s) and acceleration (m/s²) of the height: a twentieth of gravity hardly changes the pendulum."""
@@ -89,26 +90,26 @@ class Body:
     """
 
     __slots__ = (
-        "_acceleration", "_controller", "_dt", "_gaze", "_goal", "_lift", "_lowest", "_most_turn", "_neck", "_nominal",
-        "_now", "_off", "_point", "_rate", "_reaching", "_robot", "_waist", "active",
+        "_acceleration", "_controller", "_dt", "_gaze", "_goal", "_lowest", "_most_turn", "_neck", "_nominal",
+        "_now", "_off", "_point", "_rate", "_reaching", "_robot", "_source", "_waist", "active",
     )  # fmt: skip
 
     def __init__(
         self,
         controller: Controller,
+        source: ReferenceSource,
         com_height: float,
         dt: float,
         *,
         most_turn: float = math.inf,
-        lift: Callable[[], float] = float,
         reaching: float = 1.0,
     ) -> None:
-        """Leave all to the walk: height of its CoM (m), period (s), greatest turn (rad), `lift` of its feet now (m).
+        """Leave all to a source of references: height of its CoM (m), period (s), greatest turn (rad).
 
         Its posture holds the neck 1 / `reaching` times as firmly as that of planned steps.
         """
         self._controller, self._robot, self._dt = controller, controller.robot, dt
-        self._nominal, self._reaching = com_height, reaching
+        self._source, self._nominal, self._reaching = source, com_height, reaching
         self._goal = np.zeros(4)  # height − nominal, roll, pitch, turn
         self._now, self._rate, self._acceleration = np.zeros(4), np.zeros(4), np.zeros(4)
         turning = _waist_turn(self._robot)
@@ -116,7 +117,6 @@ class Body:
         self._most_turn = min(most_turn, HIP_TURN if turning is None else turning)
         self._neck = bool(_neck_joints(self._robot))
         self._lowest: float | None = None
-        self._lift = lift
         self._gaze: LookAtTask | None = None  # of a neck
         self._point: Array | None = None  # that the trunk of a robot without a neck turns to
         self._off = math.inf  # of the trunk from its direction, rad
@@ -135,26 +135,24 @@ class Body:
 
     @com_height.setter
     def com_height(self, value: float) -> None:
-        robot, what = self._robot, f"com_height (m) of '{self._robot.name}'"
-        height = finite_scalar(what, value)
+        height = finite_scalar(f"com_height (m) of '{self._robot.name}'", value)
         if height > self._nominal:
-            Leg(robot).hips(height)
-        else:
-            self._check_low(what, height, self._lift(), self._nominal)
+            Leg(self._robot).hips(height)
+        else:  # once all orders are done, no foot has to be lifted
+            self._check_low(height, 0.0 if self._source.finished else self._source.lift_room)
         self._set(0, height - self._nominal)
 
-    def check_steps(self, lift: float) -> None:
-        """Refuse steps that a lowered body leaves the legs no travel for, with feet lifted by a height, m."""
+    def check_steps(self) -> None:
+        """Refuse steps that a lowered body leaves the legs no travel for."""
         if self._goal[0] < 0.0:
-            what = f"com_height (m) of '{self._robot.name}'"
-            self._check_low(what, self.com_height, lift, self._nominal)
+            self._check_low(self.com_height, self._source.lift_room)
 
-    def _check_low(self, what: str, height: float, lift: float, nominal: float) -> None:
+    def _check_low(self, height: float, lift: float) -> None:
         if self._lowest is None:
             self._lowest = lowest_com(self._robot)
         walks = f" and lift a foot by {1e3 * lift:.0f} mm in a walk" if lift > 0.0 else ""
-        low = min(self._lowest + lift, nominal)
-        finite_scalar(f"{what}, as far as its legs bend{walks},", height, low=low, high=nominal)
+        low, what = min(self._lowest + lift, self._nominal), f"com_height (m) of '{self._robot.name}'"
+        finite_scalar(f"{what}, as far as its legs bend{walks},", height, low=low, high=self._nominal)
 
     @property
     def lean(self) -> tuple[float, float]:

@@ -148,10 +148,10 @@ class WalkingControl(SteeredControl):
             self.balance = Balance(self.drives, self.tasks.stabilized, self._hands, self.load, s, height)
         self.body = Body(
             controller,
+            walk,
             height,
             dt,
             most_turn=STEPPING_TURN if self.balance is None else math.inf,
-            lift=self._lift,
             reaching=self.tasks.reaching,
         )
         self.stiffness, self.ground = stiffness, ground
@@ -290,10 +290,6 @@ class WalkingControl(SteeredControl):
         pressing = hands is not None and hands.active
         return reference is None or (reference.progress.phase is GaitPhase.STANDING and not pressing)
 
-    def _lift(self) -> float:
-        """Return the room that the legs need to lift a foot now, m; zero once all orders are done."""
-        return 0.0 if self.source.finished else self.source.lift_room
-
     @property
     def time(self) -> float:
         """Time since the start, s."""
@@ -388,7 +384,7 @@ class WalkingControl(SteeredControl):
     def velocity(self, velocity: Sequence[float] | None) -> None:
         wanted = checked_velocity(velocity)
         if any(wanted):
-            self.body.check_steps(self.source.lift_room)
+            self.body.check_steps()
         self._order(velocity)
 
     @property
@@ -416,7 +412,7 @@ class WalkingControl(SteeredControl):
             y: Place of the robot in the world, m.
             yaw: Heading there, rad; at most a full turn.
         """
-        self.body.check_steps(self.source.lift_room)
+        self.body.check_steps()
         self._steering().go_to(x, y, yaw)
         self.source.take(None)
         self.stopped = False
@@ -430,7 +426,7 @@ class WalkingControl(SteeredControl):
         """
         if not isinstance(source, (FootstepPlan, FootstepSource)):
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        self.body.check_steps(self.source.lift_room)
+        self.body.check_steps()
         self._order(planner=PlanSource(source) if isinstance(source, FootstepPlan) else source)
 
     def stop(self) -> None:

@@ -15,6 +15,7 @@ from wbc.core.limits.joint import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.options import GainOptions
+from wbc.core.robot import BASE_DOF
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
@@ -136,6 +137,19 @@ class WalkTasks:
             swing.scale = 0.0
         self._carried = ()
         self._trunk_target = (None, UPRIGHT)
+
+    def spare(self, joints: Sequence[int]) -> None:
+        """Leave joints to hands with targets: the CoM expects their motion, and the posture holds them less.
+
+        They are indices in arrays of shape (na,), and no others are left to hands.
+        """
+        scale, spared = np.ones(self.posture.dim), np.array(joints, dtype=np.intp)
+        scale[spared] = self.reaching
+        self.posture.scale, self.com.spared = scale, spared + BASE_DOF
+
+    def expect(self, accelerations: Array) -> None:
+        """Expect joints that are left to hands to accelerate as the QP has had it, shape (nv,), rad/s²."""
+        self.com.spared_acceleration = accelerations[self.com.spared]
 
     def _hold_com(self, scale: Array, stiffness: Array, damping: Array) -> None:
         """Let the weight of the CoM act by a ratio, with gains of this phase where the user has set none."""

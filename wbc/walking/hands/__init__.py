@@ -6,6 +6,6 @@ hands       `Hands`: measurement, wrench on all hands, shift of the CoM, slip, t
 hand        `Hand`: state, force, tare, contact and grasp of one hand, which leads its arm while it is not free
 reaching    `Arms`: swing of the arms, and which joints the balance leaves to them; it moves all arms in a tick
 arm         `Arm`: target, reference and task of one hand, and whether a `Hand` occupies it
-frames      `Frames`: poses of the frames in which targets are given, of `Arms`; arms read them
+frames      `TargetFrames`: poses of the frames in which targets are given, of `Arms`; arms read them
 turn        `GyroSlip`: slip of the feet by the gyroscope
 """

@@ -28,7 +28,7 @@ from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import Ramp, approach
 from wbc.tasks.force.compliance import AdmittanceTask
-from wbc.walking.hands.frames import PELVIS, WORLD, Frames, carried
+from wbc.walking.hands.frames import PELVIS, WORLD, TargetFrames, carried
 from wbc.walking.swing import REST
 
 ARRIVED = 1e-3
@@ -92,7 +92,7 @@ class Arm:
     """
 
     def __init__(
-        self, controller: Controller, name: str, dt: float, settings: ArmSettings, frames: Frames
+        self, controller: Controller, name: str, dt: float, settings: ArmSettings, frames: TargetFrames
     ) -> None:
         """Leave the arm to the posture."""
         self._controller, self._robot, self._dt, self._settings = controller, controller.robot, dt, settings

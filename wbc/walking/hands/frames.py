@@ -28,11 +28,11 @@ FOLLOW = 0.25
 at a constant speed it stays behind by nothing, and by 3 T² a where they accelerate by a; two low-passes alone would
 leave hands that push a cart 0.16 m behind a robot that walks at 0.33 m/s."""
 
-Motion = tuple[pin.SE3, Array, Array]
+FrameMotion = tuple[pin.SE3, Array, Array]
 """Pose, velocity and acceleration in world axes, shape (6,), m/s, rad/s, m/s², rad/s²."""
 
 
-class Frames:
+class TargetFrames:
     """Frames of one robot and of the objects about it."""
 
     def __init__(self, controller: Controller) -> None:
@@ -40,7 +40,7 @@ class Frames:
         self._controller, self._robot = controller, controller.robot
         self._base = self._robot.frame_id(self._robot.base_frame)
         self._pelvis = self._robot.placement(self._base)
-        self._objects: dict[str, Motion] = {}
+        self._objects: dict[str, FrameMotion] = {}
         # Point and heading, and the low-passed middle of the feet, while they are used.
         self._feet: tuple[Follower[Array], Follower[float]] | None = None
         self._lagging = np.zeros(3)
@@ -68,7 +68,7 @@ class Frames:
             point.follow(middle + 2.0 * (middle - self._lagging) - point.value, dt)
             turn.follow(math.remainder(yaw - turn.value, math.tau), dt)
 
-    def now(self, name: str) -> Motion:
+    def now(self, name: str) -> FrameMotion:
         """Return the motion of a frame in the world; its arrays must not be written to.
 
         The acceleration of the pelvis is that of the last tick, which tasks expect of the joints they spare as well.
@@ -103,7 +103,7 @@ def _between(left: Array, right: Array) -> Array:
     return middle
 
 
-def carried(frame: Motion, place: pin.SE3, velocity: Array, acceleration: Array) -> Motion:
+def carried(frame: FrameMotion, place: pin.SE3, velocity: Array, acceleration: Array) -> FrameMotion:
     """Return the motion in the world of what moves in a frame that moves.
 
     With the velocity v, ω and the acceleration a, α of the frame at the arm r from its origin, a point that moves in it

@@ -23,11 +23,11 @@ from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
 from wbc.walking.hands.arm import Arm, ArmSettings
-from wbc.walking.hands.frames import FEET, Frames
+from wbc.walking.hands.frames import FEET, TargetFrames
 from wbc.walking.swing import FootMotion
 from wbc.walking.tasks import WalkTasks
 
-SIDES = {"left_hand": 1.0, "right_hand": -1.0}
+SIGNS = {"left_hand": 1.0, "right_hand": -1.0}
 """Hands that swing with the foot of the other side, and the sign of their way while the right foot is ahead."""
 
 LEAST_GAIN = 0.01
@@ -52,7 +52,7 @@ class Arms:
     def __init__(self, controller: Controller, dt: float, settings: ArmSettings, tasks: WalkTasks) -> None:
         """Leave the arms to the posture of the tasks; no task is added before a hand is given a target."""
         self.settings, self._controller, self._dt, self._tasks = settings, controller, dt, tasks
-        robot, self._frames = controller.robot, Frames(controller)
+        robot, self._frames = controller.robot, TargetFrames(controller)
         self.all: Mapping[str, Arm] = MappingProxyType(
             {name: Arm(controller, name, dt, settings, self._frames) for name in robot.frames}
         )
@@ -102,7 +102,7 @@ class Arms:
         """Return the turn of the one joint of each arm that moves its hand forward most, rad/m, shape (na,)."""
         robot, turns = self._controller.robot, np.zeros(self._controller.robot.na)
         forward = robot.placement(robot.base_frame).rotation[:, 0]
-        for name, sign in SIDES.items():
+        for name, sign in SIGNS.items():
             if name in self.all and self.all[name].joints:
                 frame, joints = robot.frame_id(self.all[name].frame), self.all[name].joints
                 rows = pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL_WORLD_ALIGNED)
@@ -128,14 +128,9 @@ class Arms:
 
     def _spare(self, active: tuple[Arm, ...]) -> None:
         """Keep the balance from using the arms of active hands, and the posture from holding them back."""
-        com, posture = self._tasks.com, self._tasks.posture
         if active != self._spared:
             self._spared = active
-            joints = [*dict.fromkeys(joint for hand in active for joint in hand.joints)]
-            scale = np.ones(posture.dim)
-            scale[joints] = self._tasks.reaching
-            posture.scale = scale
-            com.spared = np.array(joints, dtype=np.intp) + BASE_DOF
+            self._tasks.spare([*dict.fromkeys(joint for hand in active for joint in hand.joints)])
         solution = self._controller.solution
         if solution is not None and active:
-            com.spared_acceleration = solution.accelerations[com.spared]
+            self._tasks.expect(solution.accelerations)

@@ -12,15 +12,13 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import ROUNDING, finite_array
-from wbc.base.settings import Angle, Count, NonNegative, Number, Numbers, Positive
+from wbc.base.settings import Angle, Count, NonNegative, Number, Positive
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, Place, moved, other
+from wbc.walking.plans.sources import checked_velocity
 
 Turn = Annotated[float, Field(ge=1e-3, le=3.0), "rad"]
 """Turn of a step."""
-
-Velocity = Annotated[Sequence[float], Numbers(low=-10.0, high=10.0, shape=(3,)), "m/s, m/s, rad/s"]
-"""Velocity of the middle of a robot: forward, left and turn."""
 
 Shares = Callable[[str, float, float], tuple[float, float]]
 """Ratios of a motion to the left, m, and of a turn, rad, that the step of a side takes."""
@@ -49,7 +47,7 @@ def walk_distance(
 
 @checked
 def walk_velocity(
-    start: FootstepPlan, velocity: Velocity, steps: Count, *, first: str | None = None
+    start: FootstepPlan, velocity: Sequence[float], steps: Count, *, first: str | None = None
 ) -> FootstepPlan:
     """Plan a walk with a velocity; `Gait.for_speed` returns a gait with step times for a velocity.
 
@@ -62,7 +60,7 @@ def walk_velocity(
         steps: Number of steps before the last one, which brings the feet side by side.
         first: Side that steps first; the side of the motion when None.
     """
-    vx, vy, turn = map(float, velocity)
+    vx, vy, turn = checked_velocity(velocity)
     _check_count("steps", steps, steps)
     gait = start.gait.full
     duration = gait.cycle

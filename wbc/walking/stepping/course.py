@@ -13,14 +13,14 @@ from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.settings import RobotSize
 from wbc.walking.swing import REST
 
-Motion = tuple[float, float, float, float, float, float]
+CoMMotion = tuple[float, float, float, float, float, float]
 """Place, m, velocity, m/s, and acceleration, m/s², over the ground."""
 
 
 class PhaseReference(NamedTuple):
     """References of one tick of a stand, of a shift of weight or of a step."""
 
-    motion: Motion  # planned motion of the centre of mass
+    motion: CoMMotion  # planned motion of the centre of mass
     level: float  # height of the feet over which it is held, m
     most_force: tuple[float, float]  # greatest normal force of each foot of a robot that holds no load, N
     cop: Point = (0.0, 0.0)  # shift of the centre of pressure of the foot that stands; see `Reference`
@@ -38,7 +38,7 @@ class Course:
     def begin(self) -> None:
         """Begin anew, from the height that the robot has."""
         self._high: Follower[float] | None = None  # height over the feet, m
-        self._planned: Motion | None = None  # None until the step is decided
+        self._planned: CoMMotion | None = None  # None until the step is decided
 
     def rise(self, now: float) -> Point:
         """Return the height over the feet and its rate: from that now, m, it moves to that of the steps."""
@@ -51,7 +51,7 @@ class Course:
         """Begin the next planned motion from what is measured: the step has been decided."""
         self._planned = None
 
-    def fall(self, state: BodyState, zmp: Vector) -> Motion:
+    def fall(self, state: BodyState, zmp: Vector) -> CoMMotion:
         """Return the motion as planned: from the state in which the step was decided that of the pendulum."""
         square, dt, (zx, zy, _) = self._square, self._dt, zmp
         if self._planned is None:
@@ -62,7 +62,7 @@ class Course:
         self._planned = x, y, u, v, square * (x - zx), square * (y - zy)
         return self._planned
 
-    def pendulum(self, motion: Motion, height: Point, ground: float) -> Pendulum:
+    def pendulum(self, motion: CoMMotion, height: Point, ground: float) -> Pendulum:
         """Return the pendulum of a motion, with the height of the CoM and its rate, over a ground at a height, m."""
         x, y, u, v, a, b = motion
         arm = 1.0 / self._square
@@ -71,7 +71,7 @@ class Course:
         return Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], self._omega)
 
 
-def shifted(start: Point, goal: Point, elapsed: float, duration: float) -> Motion:
+def shifted(start: Point, goal: Point, elapsed: float, duration: float) -> CoMMotion:
     """Return the motion of a weight that shifts from rest to rest; its acceleration is left to the feedback."""
     share = min(1.0, elapsed / duration)
     rise, rate = share * share * (3.0 - 2.0 * share), 6.0 * (share - share * share) / duration
