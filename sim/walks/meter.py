@@ -115,7 +115,7 @@ class WalkMeter(TrialHook):
         self._peak = np.zeros(plant.robot.na)  # greatest torque of each joint over its limit
         self._effort: list[float] = []
         self.work = np.zeros(plant.robot.na)  # of each joint, the negative counted as positive, J
-        self._ticks, self._every = 0, max(1, round(SAMPLE / plant.control_period))
+        self._every = max(1, round(SAMPLE / plant.control_period))  # ticks in a sample
         self._sample = self._every * plant.control_period
         self._velocities: list[Array] = []  # of the joints, a sample
         self._places: list[Sequence[float]] = []  # of the base, a sample
@@ -156,11 +156,10 @@ class WalkMeter(TrialHook):
         np.maximum(self._peak, share, out=self._peak)
         velocity = plant.joint_velocity
         self.work += np.abs(torque * velocity) * plant.control_period
-        self._effort.append(float(share.max()))
-        if self._ticks % self._every == 0:
+        if len(self._effort) % self._every == 0:
             self._velocities.append(velocity.copy())
             self._places.append(plant.base_pose[:2])
-        self._ticks += 1
+        self._effort.append(float(share.max()))
 
     def _record_slip(self, wrenches: list[list[float]]) -> None:
         """Add the way along the ground of the points of the soles at their centres of pressure, m."""

@@ -129,8 +129,7 @@ class WalkResult(TrialResult):
         diverged: Reason why the simulation has diverged; None while it has not.
         distance: Displacement of the feet along their first heading, m.
         drift: Displacement of the feet to the left, m.
-        speed: Mean speed of the base over the middle half of its distance from the start, without setting off and
-            stopping; None for a robot that is less than 0.05 m from its start.
+        speed: Mean speed of the base over the middle half of its distance from the start; None for less than 0.05 m.
         yaw_error: Heading of the pelvis minus that of the reference, rad.
         goal_error: Distance of the middle of the feet from that of the plan's last stand, m; None for a driven walk.
         track_error: Greatest distance of that middle from the planned track, m; None for a driven walk.
