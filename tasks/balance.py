@@ -40,23 +40,6 @@ class BodyGains:
     posture_weight: Positive = 0.1
     posture_stiffness: Annotated[Positive, "1/s²"] = 20.0
 
-    def add_trunk_and_posture(
-        self, controller: Controller, base: str
-    ) -> tuple[list[OrientationTask], PostureTask]:
-        """Add the tasks of the base, under a name, of the torso where it is another link, and of all joints."""
-        robot = controller.robot
-        frames = {base: robot.base_frame, "torso": robot.torso_frame}
-        if robot.torso_frame == robot.base_frame:
-            del frames["torso"]
-        weight, stiffness = self.orientation_weight, self.orientation_stiffness
-        trunk = [
-            controller.add(OrientationTask(frame, name=name, weight=weight, stiffness=stiffness))
-            for name, frame in frames.items()
-        ]
-        return trunk, controller.add(
-            PostureTask(weight=self.posture_weight, stiffness=self.posture_stiffness)
-        )
-
 
 @settings(kw_only=True)
 class BalanceGains(BodyGains):
@@ -97,7 +80,11 @@ def balance_controller(
     gains = gains or BalanceGains()
     controller = Controller(robot, dt, settings=solver)
     controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
-    gains.add_trunk_and_posture(controller, "base")
+    weight, stiffness = gains.orientation_weight, gains.orientation_stiffness
+    for name, frame in (("base", robot.base_frame), ("torso", robot.torso_frame)):
+        if name == "base" or frame != robot.base_frame:
+            controller.add(OrientationTask(frame, name=name, weight=weight, stiffness=stiffness))
+    controller.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness))
     for sole in robot.soles:
         controller.add(SoleContact(sole.name, friction=gains.friction))
     controller.add(JointLimits(), TorqueLimits())

@@ -96,11 +96,6 @@ class Stabilizer:
         self._given = value
         self._gains = self._feedback.gains = self.feet.gains = value.for_mass(self._mass)
 
-    @property
-    def in_air(self) -> bool:
-        """True while neither foot is loaded."""
-        return self._in_air
-
     def reset(self) -> None:
         """Forget everything: errors, corrections, filtered wrenches."""
         self._feedback.reset()

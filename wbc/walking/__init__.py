@@ -10,7 +10,7 @@ ground, swing, contact, tasks    the same for both: what is known of the ground 
 table       costs and gains of the tasks, for planned and free steps
 balance     the stabilizer of planned steps, and of references of one's own
 steps       drives, source of references and tasks by the mode of the control
-body, hands, load
+body, hands, load    what else is asked of the robot: set-points of the body, hands, the load that they hold
 """
 
 from typing import TYPE_CHECKING

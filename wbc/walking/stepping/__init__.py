@@ -1,5 +1,11 @@
 """Free steps, which balance the robot: place and time of each step are decided while the robot goes.
 
-Read `gait` first: it has the order of a tick. A rule for the place or the time of steps goes into `law`; what a robot
-does on both feet is in `double_support`, what it does in a step in `single_support`.
+gait                gait: stand, shift and step, and the order of a tick; begin to read here
+felt, touch         state of the robot, phase and feet; contact of the foot in the air
+double_support      on both feet: the foot that is to carry, and the shift of the weight
+single_support      on one foot: time, place and contact of the foot that swings
+decision, program   place, time and centre of pressure of a step, by one quadratic program; area: that of the pressure
+path                velocity of the steps, held to a path
+law, course         equations of the pendulum and of its orbit; planned motion of the CoM; rise: its limit
+settings            settings and constants, in units of the robot
 """
