@@ -30,15 +30,6 @@ from wbc.sim.terrain.spec import Terrain
 
 _log = logging.getLogger(__name__)
 
-MAX_PAIRS = 240
-"""Pairs of geoms, of a body of a foot and one of the ground, above which MuJoCo's trees of boxes are quicker.
-
-First half of a physics step with and without trees: 39.7 and 35.8 µs at 12 pairs (soft feet on random ground), 45.9
-and 43.6 at 60 (soft, stones), 38.6 and 39.5 at 168 (soft, floor tiles), 51.9 and 26.2 at 240 (rigid, cobble stones),
-27.8 and 30.9 at 252 (flat, ellipsoids), 31.9 and 35.7 at 600 (rigid, stones).
-"""
-
-
 MANY_THINGS = 50
 """Bodies that move freely above which those at rest sleep until something touches them (MuJoCo's islands).
 
@@ -83,8 +74,6 @@ def build_model(
         and (model.geom_type[model.geom_contype != 0] == mujoco.mjtGeom.mjGEOM_PLANE).all()
     ):
         _thin_flat_soles(model)
-    if _max_pairs(model) <= MAX_PAIRS:  # the contacts are the same, and in the same order
-        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
     if np.count_nonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE) > MANY_THINGS:
         model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ISLAND)
@@ -342,11 +331,3 @@ def _add_flaws(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot,
             spec.joint(name).stiffness[0], spec.joint(name).springref = description.springs[name]
     if machine.payload > 0.0:
         spec.body(robot.torso_frame).mass += machine.payload
-
-
-def _max_pairs(model: mujoco.MjModel) -> int:
-    """Return the greatest number of pairs of geoms that can touch, of one body of the robot and one of the ground."""
-    ground = model.geom_contype != 0
-    feet = ~ground & (model.geom_conaffinity != 0)
-    bodies = model.geom_bodyid
-    return int(np.bincount(bodies[ground]).max(initial=0) * np.bincount(bodies[feet]).max(initial=0))

@@ -25,7 +25,7 @@ from wbc.robots.derivation.link_shapes import link_shapes
 from wbc.robots.models.hrp4_class import FILE
 from wbc.sim import Machine, PhysicsSettings, Plant
 from wbc.sim.plant.link_geoms import SHAPE_GROUP
-from wbc.sim.plant.model import _max_pairs, drawing_model
+from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.terrain.render import FLOOR
 from wbc.sim.terrain.spec import terrain
@@ -128,24 +128,6 @@ def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: 
     weight = few.robot.mass * few.physics.gravity
     np.testing.assert_allclose(wrenches[0], wrenches[1], atol=2e-3 * weight)
     np.testing.assert_allclose(few.truth().com, all_of_them.truth().com, atol=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("foot", "ground", "pairs"),
-    [
-        ("soft", "random", 12),
-        ("soft", "floor_tiles", 168),
-        ("rigid", "cobble_stones", 240),
-        ("flat", "ellipsoids", 252),
-        ("rigid", "stones", 600),
-    ],
-)
-def test_of_few_pairs_that_can_touch_no_trees_are_made(foot: str, ground: str, pairs: int) -> None:
-    """Spheres of one body of a foot times solids of one slab of the ground, as the times of steps were measured."""
-    model = Plant(load("hrp4_class"), foot=foot, terrain=ground, visuals=False).model
-    assert _max_pairs(model) == pairs
-    off = bool(model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE))
-    assert off == (pairs <= 240)
 
 
 def test_contacts_carry_what_moves_the_centre_of_mass() -> None:
