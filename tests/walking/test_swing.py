@@ -13,6 +13,7 @@ from properties import examples
 
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import EDGE_SHARE, StepGait, SwingShape
+from wbc.walking.stepping.single_support import STAIR
 from wbc.walking.swing import SwingFoot
 
 GAIT = StepGait()
@@ -203,18 +204,20 @@ STEPPING = SwingShape(
             st.tuples(*[st.floats(-0.1, 0.1)] * 3),  # of the place, m
             st.floats(-0.1, 0.1),  # of the time of touch-down, s
             st.floats(-0.3, 0.3),  # of the heading, rad
+            st.booleans(),  # to a stair
         ),
         max_size=12,
     ),
 )
-def test_no_change_of_landing_and_time_makes_the_foot_jump(
-    shape: SwingShape, changes: list[tuple[float, tuple[float, float, float], float, float]]
+def test_no_change_of_landing_time_and_shape_makes_the_foot_jump(
+    shape: SwingShape, changes: list[tuple[float, tuple[float, float, float], float, float, bool]]
 ) -> None:
     """Position, velocity and acceleration go on through each change, also past touch-down."""
     foot, time = SwingFoot(HERE.placement, THERE, 0.6, shape), 0.0
-    for passed, (x, y, z), later, turn in changes:
+    for passed, (x, y, z), later, turn, stair in changes:
         time += passed
         before, now = foot.at(time), foot.landing
+        foot.shape = shape._replace(**STAIR) if stair else shape
         foot.retarget(
             time,
             replace(now, x=now.x + x, y=now.y + y, z=now.z + z, yaw=now.yaw + turn),

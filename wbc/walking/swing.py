@@ -67,13 +67,15 @@ class SwingFoot:
         duration: Planned time of touch-down from lift-off, s.
         landing: Planned landing.
         over: Height of the highest ground known on the way, m; −∞ where none is.
+        shape: Shape of the swing, from the next change of the landing on.
+        lifted: Height from which the foot was lifted, m.
     """
 
     def __init__(
         self, start: pin.SE3, landing: Footstep, duration: float, shape: SwingShape, over: float = -math.inf
     ) -> None:
         """Plan from a foot at rest; an `InputError` for a duration too short for take-off and landing."""
-        self._shape = shape
+        self.shape = shape
         self.duration = duration
         self.landing, self.over = landing, over
         if duration < shape.shortest - ROUNDING:
@@ -89,7 +91,7 @@ class SwingFoot:
         """Begin at a place with a velocity, m/s, and an acceleration, m/s², and without turning."""
         x, y, z = (float(v) for v in place.translation)
         roll, pitch, yaw = (float(v) for v in pin.rpy.matrixToRpy(place.rotation))
-        self._origin = z
+        self.lifted = z
         self._c = {
             name: QuinticPath((value, speed, rate))
             for name, value, speed, rate in zip(
@@ -104,10 +106,10 @@ class SwingFoot:
     @property
     def apex_time(self) -> float:
         """Time of the highest point from lift-off, s."""
-        return max(self._shape.apex * self.duration, 1.02 * self._shape.piece)
+        return max(self.shape.apex * self.duration, 1.02 * self.shape.piece)
 
-    def retarget(self, time: float, landing: Footstep, duration: float, speed: float | None = None) -> None:
-        """Change landing and time of touch-down, and its speed (m/s) if given; the motion goes on without a jump.
+    def retarget(self, time: float, landing: Footstep, duration: float) -> None:
+        """Change landing and time of touch-down; the motion goes on without a jump.
 
         A touch-down comes no sooner than after the least duration of a piece. In the last half of that before it, and
         after it, the foot sinks as planned, unless it is put off, and only its place follows.
@@ -115,9 +117,7 @@ class SwingFoot:
         if landing.side != self.landing.side:
             raise InputError(f"the {self.landing.side} foot swings, got a landing of the {landing.side} foot")
         self.landing = landing
-        if speed is not None:
-            self._shape = self._shape._replace(landing_speed=speed)
-        piece = self._shape.piece
+        piece = self.shape.piece
         if time > self.duration - 0.5 * piece + ROUNDING and duration < time + piece:
             self._plan_place(time, max(duration, self.duration))
             return
@@ -133,8 +133,8 @@ class SwingFoot:
         """Search for the ground from a place at rest, where a foot has lost it again; the time is from lift-off, s."""
         self._restart(place, (0.0, 0.0, 0.0))
         self.duration = min(self.duration, time)
-        down = self._origin - self._shape.search_depth
-        self._c["z"].follow(time, (time + self._shape.search_time, (down, 0.0, 0.0)))
+        down = self.lifted - self.shape.search_depth
+        self._c["z"].follow(time, (time + self.shape.search_time, (down, 0.0, 0.0)))
         self._plan_place(time, self.duration)
 
     def restart(self, time: float, place: pin.SE3, velocity: Vector, most: float = math.inf) -> None:
@@ -143,17 +143,17 @@ class SwingFoot:
         The acceleration goes on as it was, over the ground with `most` at most, m/s²: a foot that is thrown again and
         again would else begin each time without any, and come late.
         """
-        origin, lift = self._origin, self._shape.lift
+        origin, lift = self.lifted, self.shape.lift
         x, y, z = (self._c[name].at(time)[2] for name in COORDINATES[:3])
         x, y = _bounded(x, y, most)
         self._restart(place, velocity, (x, y, min(max(z, -lift), lift)))
-        self._origin = origin
+        self.lifted = origin
         self._plan_height(time)
         self._plan_place(time, self.duration)
 
     def join(self, time: float, place: pin.SE3, velocity: Vector, ground: float, most: float) -> None:
         """Go on with a foot that has been in the air for a time, s, over a ground at a height, m; see `restart`."""
-        self._origin = ground
+        self.lifted = ground
         self.restart(time, place, velocity, most)
 
     def motion(self, time: float) -> tuple[Vector, Vector]:
@@ -182,8 +182,8 @@ class SwingFoot:
 
     def _plan_place(self, now: float, end: float) -> None:
         """Plan place and tilt from now to the landing at `end`, s: the foot travels between rise and descent."""
-        shape, landing = self._shape, self.landing
-        step = landing.z - self._origin
+        shape, landing = self.shape, self.landing
+        step = landing.z - self.lifted
         share = shape.edge * end * min(1.0, abs(step) / shape.swing_height)
         leave = shape.takeoff_time + (share if step > 0.0 else 0.0)
         arrive = end - shape.landing_time - (share if step < 0.0 else 0.0)
@@ -205,7 +205,7 @@ class SwingFoot:
 
     def _plan_height(self, now: float) -> None:
         """Plan the height: up to the apex, down at the landing speed, on down where no ground comes."""
-        shape, landing, end = self._shape, self.landing, self.duration
+        shape, landing, end = self.shape, self.landing, self.duration
         speed, height = shape.landing_speed, shape.landing_height
         if shape.quickest > 0.0 and now > 0.0:
             drop = max(self._c["z"].at(now)[0] - landing.z - shape.piece * speed, 0.0)
@@ -215,11 +215,11 @@ class SwingFoot:
         if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, ROUNDING) + shape.piece:
             down.insert(0, (end - height / speed, (landing.z + height, -speed, 0.0)))
         down.append((end + shape.search_time, (landing.z - shape.search_depth, 0.0, 0.0)))
-        top = max(self._origin, landing.z, self.over) + shape.swing_height
+        top = max(self.lifted, landing.z, self.over) + shape.swing_height
         if shape.lift < math.inf:
             top = min(
                 top,
-                max(self._reach(now), max(self._origin, landing.z, self.over) + CLEAR * shape.swing_height),
+                max(self._reach(now), max(self.lifted, landing.z, self.over) + CLEAR * shape.swing_height),
             )
         if now < self.apex_time - shape.piece and end - self.apex_time >= shape.piece:
             self._c["z"].follow(now, (self.apex_time, (top, 0.0, 0.0)), *down)
@@ -230,7 +230,7 @@ class SwingFoot:
         """Return the height that a foot can have at its apex, by its acceleration, m."""
         left = max(self.apex_time - now, 0.0)
         z, speed, _ = self._c["z"].at(now)
-        return z + max(speed, 0.0) * 0.5 * left + self._shape.lift * left * left / RISE
+        return z + max(speed, 0.0) * 0.5 * left + self.shape.lift * left * left / RISE
 
 
 def _bounded(x: float, y: float, most: float) -> tuple[float, float]:

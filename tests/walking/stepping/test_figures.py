@@ -490,7 +490,7 @@ def test_steps_are_decided_once_a_period_and_land_harder_on_rough_ground() -> No
         assert step.swing is not None
         left = 0.9 * uneven  # a landing on level ground leaves nine tenths of it
         harder = min(CONSTANTS.landing_speed + CONSTANTS.landing_gain * left, CONSTANTS.hardest)
-        assert step.swing._shape.landing_speed == pytest.approx(harder)
+        assert step.swing.shape.landing_speed == pytest.approx(harder)
     steps = np.diff(times)
     assert np.median(steps) == step._period and (steps <= step._period).all()
 
@@ -535,7 +535,7 @@ def test_ground_within_a_third_of_a_leg_is_landed_on(height: float, lands: bool)
     gait, z = gait_on(LEVEL), height * SCALE.leg / 3.0
     seen = SimpleNamespace(x=0.2, y=0.1, z=z, slope=(0.1, -0.2))
     gait.ground.sight = SimpleNamespace(version=1, support=lambda *_: seen)  # type: ignore[assignment]
-    landing = gait.step._look(Footstep("left", 0.2, 0.1))
+    landing = gait.step._look(Footstep("left", 0.2, 0.1), 0.0, planned=False)
     assert landing.z == pytest.approx(z if lands else 0.0) == gait.ground.height
     assert gait.step._tilt == pytest.approx((-math.atan(0.1), math.atan(-0.2)) if lands else (0.0, 0.0))
 
@@ -561,8 +561,37 @@ def test_footsteps_ask_for_the_velocity_of_the_one_that_swings() -> None:
 def test_the_com_goes_half_of_the_way_up_or_down_a_stair_before_the_foot_lands(rise: float) -> None:
     gait = gait_on(LEVEL)
     gait.ground.expect_at(rise)
-    assert gait.step._com_level(climbs=False) == 0.0, "steps of a velocity are not told of stairs"
-    assert gait.step._com_level(climbs=True) == pytest.approx(0.5 * rise)
+    assert gait.step._com_level() == 0.0, "no stair is known"
+    gait.step._climbs = True
+    assert gait.step._com_level() == pytest.approx(0.5 * rise)
+
+
+@pytest.mark.parametrize(
+    ("stands", "lifted", "seen", "climbs"),
+    [
+        (0.0, 0.0, 0.09, False),
+        (0.0, 0.0, 0.11, True),
+        (0.0, 0.0, -0.11, True),
+        (0.11, 0.0, 0.11, True),
+        (0.2, 0.2, 0.2, False),
+    ],
+)
+def test_a_landing_that_is_seen_far_above_or_below_either_foot_is_a_stair(
+    stands: float, lifted: float, seen: float, climbs: bool
+) -> None:
+    """In heights of the CoM; a foot that closes up on a stair has come from the one below."""
+    h = SCALE.height
+    gait = gait_on(
+        (frame_of((0.0, 0.11, h * stands, 0.0, 0.0, 0.0)), frame_of((0.0, -0.11, h * stands, 0.0, 0.0, 0.0)))
+    )
+    step = gait.step
+    spot = SimpleNamespace(x=0.2, y=0.1, z=h * seen, slope=(0.0, 0.0))
+    gait.ground.sight = SimpleNamespace(version=1, support=lambda *_: spot)  # type: ignore[assignment]
+    step._look(Footstep("left", 0.2, 0.1), h * lifted, planned=False)
+    assert step._climbs == climbs and (step._swing_shape().edge > 0.0) == climbs
+    step._climbs = False
+    step._look(Footstep("left", 0.2, 0.1), h * lifted, planned=True)
+    assert not step._climbs, "footsteps say where stairs are"
 
 
 def test_steps_of_a_plan_take_a_time_of_their_own_and_the_slow_one_downstairs() -> None:

@@ -223,7 +223,7 @@ class SteppingWalk(ReferenceSource):
         """Return the references of a tick in the phase that it has led to."""
         felt, step, steering, state = self.felt, self.step, self.steering, self.felt.state
         if felt.phase is GaitPhase.SINGLE:
-            now = step.references(self.elapsed, climbs=bool(steering.climbs))
+            now = step.references(self.elapsed)
         elif felt.phase is GaitPhase.STANDING:
             now = self.stand.standing()
         else:

@@ -214,6 +214,8 @@ class SteppingConstants:
     level_lag: Annotated[float, "1/ω"] = 1.01
     # Part of an unexpected height that the next landing expects.
     ground_share: float = 0.75
+    # Height of a landing that is seen, over either foot or under it, from which on it is a stair.
+    stair: Annotated[float, "h"] = 0.1
     # ---- Choice of a place on ground that is seen.
     # Cost of a landing away from the program's, over the program's own cost in h².
     balance_cost: Annotated[float, "h"] = 3.0

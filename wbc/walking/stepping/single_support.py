@@ -21,6 +21,7 @@ from wbc.core.robot import SIDES
 from wbc.walking.contact import Event, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.gait import SwingShape
 from wbc.walking.stepping.course import Course, PhaseReference
 from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.felt import Felt, Frames
@@ -93,6 +94,7 @@ class SingleSupport:
         self._ticks = 0  # with a decision on time and place that is open
         self._pace = settings.step_time  # mean time of the last steps, s
         self._level = 0.0  # height of the feet that carry, low-passed, m
+        self._climbs = False  # the landing is a stair, of footsteps or seen
         self._walks = False  # the robot has been in this step before the walk began
         self._planned: Orbit | None = None  # offsets of ξ in this step, along footsteps
         self._stood = 0.0  # height of the foot that stands to which the expected ground belongs, m
@@ -103,7 +105,7 @@ class SingleSupport:
     def begin(self, ground: float | None) -> None:
         """Begin a step on the foot that stands; the other one lands at a height, m, if that is planned."""
         felt = self._felt
-        self.first = self._walks = False
+        self.first = self._walks = self._climbs = False
         self.decision.begin()
         self.touch.begin()
         if ground is not None:
@@ -150,15 +152,15 @@ class SingleSupport:
         c, felt, (left, right) = self._c, self._felt, self._felt.state.places
         self._pace += c.pace_gain * (min(asked.elapsed, self._longest(asked)) - self._pace)
         unexpected = (left, right)[felt.swing][2] - self.swing.landing.z
-        # Stairs are rough ground only where they are not as planned.
-        self._ground.land(unexpected, unexpected if asked.climbs else left[2] - right[2])
+        # Stairs are rough ground only where they are not as expected.
+        self._ground.land(unexpected, unexpected if self._climbs else left[2] - right[2])
         self.swing = self.met = None
         return min(self.decision.area.width / c.slow_width, 1.0)
 
-    def references(self, elapsed: float, *, climbs: bool) -> PhaseReference:
-        """Return the references of a tick, at a time since lift-off, s, on stairs or not."""
+    def references(self, elapsed: float) -> PhaseReference:
+        """Return the references of a tick, at a time since lift-off, s."""
         c, felt, state, touch = self._c, self._felt, self._felt.state, self.touch
-        self._level += self._level_gain * (self._com_level(climbs=climbs) - self._level)
+        self._level += self._level_gain * (self._com_level() - self._level)
         most = touch.most_forces(elapsed, met=self.met is not None, stepped=not self.first)
         ahead, aside = cop = self.decision.cop
         motion = self._course.fall(state, state.on_sole(felt.stance, c.carrying + ahead, aside))
@@ -167,10 +169,10 @@ class SingleSupport:
 
     # ---- the ground ---------------------------------------------------------------------------------------------
 
-    def _com_level(self, *, climbs: bool) -> float:
+    def _com_level(self) -> float:
         """Return the height over which the CoM is to be, m: on stairs it goes half of the way before the landing."""
         stands = self._felt.state.places[self._felt.stance][2]
-        return stands + HALF * (self._ground.height - stands) if climbs else stands
+        return stands + HALF * (self._ground.height - stands) if self._climbs else stands
 
     def _follow_ground(self) -> None:
         """Move the expected ground with the foot that stands.
@@ -183,11 +185,18 @@ class SingleSupport:
             self._ground.expect_at(self._ground.height + moved)
             self._stood += moved
 
-    def _look(self, landing: Footstep) -> Footstep:
-        """Return a landing at the height and tilt of the ground seen under it, which are expected from now on."""
+    def _look(self, landing: Footstep, lifted: float, *, planned: bool) -> Footstep:
+        """Return a landing at the height and tilt of the ground seen under it, which are expected from now on.
+
+        Unless it is `planned`, it is a stair where it lies far above or below the foot that stands, or the place from
+        which the other one was `lifted`, m.
+        """
         landing = self._ground.under(landing)
         self._ground.expect_at(landing.z)
         self._tilt = landing.pitch, landing.roll
+        if not planned:
+            stands = self._felt.state.places[self._felt.stance][2]
+            self._climbs = max(abs(landing.z - stands), abs(landing.z - lifted)) > self._c.stair
         return landing
 
     # ---- time and place -----------------------------------------------------------------------------------------
@@ -196,6 +205,8 @@ class SingleSupport:
         """Decide time, place and centre of pressure of the step, and send the swing foot there."""
         if self.met is not None:
             return
+        if asked.footsteps:
+            self._climbs = bool(asked.climbs)
         felt, state, decision, elapsed = self._felt, self._felt.state, self.decision, asked.elapsed
         swing, self._ticks = self.swing, self._ticks + 1
         level = self._ground.level(*self._c.even)
@@ -214,11 +225,14 @@ class SingleSupport:
         landing, touch = self._landing(asked), self._touch_time(asked)
         looks = self._ground.sight is not None and self._ticks // self._period % LOOKS == 0
         if looks and touch - elapsed > LAST_LOOK:
-            landing = self._look(landing)
+            landing = self._look(landing, swing.lifted, planned=bool(asked.footsteps))
+            swing.shape = self._swing_shape()
             swing.rise_over(self._ground.way(frames[felt.swing], landing))  # of what is left
         if thrown is not None:
             swing.restart(elapsed, frames[felt.swing], thrown, self._c.swing_push)
-        swing.retarget(elapsed, landing, touch, self._c.hardest if decision.closes else None)
+        if decision.closes:
+            swing.shape = swing.shape._replace(landing_speed=self._c.hardest)
+        swing.retarget(elapsed, landing, touch)
 
     def _solve(self, asked: Asked) -> None:
         """Decide the step by what stands now."""
@@ -238,7 +252,7 @@ class SingleSupport:
             wish = steps_of_velocity((forward, left), self._width(asked), stance)
         look = None if stays else self._touch_time(asked) - asked.elapsed
         self.decision.decide(
-            stance, wish, self._longest(asked), look, held=bool(footsteps), climbs=bool(asked.climbs)
+            stance, wish, self._longest(asked), look, held=bool(footsteps), climbs=self._climbs
         )
 
     def _step_time(self, asked: Asked) -> float:
@@ -264,15 +278,19 @@ class SingleSupport:
         """Begin the swing from where the foot stands, or go on with that of a robot that walks already."""
         c, felt, ground, touch = self._c, self._felt, self._ground, self._touch_time(asked)
         ground.lift(felt.stance, frames[felt.stance])
-        landing, start = self._look(landing), frames[felt.swing]
-        speed = min(c.landing_speed + c.landing_gain * ground.uneven, c.hardest)
-        shape = self._shape._replace(landing_speed=speed)
-        if asked.climbs:
-            shape = shape._replace(**STAIR)
-        self.swing = swing = SwingFoot(start, landing, touch, shape, ground.way(start, landing))
+        start = frames[felt.swing]
+        landing = self._look(landing, float(start.translation[2]), planned=bool(asked.footsteps))
+        self.swing = swing = SwingFoot(start, landing, touch, self._swing_shape(), ground.way(start, landing))
         if self._walks:
             swing.join(asked.elapsed, start, felt.state.speeds[felt.swing], ground.height, c.swing_push)
             swing.retarget(asked.elapsed, landing, touch)
+
+    def _swing_shape(self) -> SwingShape:
+        """Return the shape of the swing: on level ground, on rough ground, or on stairs."""
+        c = self._c
+        speed = min(c.landing_speed + c.landing_gain * self._ground.uneven, c.hardest)
+        stair = STAIR if self._climbs else {}
+        return self._shape._replace(landing_speed=speed, **stair)
 
     def step_state(self, asked: Asked) -> StepState:
         """Return the state that the step is decided by."""
