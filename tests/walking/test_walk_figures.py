@@ -447,13 +447,17 @@ def test_a_lowered_body_refuses_steps_that_lift_their_feet_higher_than_its_legs_
     walking = standing()
     body, lowest = walking.body, lowest_com(walking.controller.robot)
     own = body.com_height
-    body.check_steps(0.5)  # nothing is lowered
+    walking.source.lift_room = 0.5
+    body.check_steps()  # nothing is lowered
     body.com_height = lowest + 0.03
-    body.check_steps(0.0299)
+    walking.source.lift_room = 0.0299
+    body.check_steps()
+    walking.source.lift_room = 0.0307
     with pytest.raises(InputError, match="lift a foot by 31 mm in a walk"):
-        body.check_steps(0.0307)
+        body.check_steps()
     body.com_height = own
-    body.check_steps(0.5)
+    walking.source.lift_room = 0.5
+    body.check_steps()
 
 
 @pytest.mark.parametrize("part", ["height", "turn"])
