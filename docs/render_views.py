@@ -2,7 +2,7 @@
 
 PYTHONPATH=tests/support xvfb-run -a -s "-screen 0 1000x750x24" python docs/render_views.py [FOLDER]
 
-It needs Chromium, the extra workbench, and a screen, for which Xvfb does.
+It needs Chromium, the extras workbench and rerun, and a screen, for which Xvfb does.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from PIL import Image, ImageGrab
 
 from wbc.app import Log, MeshcatView, Recorder, Workbench, draw
 from wbc.app.view.mujoco_view import MujocoView
+from wbc.app.view.rerun_view import RerunView
 from wbc.sim import WalkPlan, WalkSpec, WalkTrial
 
 SPEC = WalkSpec(
@@ -38,7 +39,7 @@ SPEC = WalkSpec(
 INSTANT, WIDTH = 4.0, 720
 """Time of the walk, s, and width of a picture, pixels."""
 
-SETTLE = {"meshcat": 5.0, "workbench": 60.0}
+SETTLE = {"meshcat": 5.0, "workbench": 60.0, "rerun": 60.0}
 """Time that a page may take to draw what it was sent, s: pixels are computed without a graphics card."""
 
 HIDE = "document.querySelectorAll('.mantine-Notifications-root').forEach(e => { e.style.display = 'none' })"
@@ -63,6 +64,7 @@ def main() -> None:
         views: dict[str, Callable[[], Any]] = {
             "meshcat": lambda: MeshcatView(plant, control, port=0, rate=1e6),
             "workbench": lambda: Workbench(plant, control, port=0, rate=1e6),
+            "rerun": lambda: RerunView(plant, control, port=0, rate=1e6),
             "mujoco": lambda: MujocoView(plant, control, rate=1e6),
         }
 

@@ -22,9 +22,9 @@ from wbc.app.replay import convert, film
 from wbc.app.replay.convert import RerunFile
 from wbc.app.replay.film import FOLLOW_TIME
 from wbc.app.replay.replay import MOST_PICTURES, Replay, _lists, _planned, _unit, _walk_marks
-from wbc.app.replay.rerun_file import tint
 from wbc.app.view.marks import LIFT, Mark, Picture, Scale, Walking
 from wbc.app.view.mujoco_marks import MujocoMarks
+from wbc.app.view.rerun_view import tint
 from wbc.base.errors import InputError
 
 TIME = 0.1 * np.arange(30)

@@ -203,7 +203,7 @@ def test_more_is_logged_when_asked_for(words: Any, level: int, monkeypatch: pyte
 
 
 def test_a_run_is_shown_by_the_viewer_that_is_named_and_driven_from_the_workbench() -> None:
-    assert LiveView().viewer is None and LiveView(view="mujoco").viewer == "mujoco"
+    assert LiveView().viewer is None and LiveView(view="rerun").viewer == "rerun"
     assert LiveDrive(drive=True).viewer == LiveDrive(drive=True, view="workbench").viewer == "workbench"
     assert LiveView(view="meshcat", port=7001).port == LiveDrive(drive=True, port=7001).port == 7001
     for options in (

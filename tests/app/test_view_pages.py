@@ -32,6 +32,7 @@ from wbc.app.view.marks import (
     css,
 )
 from wbc.app.view.mujoco_view import MujocoView
+from wbc.app.view.rerun_view import RerunView
 from wbc.sim import MujocoLoop
 from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
@@ -161,13 +162,31 @@ def test_a_port_in_use_stops_a_walk_before_anything_is_written(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("viewer", ["meshcat", "workbench"])
+@pytest.mark.parametrize("viewer", ["meshcat", "workbench", "rerun"])
 def test_the_command_shows_a_walk(
     viewer: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(live, "BROWSER_TIME", 0.0)
     assert main([*WALK, "--view", viewer, "--port", "0"]) == RAN
     assert json.loads(capsys.readouterr().out)["interactive"] is False
+
+
+@needs_chromium
+def test_rerun_counts_its_pages_and_shows_the_run_again(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    plant = wbc.Plant(HRP4)
+    with RerunView(plant, port=0, rate=1e6) as view, Browser(tmp_path / "profile") as browser:
+        assert view.pages == 0
+        port = int(view.url.split(":")[2].split("/")[0])
+        with socket.socket() as probe:  # a server for all addresses would answer at this one, too
+            assert probe.connect_ex(("127.0.0.2", port)) != 0
+        browser.open(view.url)
+        assert view.wait_for_page(60.0) and view.pages == 1
+        plant.step(plant.hold())
+        view.update()
+    assert view.pages == 0
+    with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+        pass  # the server has ended with the view
 
 
 def test_a_window_needs_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,4 +8,5 @@ from .replay.player import Player as Player
 from .replay.replay import Replay as Replay
 from .view.meshcat_view import MeshcatView as MeshcatView
 from .view.mujoco_view import MujocoView as MujocoView
+from .view.rerun_view import RerunView as RerunView
 from .view.workbench import Workbench as Workbench

@@ -40,7 +40,8 @@ class LiveView:
 
     Attributes:
         view: Viewer of the run: meshcat (a page in the browser), workbench (a page with controls of the run: push,
-            gains, targets, pause, restart) or mujoco (the window of MuJoCo's viewer, on a screen).
+            gains, targets, pause, restart), rerun (Rerun's page, in which the run can be looked at again) or mujoco
+            (the window of MuJoCo's viewer, on a screen).
         port: Port of the page; the first free one from 7000 on if not given.
     """
 

@@ -121,7 +121,6 @@ IN_PLACE_OF = {
     "StandPushSpec": "wbc.sim.balance.push_recovery.recovers(StandSpec(...), WalkPush(...))",
     "push_standing": "wbc.sim.balance.push_recovery.recovers(StandSpec(...), WalkPush(...))",
     "WatchWalk": "a view as a hook, such as MeshcatView(speed=1.0)",
-    "RerunView": "MeshcatView, or `wbc view LOG -o run.rrd` with a log of the run",
     "PushTableSpec": "a study with trials stand_push_limit",
     "push_table": "a study with trials stand_push_limit",
     # settings
@@ -133,7 +132,6 @@ IN_PLACE_OF = {
     "load.reach": "LoadSettings(offset=...), given as WalkingControlSettings(load=...)",
     # command line
     "--workbench": "--view workbench",
-    "--view rerun": "--record run.arrow, then wbc view run.arrow -o run.rrd",
     "--host": "a tunnel, ssh -L",
     "--gait": "--mode",
     "wbc push": "wbc study run examples/studies/push_standing.json --journal J",

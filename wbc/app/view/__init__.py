@@ -6,7 +6,7 @@
             view.update()
 
     with Workbench(plant, control) as view:  # the same, with controls of everything that the run has
-    walk(spec, hooks=[MeshcatView(speed=1.0)])  # a simulated walk, with its footsteps: a view is a hook
+    walk(spec, hooks=[RerunView(speed=1.0)])  # a simulated walk, with its footsteps: a view is a hook
 
 Robot, feet, ground and things are the geoms of one MuJoCo model (`meshes`); everything else is a mark (`marks`,
 `walk_marks`). A new control of a run goes into `controls`; a new viewer is a `View` and a line in `VIEWERS`.
@@ -14,13 +14,14 @@ Robot, feet, ground and things are the geoms of one MuJoCo model (`meshes`); eve
 
 from typing import Literal
 
-Viewer = Literal["meshcat", "workbench", "mujoco"]
-"""Names of the live views: the page of MeshCat shows the run, that of the workbench changes it; mujoco is the window of
-MuJoCo's viewer."""
+Viewer = Literal["meshcat", "workbench", "rerun", "mujoco"]
+"""Names of the live views: the page of MeshCat shows the run, that of the workbench changes it, that of Rerun keeps it;
+mujoco is the window of MuJoCo's viewer."""
 
 VIEWERS: dict[str, tuple[str, str]] = {
     "meshcat": ("wbc.app.view.meshcat_view", "MeshcatView"),
     "workbench": ("wbc.app.view.workbench", "Workbench"),
+    "rerun": ("wbc.app.view.rerun_view", "RerunView"),
     "mujoco": ("wbc.app.view.mujoco_view", "MujocoView"),
 }
 """Module and class of each live view, which are imported when a run is shown: some need an extra."""

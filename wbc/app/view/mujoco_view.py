@@ -32,7 +32,7 @@ class MujocoView(View):
         if sys.platform == "linux" and not {"DISPLAY", "WAYLAND_DISPLAY"} & {*os.environ}:
             raise ViewError(
                 "MuJoCo's viewer needs a screen, and neither DISPLAY nor WAYLAND_DISPLAY is set: "
-                "choose the view meshcat or workbench, which are pages in a browser"
+                "choose the view meshcat, workbench or rerun, which are pages in a browser"
             )
 
     def _build(self) -> None:
