@@ -1,6 +1,7 @@
 """Workbench: a live view whose page changes the run: drive, push, gains, tasks, targets, pause, restart.
 
-It needs viser (`pip install -e ".[workbench]"`). Values over time are in the log of the run (`wbc plot`).
+It needs viser (`pip install -e ".[workbench]"`). The panel plots DCM and ZMP over time; the log has all other values
+(`wbc plot`, Rerun).
 """
 
 from __future__ import annotations
