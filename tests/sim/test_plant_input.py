@@ -130,12 +130,13 @@ def test_a_control_made_for_another_period_is_refused_before_anything_moves(
     plant = Plant(load("hrp4_class"), control_period=plant_period, visuals=False)
     robot = plant.description.robot()
     control = PositionControl(balance_controller(robot, control_period))
-    with pytest.raises(InputError, match=f"{1e3 * control_period:g} ms.*{1e3 * plant_period:g} ms"):
+    periods = f"{1e3 * control_period:g} ms.*{1e3 * plant_period:g} ms"
+    with pytest.raises(InputError, match=periods):
         plant.step(control.command(plant.measure()))
     assert plant.time == 0.0
     robot = plant.description.robot()
     walking = WalkingControl(robot, FootstepPlan.standing(robot), control_period)
-    with pytest.raises(InputError, match="control_period"):
+    with pytest.raises(InputError, match=periods):
         Trial(plant, walking)
 
 
