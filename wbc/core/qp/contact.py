@@ -565,6 +565,13 @@ class PointContact(Contact):
         turn = pin.Quaternion.FromTwoVectors(axis, np.array([0.0, 0.0, 1.0])).matrix()
         self._world_to_contact = np.ascontiguousarray(turn)
 
+    def bind(self, robot: Robot) -> None:
+        """Find the point; see `Contact.bind`."""
+        super().bind(robot)
+        frame = self._model.frames[self._id]
+        point = frame.placement * pin.SE3(np.eye(3), self._point)
+        self._at = frame.parentJoint, point, pin.LOCAL_WORLD_ALIGNED
+
     @property
     def rotation(self) -> Array:
         """Rotation from the contact frame, in which forces and velocities are given, to the world, shape (3, 3)."""
@@ -577,16 +584,11 @@ class PointContact(Contact):
 
     def measure(self, jacobian: Array, error: Array) -> None:
         """Fill the motion rows in the contact frame; see `Motion.measure`."""
-        rows = frame_jacobian(self._model, self._data, self._id, pin.LOCAL_WORLD_ALIGNED)
-        arm, turn = pin.skew(self._placement.rotation.dot(self._point)), self._world_to_contact
-        jacobian[:] = turn.dot(rows[:3] - arm.dot(rows[3:]))
+        rows, turn = pin.getFrameJacobian(self._model, self._data, *self._at), self._world_to_contact
+        jacobian[:] = turn.dot(rows.reshape(6, -1)[:3])  # of a robot with one joint it is a vector
         np.dot(turn, self._target.act(self._point) - self._placement.act(self._point), out=error)
 
     def drift(self) -> Array:
         """Return the acceleration of the point, shape (3,); see `Motion.drift`."""
-        model, data, world, still = self._model, self._data, pin.LOCAL_WORLD_ALIGNED, (0.0, 0.0, 0.0)
-        arm = self._placement.rotation.dot(self._point).tolist()
-        spin = pin.getFrameVelocity(model, data, self._id, world).angular.tolist()
-        motion = pin.getFrameClassicalAcceleration(model, data, self._id, world)
-        turning = add_cross(motion.linear.tolist(), motion.angular.tolist(), arm)
-        return np.asarray(self._world_to_contact.dot(add_cross(turning, spin, add_cross(still, spin, arm))))
+        motion = pin.getFrameClassicalAcceleration(self._model, self._data, *self._at)
+        return np.asarray(self._world_to_contact.dot(motion.linear))
