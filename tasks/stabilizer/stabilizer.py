@@ -116,7 +116,21 @@ class Stabilizer:
         bias: Array | None = None,
         outside: Array | None = None,
     ) -> StabilizerOutput:
-        """Compute one tick from measured CoM, wrenches and soles; for the rest see `StabilizerTask.update`."""
+        """Run feedback, distribution and admittances for one tick.
+
+        Args:
+            target: Reference of the pendulum.
+            com: Measured CoM, shape (3,), m.
+            com_velocity: Its velocity, shape (3,), m/s.
+            wrenches: Measured wrenches on the soles in their frames, shape (2, 6), N and Nm.
+            soles: Measured placements of the left and of the right sole.
+            contact: True for each foot that should carry load.
+            yaw: Heading of the robot, rad.
+            dt: Control period, s.
+            bias: Bias of the measured DCM, shape (2,), m.
+            outside: Wrench of the surroundings on the robot except its feet, about the origin of the world, shape (6,),
+                N and Nm; None for none.
+        """
         rows = wrenches.tolist()
         self._update_in_air(rows)
         measured_zmp = self._measured_zmp(target, rows, soles, contact)
