@@ -137,6 +137,7 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         self.trial: WalkTrial | None = None
         self._renderer: mujoco.Renderer | None = None
         self._actions: list[Array] = []  # of the present episode
+        self._over = False  # the present episode has ended
         self._last: Seen | None = None  # observation
         self._hooks: Sequence[TrialHook] = ()  # of the present episode, until its end
 
@@ -149,8 +150,8 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
             seed: Seed; None for the next random draws.
             options: "hooks" may be a list of hooks (`wbc.sim.TrialHook`) of the episode, such as a `wbc.app.Recorder`.
         """
-        hooks = dict(options or {})
-        for name in hooks:
+        given = options or {}
+        for name in given:
             choose("option of an episode", name, ("hooks",))
         super().reset(seed=seed)
         self.close()
@@ -165,14 +166,14 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
                 for time in np.arange(2.0, self._seconds, 2.0)
             )
         return self._begin(
-            self._spec(int(self.np_random.integers(2**31)), pushes), hooks.get("hooks", ())
+            self._spec(int(self.np_random.integers(2**31)), pushes), given.get("hooks", ())
         ), {}
 
     def _begin(self, spec: WalkSpec, hooks: Sequence[TrialHook] = ()) -> Seen:
         """Begin an episode, and return its first observation."""
         visuals = bool(hooks) or self.render_mode is not None
         self.trial, self._hooks = WalkTrial(spec, visuals=visuals), hooks
-        self._actions = []
+        self._actions, self._over = [], False
         if self._task == "stand":
             self._height = self.trial.control.body.com_height
         with one_thread():  # sums of several threads depend on their number
@@ -245,8 +246,8 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
     def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
         """Let an action hold for a period; see the class for actions, observations and rewards."""
         trial = self.trial
-        if trial is None:
-            raise InputError("reset the environment before its first step")
+        if trial is None or self._over:
+            raise InputError("reset the environment before the first step of each episode")
         action = finite_array("action", action, self.action_space.shape)
         self._actions.append(action)
         self._order(trial, np.clip(action, *self._bounds))
@@ -259,6 +260,7 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         info = {"time": trial.plant.time, "fall": None, "diverged": trial.diverged}
         if trial.diverged is not None:
             assert self._last is not None
+            self._over = True
             self.close()
             return self._last.copy(), -1.0, True, False, info
         place = self._progress()
@@ -268,11 +270,11 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
         self._reached = place
         info["fall"] = None if trial.fall is None else trial.fall.value
         self._last = self._observation()
-        over = trial.stopped or trial.plant.time >= self._seconds - ROUNDING
-        if over or trial.fallen:
+        truncated = not trial.fallen and (trial.stopped or trial.plant.time >= self._seconds - ROUNDING)
+        self._over = trial.fallen or truncated
+        if self._over:
             self.close()
-        reward = float(reward) - trial.fallen
-        return self._last.copy(), reward, trial.fallen, over and not trial.fallen, info
+        return self._last.copy(), float(reward) - trial.fallen, trial.fallen, truncated, info
 
     def _spec(self, seed: int, pushes: tuple[WalkPush, ...]) -> WalkSpec:
         plan = WalkPlan(drive=((3600.0, 0.0, 0.0, 0.0),))  # steered by actions

@@ -19,6 +19,7 @@ from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.walking.plans.footsteps import LEAST_STAIR, Footstep, FootstepPlan, Place, mean_heading, moved
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.plans.reach import OutOfReachError
 from wbc.walking.plans.sources import Velocity, VelocityLimits, checked_velocity
 from wbc.walking.steered import SteeredControl
 
@@ -173,7 +174,7 @@ class WalkPlan:
 
 
 def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, *, together: bool = False) -> None:
-    """Raise an `InputError` for a velocity that the steps of a walk do not give, which is named.
+    """Raise an `OutOfReachError` for a velocity that the steps of a walk do not give, which is named.
 
     With `together` the parts share what there is: the squares of their shares of the limits are at most 1 in sum.
     """
@@ -184,7 +185,7 @@ def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, *, tog
         both = ", and less of each where they come together" if together else ""
         # Rounded down, so that none of them is refused.
         forward, back, aside, turns = (math.floor(1e3 * limit) / 1e3 for limit in limits)
-        raise InputError(
+        raise OutOfReachError(
             f"{what} give velocities of at most {forward:g} m/s forward, {back:g} back, {aside:g} aside and "
             f"{turns:g} rad/s{both}, got ({x:g}, {y:g}, {turn:g})"
         )

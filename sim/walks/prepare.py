@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.frames import yaw_rotation
 from wbc.core.robot import Robot
@@ -24,7 +23,7 @@ from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.reach import check_plan, sized
+from wbc.walking.plans.reach import OutOfReachError, check_plan, sized
 from wbc.walking.stepping.gait import SteppingWalk
 
 
@@ -108,7 +107,7 @@ def prepare(
         if plan.velocity is not None and not free:
             check_velocity(plan.velocity, settings.drive.limits, "planned steps", together=True)
         walking = WalkingControl(model, walked, period, settings, extent=extent)
-    except InputError as error:
+    except OutOfReachError as error:
         if plan.velocity is None or free:
             raise
         advice = "free steps walk faster: mode='torque', or wbc walk --mode torque"

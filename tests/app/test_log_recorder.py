@@ -19,7 +19,7 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.log.signals import Tick
 from wbc.app.plot.figures import draw
 from wbc.base.errors import InputError
-from wbc.base.settings import from_json
+from wbc.base.settings import from_json, to_json
 from wbc.core.qp.solving.solution import Solution
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot
@@ -138,6 +138,19 @@ def test_a_trial_without_a_spec_is_recorded_by_a_hook(tmp_path: Path) -> None:
         trial.advance(0.05)
     log = Log.open(tmp_path / "stand.arrow")
     assert len(log) == pytest.approx(10, abs=1) and log.header.get("spec") is None
+
+
+def test_a_trial_with_a_spec_of_its_own_is_recorded_with_the_seed_of_its_plant(tmp_path: Path) -> None:
+    class Stand(Trial):
+        spec = GAIT
+
+    plant = wbc.Plant("hrp4_class", seed=4, visuals=False)
+    robot = plant.description.robot()
+    trial = Stand(plant, WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period))
+    with trial.running([Recorder(tmp_path / "stand.arrow")]):
+        trial.advance(0.05)
+    header = Log.open(tmp_path / "stand.arrow").header
+    assert header["seed"] == 4 and header["spec"] == to_json(GAIT)
 
 
 def test_header_says_where_the_numbers_come_from() -> None:

@@ -51,6 +51,10 @@ def test_an_episode_that_is_stopped_is_cut_short_and_costs_nothing() -> None:
     env.trial.stop()
     _, reward, terminated, truncated, info = env.step(np.zeros(4))
     assert (terminated, truncated, info["fall"]) == (False, True, None) and reward > -0.5
+    with pytest.raises(InputError, match="reset"):
+        env.step(np.zeros(4))
+    env.reset(seed=1)
+    assert not env.step(np.zeros(4))[3]
 
 
 def test_a_fall_costs_one() -> None:

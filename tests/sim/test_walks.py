@@ -22,7 +22,7 @@ from wbc.sim.simulation.machine import Machine
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.threads import one_thread
 from wbc.sim.trial.trial import StageError, TrialHook, TrialTick
-from wbc.sim.walks.plan import WalkPlan
+from wbc.sim.walks.plan import TooFastError, WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.settings import WalkTrialSettings
 from wbc.sim.walks.spec import WalkSpec
@@ -453,6 +453,18 @@ def test_a_velocity_that_planned_steps_do_not_give_is_refused_with_the_way_to_fr
     if planned:
         assert not WalkSpec(mode="position", plan=plan).free
     else:
-        with pytest.raises(InputError, match=r"got \(.*free steps walk faster: mode='torque'"):
+        with pytest.raises(TooFastError, match=r"got \(.*free steps walk faster: mode='torque'"):
             WalkSpec(mode="position", plan=plan)
     assert WalkSpec(mode="torque", plan=plan).free
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"gait": {"swing_height": 0.5}}, {"changes": {"com_height": 0.3}}], ids=["swing", "com"]
+)
+def test_what_is_wrong_with_a_slow_walk_is_no_matter_of_its_speed(wrong: dict[str, Any]) -> None:
+    """The walk with another velocity is refused for the same reason: free steps are no way out."""
+    for velocity in (0.1, 0.2):
+        walk = {"mode": "position", "plan": {"velocity": [velocity, 0.0, 0.0]}}
+        with pytest.raises(InputError) as refused:
+            WalkSpec.from_json({**walk, **wrong})
+        assert not isinstance(refused.value, TooFastError)

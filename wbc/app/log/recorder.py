@@ -164,7 +164,7 @@ class Recorder(TrialHook):
     def start(self, trial: Any) -> None:
         """Take the specification and the seed of a trial that has them; see `TrialHook`."""
         if (spec := getattr(trial, "spec", None)) is not None:
-            self._spec, self._seed = self._spec or spec, spec.seed
+            self._spec, self._seed = self._spec or spec, getattr(spec, "seed", None)
 
     def tick(self, tick: TrialTick) -> None:
         """Record one tick; see `TrialHook`."""

@@ -48,6 +48,10 @@ STRAIGHT = 0.95
 """Ratio of its length from which a leg in half-sitting is too straight for long steps."""
 
 
+class OutOfReachError(InputError):
+    """A step that the legs do not reach in the time of its swing, or a velocity of such steps."""
+
+
 Extent = tuple[float, float, float, float]
 """Least and greatest x, least and greatest y of the ground, m."""
 
@@ -367,7 +371,7 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
     for verb, value, low, high, unit in limits:
         if not low - ROUNDING <= value <= high + ROUNDING:
             size = f"{value:.3f}" if abs(value) < FAR else f"{value:.3g}"
-            raise InputError(
+            raise OutOfReachError(
                 f"{what} {verb} {size} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
                 + (": a smaller step_length or velocity fits" if verb.startswith("goes") else "")
             )
@@ -383,7 +387,7 @@ def _check_effort(plan: FootstepPlan, index: int, gait: StepGait, reach: Reach) 
     effort = reach.effort(gait, begin, end, to_side - from_side)
     if effort > 1.0:
         way, height = math.hypot(end - begin, to_side - from_side), 1e3 * gait.swing_height
-        raise InputError(
+        raise OutOfReachError(
             f"step {index + 1} of {len(plan)} ({step.side}) moves a foot by {way:.3f} m, {height:.0f} mm high, in "
             f"{gait.single_support:g} s: that takes {effort:.2f} times what hip and knee give in that time; a longer "
             "single_support, shorter steps or a lower swing_height fit"
