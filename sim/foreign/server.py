@@ -123,7 +123,12 @@ class RobotServer:
             self._command = self._rack
         self.damped = self._command is None
         self._pull()
-        self.loop.step(self._sinking() if self._command is None else self._command)
+        try:
+            self.loop.step(self._sinking() if self._command is None else self._command)
+        except InputError as error:  # a command for another period, which has not moved the robot
+            logger.warning("%s: the joints are damped", error)
+            self._command, self.damped = None, True
+            self.loop.step(self._sinking())
         self._wire.send(self.loop.measure())
 
     def _sinking(self) -> Command:

@@ -7,7 +7,7 @@ import socket
 import time
 import types
 from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
 from typing import Any
 
 import numpy as np
@@ -87,7 +87,7 @@ class Program:
     """A driver's end of the wire that shows its packets."""
 
     def __init__(self, wire: Wire) -> None:
-        self.end = End(NA, "127.0.0.1", wire.secret)
+        self.end = End(DESCRIPTION, "127.0.0.1", wire.secret)
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.settimeout(1.0)
         self._address = ("127.0.0.1", wire.robot.port)
@@ -108,32 +108,59 @@ def test_no_key_is_zero_which_means_nobody_and_each_fits_into_a_header(
     drawn: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(udp.secrets, "randbits", lambda bits: drawn)
-    end = End(NA, "127.0.0.1", None)
+    end = End(DESCRIPTION, "127.0.0.1", None)
     head = end.header(end.pack(HELLO, 0))
     assert head is not None and 0 < head.key == end.key < 2**64
 
 
+def drawn(kind: type, rng: np.random.Generator) -> dict[str, Any]:
+    """Return values for all fields of a measurement or a command, none of which is a default."""
+    small = {"angular_velocity": 3, "specific_force": 3, "sole_range": 2, "sole_stiffness": 2}
+    small |= {"sole_wrench": (2, 6), "hand_wrenches": (2, 6)}
+    values: dict[str, Any] = {each.name: rng.normal(size=small.get(each.name, NA)) for each in fields(kind)}
+    if kind is Command:
+        return values | {"released": rng.random(NA) < 0.5, "period": float(rng.uniform())}
+    return values | {"time": float(rng.uniform()), "wrench_source": "commanded torques"}
+
+
 @pytest.mark.parametrize("secret", [None, SECRET])
-def test_packets_carry_everything(secret: str | None) -> None:
-    rng = np.random.default_rng(0)
-    end, numbers = End(NA, "127.0.0.1", secret), lambda n: rng.normal(size=(n, NA))
-    whole = random_measurement(rng)
-    for sent in (
-        whole,
-        replace(whole, joint_torque=None),
-        replace(whole, sole_wrench=None),
-        Command(*numbers(1)),
-        Command(*numbers(3)),
-        Command(*numbers(3), None, *numbers(2)),
-        Command(*numbers(1), kp=numbers(1)[0], kd=numbers(1)[0]),
-    ):
-        data = end.pack(MEASUREMENT if isinstance(sent, Measurement) else COMMAND, 7, sent)
+@pytest.mark.parametrize("kind", [Measurement, Command])
+def test_packets_carry_every_field_with_and_without_each_that_may_be_missing(
+    kind: type, secret: str | None
+) -> None:
+    end, whole = End(DESCRIPTION, "127.0.0.1", secret), drawn(kind, np.random.default_rng(0))
+    optional = [each for each in fields(kind) if (each.default, each.default_factory) != (MISSING, MISSING)]
+    together = {"kp": ("kd",), "joint_position": ("joint_velocity", "kp", "kd")}
+    for left_out in (None, *optional):
+        gone = () if left_out is None else (left_out.name, *together.get(left_out.name, ()))
+        if gone in (("kd",), ("joint_velocity",)):
+            continue  # kp and kd go together, and no velocity counts as zero
+        sent = kind(**{name: value for name, value in whole.items() if name not in gone})
+        data = end.pack(MEASUREMENT if kind is Measurement else COMMAND, 7, sent)
         head = end.header(data)
         assert head is not None and (head.key, head.to) == (end.key, 7)
         got = end.content(head, data)
-        assert type(got) is type(sent)
-        for field in fields(sent):
-            np.testing.assert_array_equal(getattr(got, field.name), getattr(sent, field.name), field.name)
+        assert type(got) is kind
+        for each in fields(kind):
+            np.testing.assert_array_equal(getattr(got, each.name), getattr(sent, each.name), each.name)
+
+
+def test_a_robot_without_soles_has_the_same_wire() -> None:
+    arm = wbc.load_robot("panda")
+    end, na = End(arm, "127.0.0.1", None), len(arm.joint_names)
+    sent = Measurement(
+        0.1, np.ones(na), np.ones(na), np.ones(3), np.ones(3), None, hand_wrenches=np.ones((1, 6))
+    )
+    got = end.content(end.header(data := end.pack(MEASUREMENT, 7, sent)), data)  # type: ignore[arg-type]
+    for each in fields(Measurement):
+        np.testing.assert_array_equal(getattr(got, each.name), getattr(sent, each.name), each.name)
+
+
+def test_what_does_not_fit_into_a_packet_is_an_error() -> None:
+    with pytest.raises(InputError, match="hand_wrenches"):
+        End(DESCRIPTION, "127.0.0.1", None).pack(
+            MEASUREMENT, 7, random_measurement(np.random.default_rng(0), hand_wrenches=np.zeros((3, 6)))
+        )
 
 
 def test_a_driver_gets_the_newest_measurement_and_is_obeyed_after_it(wire: Wire) -> None:
@@ -223,7 +250,7 @@ def test_the_delay_of_a_packet_is_that_against_the_quickest_of_its_sender(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Clocks of both ends differ by any time, here 1000 s; after each quick packet a bound drifts away slowly."""
-    end, sender, apart = End(NA, "127.0.0.1", None), End(NA, "127.0.0.1", None), 1000.0
+    end, sender, apart = End(DESCRIPTION, "127.0.0.1", None), End(DESCRIPTION, "127.0.0.1", None), 1000.0
     under_way = (0.004, 0.010, 0.003, 0.003, 0.080, 0.003, 2.0, 0.004)  # s
     quickest = np.minimum.accumulate(under_way)
     for i, (took, least) in enumerate(zip(under_way, quickest, strict=True)):
@@ -254,7 +281,7 @@ def test_a_hello_takes_the_measurements_from_nobody(wire: Wire) -> None:
 
 
 def test_the_memory_of_senders_is_bounded_and_keeps_the_owner(wire: Wire) -> None:
-    owner, stranger = Program(wire), End(NA, "127.0.0.1", wire.secret)
+    owner, stranger = Program(wire), End(DESCRIPTION, "127.0.0.1", wire.secret)
     old = owner.send(owner.end.pack(COMMAND, owner.robot, ZERO))
     assert wire.robot.receive()[1] is not None
     for key in range(1, 1000):
@@ -309,7 +336,13 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("bad", BAD.values(), ids=BAD.keys())
+BAD_ON_THE_WIRE = BAD | {
+    "negative stiffness": lambda c: replace(c, sole_stiffness=np.array([5.0, -5.0])),
+    "period": lambda c: replace(c, period=np.nan),
+}
+
+
+@pytest.mark.parametrize("bad", BAD_ON_THE_WIRE.values(), ids=BAD_ON_THE_WIRE.keys())
 def test_a_command_that_no_drive_must_get_damps_and_its_sender_is_named(
     wire: Wire, bad: Callable[[Command], Command], caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -328,7 +361,8 @@ def test_a_server_damps_on_a_bad_command_of_any_wire_and_goes_on() -> None:
     server = RobotServer(loop, types.SimpleNamespace(receive=lambda: (False, given[-1]), send=lambda _: None))
     server.step()
     hold = Command(np.zeros(NA), *np.zeros((2, NA)), kp=np.ones(NA), kd=np.ones(NA))
-    for wrong in (*(bad(hold) for bad in BAD.values()), Command(np.zeros(3)), "command"):
+    others = Command(np.zeros(3)), replace(hold, period=0.004), "command"
+    for wrong in (*(bad(hold) for bad in BAD.values()), *others):
         given.append(wrong)
         server.step()
         assert server.damped, wrong
@@ -339,7 +373,7 @@ def test_a_server_damps_on_a_bad_command_of_any_wire_and_goes_on() -> None:
 
 def test_packets_of_strangers_neither_damp_nor_lock_anybody_out(wire: Wire) -> None:
     """Forged keys, bits that have flipped, noise: the robot obeys its owner, the driver hears its robot."""
-    rng, owner, forger = wire.rng, Program(wire), End(NA, "127.0.0.1", None)
+    rng, owner, forger = wire.rng, Program(wire), End(DESCRIPTION, "127.0.0.1", None)
 
     def obeyed() -> bool:
         owner.send(owner.end.pack(COMMAND, owner.robot, ZERO))
@@ -369,7 +403,7 @@ def test_packets_of_strangers_neither_damp_nor_lock_anybody_out(wire: Wire) -> N
 @pytest.mark.parametrize("ahead", [10_000_000, 10**12, None], ids=["10 ms", "1000 s", "greatest"])
 def test_no_number_of_the_future_locks_out_the_owner_or_the_robot(wire: Wire, ahead: int | None) -> None:
     """Somebody knows the keys of both ends; without a secret nothing else is needed to make a packet."""
-    owner, forger = Program(wire), End(NA, "127.0.0.1", None)
+    owner, forger = Program(wire), End(DESCRIPTION, "127.0.0.1", None)
 
     def obeyed() -> bool:
         owner.send(owner.end.pack(COMMAND, owner.robot, ZERO))
@@ -390,7 +424,7 @@ def test_no_number_of_the_future_locks_out_the_owner_or_the_robot(wire: Wire, ah
 
 def test_a_driver_hears_its_robot_alone(wire: Wire) -> None:
     driver = wire.owner()
-    fake, rng = End(NA, "127.0.0.1", wire.secret), wire.rng
+    fake, rng = End(DESCRIPTION, "127.0.0.1", wire.secret), wire.rng
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         for to in (0, 5):
             stranger.sendto(fake.pack(MEASUREMENT, to, random_measurement(rng)), wire.robot.sender)  # type: ignore[arg-type]
@@ -443,7 +477,7 @@ def test_a_recorded_command_moves_nothing_once_its_sender_is_forgotten(
         second = wire.driver()
         assert wire.meets(second) and wire.obeys(second)
     for _ in range(udp.KEYS + 1):
-        wire.throw(End(NA, "127.0.0.1", SECRET).pack(HELLO, 0))
+        wire.throw(End(DESCRIPTION, "127.0.0.1", SECRET).pack(HELLO, 0))
     assert first.end.key not in wire.robot._end._newest
     for data in (command, hello, command):  # again with a hello that is known to be answered
         assert wire.throw(data)[1] is None

@@ -1,23 +1,30 @@
 """Measurements and commands as UDP packets, from both ends.
 
-A packet is little-endian: the header, then arrays of 8-byte floats, in the order of the robot's joints, then the
-signature where both ends share a secret.
+A packet is little-endian: the header, then arrays of 8-byte floats, in the order of the robot's joints, soles
+and hands, then the signature where both ends share a secret.
 
 | Header | | |
 |---|---|---|
-| 4 bytes | `wbc3` | |
+| 4 bytes | `wbc4` | |
 | u8 | kind | 0 hello, 1 measurement, 2 command, 3 damp |
-| u8 | flags | bit 0: joint torques (measurement), references (command); bit 1: sole wrenches, gains |
+| u8 | flags | bits of the arrays that are there; bits 5 and 6 of a measurement: origin of the sole wrenches |
 | u16 | number of joints | |
 | u64 | key of the sender | drawn anew for each driver, and by the robot for each driver that says hello |
 | u64 | key of the receiver | 0 in a hello and in a damp |
 | u64 | number | rises from packet to packet of a key: the sender's clock, ns |
-| f64 | time of the sensors, s (measurement); 0 | |
+| f64 | time, s | of the sensors (measurement); control period (command), 0 for any |
 
-| Kind | Arrays |
-|---|---|
-| measurement | positions, velocities, [torques], gyroscope (3), accelerometer (3), [sole wrenches (2 × 6)] |
-| command | torques, [reference positions, reference velocities], [kp, kd] |
+| Arrays of a measurement | Bit | Arrays of a command | Bit |
+|---|---|---|---|
+| positions, velocities | | torques | |
+| torques | 0 | reference positions, reference velocities | 0 |
+| gyroscope (3), accelerometer (3) | | kp, kd | 1 |
+| sole wrenches (6 a sole) | 1 | stiffness (1 a sole) | 2 |
+| hand wrenches (6 a hand) | 2 | 1 for each released joint, 0 for others | 3 |
+| ranges (1 a sole) | 3 | | |
+| stiffness (1 a sole) | 4 | | |
+
+The origin is 0 for sensors, 1 for measured and 2 for commanded torques (`WrenchSource`).
 
 The signature is the first half of the HMAC-SHA256 of all bytes before it.
 
@@ -49,14 +56,14 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_args
 
 import numpy as np
 from pydantic import Field
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import LARGEST_COMMAND, Command, Measurement, WrenchSource
 from wbc.machine.commands import with_gains
 from wbc.machine.loop import Driver, MachineError
 from wbc.robots import RobotDescription
@@ -96,19 +103,21 @@ SHORTEST = 16
 
 HELLO, MEASUREMENT, COMMAND, DAMP = range(4)
 HEADER = struct.Struct("<4sBBHQQQd")
-MAGIC = b"wbc3"
+MAGIC = b"wbc4"
 SIGNATURE = 16
 """Length of a signature, bytes."""
 
 ARRAYS = {
     MEASUREMENT: {"joint_position": 0, "joint_velocity": 0, "joint_torque": 1}
-    | {"angular_velocity": 0, "specific_force": 0, "sole_wrench": 2},
-    COMMAND: {"joint_torque": 0, "joint_position": 1, "joint_velocity": 1, "kp": 2, "kd": 2},
+    | {"angular_velocity": 0, "specific_force": 0, "sole_wrench": 2, "hand_wrenches": 4}
+    | {"sole_range": 8, "sole_stiffness": 16},
+    COMMAND: {"joint_torque": 0, "joint_position": 1, "joint_velocity": 1, "kp": 2, "kd": 2}
+    | {"sole_stiffness": 4, "released": 8},
 }
 """Arrays of a kind in their order, with the flag of those that may be missing."""
 
-SHAPES = {"angular_velocity": (3,), "specific_force": (3,), "sole_wrench": (2, 6)}
-"""Shapes of arrays; the others have a number for each joint."""
+ORIGINS, ORIGIN = get_args(WrenchSource), 32
+"""Origins of sole wrenches; the flags of a measurement, divided by `ORIGIN`, are the number of one."""
 
 
 class Header(NamedTuple):
@@ -136,8 +145,8 @@ class End:
         given: Keys of other ends → keys that were drawn for them alone.
     """
 
-    def __init__(self, joints: int, host: str, secret: str | None) -> None:
-        """Draw a key; packets are signed with a secret, which other computers need."""
+    def __init__(self, description: RobotDescription, host: str, secret: str | None) -> None:
+        """Draw a key for packets of a robot; they are signed with a secret, which other computers need."""
         if secret is None and not _is_here(host):
             raise InputError(
                 f"packets to and from other computers are signed: {host} needs secret='…' at both ends"
@@ -146,7 +155,11 @@ class End:
             raise InputError(f"secret must have {SHORTEST} characters at least, got {len(secret)}")
         self.key = new_key()
         self.given: dict[int, int] = {}
-        self._joints = joints
+        self._joints = len(description.joint_names)
+        soles, hands = len(description.soles), len(description.hands)
+        # The arrays that are not here have a number for each joint.
+        self._shapes = {"angular_velocity": (3,), "specific_force": (3,), "sole_wrench": (soles, 6)}
+        self._shapes |= {"hand_wrenches": (hands, 6), "sole_range": (soles,), "sole_stiffness": (soles,)}
         self._secret = secret.encode() if secret else b""
         self._number = 0
         self._newest: dict[int, int] = {}  # key of a sender → number of its last packet, the last sender last
@@ -160,16 +173,28 @@ class End:
         self._number = max(self._number + 1, time.monotonic_ns())
         arrays = ARRAYS.get(kind, {})
         values = {name: getattr(content, name) for name in arrays}
-        if kind == COMMAND and values["joint_velocity"] is None:
-            values["joint_velocity"] = np.zeros(self._joints)
-        flags = sum(set(arrays.values()) - {arrays[name] for name, value in values.items() if value is None})
-        stamp = content.time if isinstance(content, Measurement) else 0.0
-        sent = [values[name].ravel() for name, flag in arrays.items() if not flag or flag & flags]
+        flags, stamp = sum(set(arrays.values())), 0.0
+        if kind == COMMAND and isinstance(content, Command):
+            if values["joint_velocity"] is None:
+                values["joint_velocity"] = np.zeros(self._joints)
+            stamp = content.period or 0.0
+        elif kind == MEASUREMENT and isinstance(content, Measurement):
+            for name in ("sole_range", "sole_stiffness"):
+                values[name] = None if np.isnan(values[name]).all() else values[name]
+            flags, stamp = flags + ORIGIN * ORIGINS.index(content.wrench_source), content.time
+        flags -= sum({arrays[name] for name, value in values.items() if value is None})
+        sent = {name: values[name] for name, flag in arrays.items() if not flag or flag & flags}
+        for name, value in sent.items():
+            if np.shape(value) != (shape := self._shape(name)):
+                raise InputError(f"{name} of a packet must have the shape {shape}, got {np.shape(value)}")
         own = self.key if key is None else key
         data = HEADER.pack(MAGIC, kind, flags, self._joints, own, to, self._number, stamp)
         if sent:
-            data += np.concatenate(sent).astype("<f8").tobytes()
+            data += np.concatenate([np.ravel(value) for value in sent.values()]).astype("<f8").tobytes()
         return data + self._sign(data)
+
+    def _shape(self, name: str) -> tuple[int, ...]:
+        return self._shapes.get(name, (self._joints,))
 
     def _sign(self, data: bytes) -> bytes:
         return hmac.digest(self._secret, data, "sha256")[:SIGNATURE] if self._secret else b""
@@ -215,19 +240,22 @@ class End:
         return offset - least
 
     def content(self, head: Header, data: bytes) -> Measurement | Command | None:
-        """Return what a measurement or a command carries; None if its length is wrong."""
+        """Return what a measurement or a command carries; None if its length or its flags are wrong."""
         arrays = (name for name, flag in ARRAYS[head.kind].items() if not flag or flag & head.flags)
-        shapes = {name: SHAPES.get(name, (self._joints,)) for name in arrays}
+        shapes = {name: self._shape(name) for name in arrays}
         counts = [math.prod(shape) for shape in shapes.values()]
-        end = len(data) - (SIGNATURE if self._secret else 0)
-        if end != HEADER.size + 8 * sum(counts):
+        end, origin = len(data) - (SIGNATURE if self._secret else 0), head.flags // ORIGIN
+        if end != HEADER.size + 8 * sum(counts) or origin >= len(ORIGINS):
             return None
         values = np.frombuffer(data[HEADER.size : end], "<f8").astype(np.float64)
         parts = zip(shapes.items(), np.split(values, np.cumsum(counts)[:-1]), strict=True)
         content: dict[str, Any] = {name: part.reshape(shape) for (name, shape), part in parts}
         if head.kind == COMMAND:
-            return Command(**content)
-        return Measurement(**({"time": head.time, "sole_wrench": None} | content))
+            if "released" in content:
+                content["released"] = content["released"] != 0.0
+            return Command(**content, period=head.time or None)
+        wrenches = {"sole_wrench": None, "wrench_source": ORIGINS[origin]}
+        return Measurement(**({"time": head.time} | wrenches | content))
 
 
 class UdpDriver(Driver):
@@ -260,7 +288,7 @@ class UdpDriver(Driver):
         """
         description = as_description(description)
         self.description, self.address = description, (host, port)
-        self._end = End(len(description.joint_names), host, secret)
+        self._end = End(description, host, secret)
         self._gains = np.array(description.kp), np.array(description.kd)
         self._socket: socket.socket | None = None
         self._robot = 0  # key
@@ -370,7 +398,7 @@ class UdpRobot:
         """
         description = as_description(description)
         self._names = tuple(description.joint_names)
-        self._end = End(len(self._names), host, secret)
+        self._end = End(description, host, secret)
         with contextlib.ExitStack() as opened:
             try:
                 family, address = _resolved(host, port)
@@ -459,6 +487,9 @@ class UdpRobot:
             if not isinstance(command, Command):
                 raise InputError(f"command: a packet of {len(data)} bytes has not the length that it says")
             command.check(self._names)
+            for name, value in (("sole_stiffness", command.sole_stiffness), ("period", command.period)):
+                if value is not None and not np.all((value >= 0.0) & (value <= LARGEST_COMMAND)):
+                    raise InputError(f"command: {name} must be from 0 to {LARGEST_COMMAND:g}, got {value}")
         except InputError as error:
             logger.warning("packet of %s, port %d: %s: the joints are damped", *peer[:2], error)
             return None
