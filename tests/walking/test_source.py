@@ -15,9 +15,10 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.view.stage import SimulatedStage
 from wbc.base.errors import InputError
 from wbc.robots import load
-from wbc.walking import Reference, StandSource, State, WalkingControl
+from wbc.walking import GaitPhase, Reference, StandSource, State, WalkingControl, WalkingControlSettings
 from wbc.walking.source import Progress, WholeBody
 from wbc.walking.stepping.gait import SteppingWalk
+from wbc.walking.stepping.settings import SteppingConstants
 
 DESCRIPTION = load("hrp4_class")
 
@@ -95,7 +96,28 @@ def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> N
     assert walking.drives.failures == 20 and "no reference" in walking.drives.reason
 
 
-def test_sources_that_the_stabilizer_cannot_follow_are_refused() -> None:
-    robot = DESCRIPTION.robot()
-    with pytest.raises(InputError, match="balance"):
-        WalkingControl(robot, SteppingWalk.of(robot, 0.005), 0.005)
+def test_free_steps_are_for_a_control_that_takes_them() -> None:
+    robot, torque = DESCRIPTION.robot(), WalkingControlSettings(mode="torque")
+    gait = SteppingWalk.of(robot, 0.005)
+    for dt, settings in ((0.005, None), (0.004, torque)):
+        with pytest.raises(InputError, match="free steps"):
+            WalkingControl(robot, gait, dt, settings)
+
+
+def test_free_steps_of_ones_own_walk_by_their_constants() -> None:
+    """With the defaults as the control's own; a robot that shifts its weight for longer lifts its foot later."""
+    settings = WalkingControlSettings(mode="torque")
+
+    def lifted(constants: SteppingConstants | None) -> float:
+        plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
+        dt = plant.control_period
+        gait = None if constants is None else SteppingWalk.of(robot, dt, constants=constants)
+        walking = WalkingControl(robot, gait, dt, settings)
+        walking.velocity = (0.1, 0.0, 0.0)
+        while walking.progress.phase is not GaitPhase.SINGLE:
+            plant.step(walking.command(plant.measure()))
+        return plant.time
+
+    usual = SteppingConstants()
+    late = lifted(replace(usual, shift_time=1.5 * usual.shift_time))
+    assert lifted(usual) == lifted(None) < late

@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from wbc.base.errors import InputError, shown
+from wbc.base.errors import InputError
 from wbc.core.drive.control import DriveControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import HybridControl, TorqueControl
@@ -54,12 +54,13 @@ def source_of(
     """Return the source of the references: that of the steps of the mode, or the user's own.
 
     Raises:
-        InputError: A walk in free steps as a source of one's own; a plan that cannot be walked.
+        InputError: Free steps in position control, or made for another control period; a plan that cannot be walked.
     """
     s = settings
-    if isinstance(source, SteppingWalk):
+    if isinstance(source, SteppingWalk) and not (s.free and source.dt == dt):
         raise InputError(
-            f"a stabilizer balances the robot along {shown(source)}: free steps take a plan, or None"
+            f"free steps of {source.dt:g} s a period need torque or hybrid control of the same period, got {s.mode} "
+            f"control of {dt:g} s"
         )
     if isinstance(source, ReferenceSource):
         return source

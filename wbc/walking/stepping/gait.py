@@ -83,6 +83,7 @@ class SteppingWalk(ReferenceSource):
         dt: float,
         reach: Reach | None = None,
         extent: Extent | None = None,
+        constants: SteppingConstants | None = None,
     ) -> None:
         """Stand, with a heading, rad; an `InputError` for steps that cannot be walked.
 
@@ -90,7 +91,7 @@ class SteppingWalk(ReferenceSource):
         the ground is endless.
         """
         self.settings, self.scale, self.com_height = settings.in_si(scale), scale, scale.height
-        self.constants = c = in_si(SteppingConstants(), scale)
+        self.constants = c = in_si(constants or SteppingConstants(), scale)
         self.dt, self.reach, self._extent = dt, reach, extent
         self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
         self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for
@@ -105,15 +106,16 @@ class SteppingWalk(ReferenceSource):
         settings: SteppingSettings | None = None,
         com_height: float | None = None,
         extent: Extent | None = None,
+        constants: SteppingConstants | None = None,
     ) -> SteppingWalk:
         """Return a walk of a robot, the CoM at a height over its soles, m, or as far down as the settings' `bend`.
 
-        The ground has an extent, m.
+        The ground has an extent, m. The constants of the law are the defaults when None.
         """
         s = settings or SteppingSettings()
         towards = heading(robot.placement(robot.base_frame).rotation)
         scale = RobotSize.of(robot, s.bend, com_height)
-        return SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height), extent)
+        return SteppingWalk(s, scale, towards, dt, Reach.of(robot, scale.height), extent, constants)
 
     def begin(self, heading: float) -> None:
         """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
