@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,50 @@ def test_a_law_that_fails_is_held_and_then_stopped_until_the_control_begins_anew
     plant.reset()
     control.reset()
     assert run(plant, control, 0.3).kp is not None and not control.drives.stopped
+
+
+@pytest.mark.parametrize("drives", [wbc.PositionControl, wbc.TorqueControl, wbc.HybridControl])
+@pytest.mark.parametrize("gains", [True, False])
+@pytest.mark.parametrize("references", [True, False])
+def test_the_command_of_a_law_is_held_where_it_is_not_of_the_gate(
+    drives: type[wbc.PositionControl | wbc.TorqueControl | wbc.HybridControl], gains: bool, references: bool
+) -> None:
+    """Neither gate nor drives know the references and torques of a law that makes its commands alone."""
+    control, measured = Held(), wbc.Plant(HRP4, control_period=DT).measure()
+    control.drives = drives(wbc.balance_controller(HRP4.robot(), DT))  # type: ignore[assignment]
+    servos = dict(zip(("kp", "kd"), control.gains, strict=True)) if gains and references else {}
+    position = control.rest + 0.001 if references else None
+    torque = np.full_like(control.rest, 0.1)
+    command = wbc.Command(torque, position, None if position is None else control.none + 0.5, **servos)
+
+    def law(state: State) -> wbc.Command:
+        if control.broken:
+            raise ValueError("broken")
+        return command.copy()
+
+    control.law = law  # type: ignore[method-assign]
+    sent = control.command(measured)
+    for array in (sent.joint_torque, sent.joint_position):
+        if array is not None:
+            array[:] = np.nan  # a driver may do what it likes with the arrays of a command
+    control.broken = True
+    for tick in (1, 2):
+        held = control.command(replace(measured, time=measured.time + tick * DT))
+        np.testing.assert_allclose(held.joint_torque, torque, atol=1e-12)
+        if position is None:
+            assert held.joint_position is None
+        else:
+            np.testing.assert_array_equal(held.joint_position, position)
+            np.testing.assert_array_equal(held.joint_velocity, control.none)
+        np.testing.assert_array_equal(held.kp, command.kp)
+        assert control.drives.failures == tick
+
+
+def test_a_tick_that_fails_by_its_measurement_and_its_law_counts_once() -> None:
+    control = Held()
+    control.broken = True
+    control.command(None)  # type: ignore[arg-type]
+    assert control.drives.failures == 1 and "broken" not in control.status()
 
 
 def test_joints_that_are_released_are_not_in_the_command_of_a_law() -> None:

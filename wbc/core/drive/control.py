@@ -247,6 +247,7 @@ class DriveControl(Control):
         self.falls, self._on_fall = FallDetector(self.observer.robot, dt), safety.on_fall
         self._dcm_limit = FEET_STAY
         self._torques = np.zeros(controller.robot.na)
+        self._relayed: Command | None = None  # last good command of a law
         self._failing = 0
 
     @property
@@ -288,7 +289,7 @@ class DriveControl(Control):
         self.controller.reset()
         self.measurement = None
         self.falls.reset()
-        self._torques = np.zeros_like(self._torques)
+        self._torques, self._relayed = np.zeros_like(self._torques), None
         self._failing = 0
         self.reason = ""
         self.plausibility.reset()
@@ -404,13 +405,15 @@ class DriveControl(Control):
         else:
             solution = self._solve(state, wrenches) if state.ok else None
             command = self._hold(state) if solution is None else self._follow(state, solution)
+        self._relayed = None
         return self._finish(command)
 
     def relay(self, state: State, law: Callable[[State], Command]) -> Command:
         """End a tick with the command of another law than the QP's, such as that of a policy.
 
         Torques and gains of joints that somebody else moves are taken out. The joints of a robot that has fallen, or
-        whose ticks have failed for too long, are damped. A law that raises an exception fails the tick.
+        whose ticks have failed for too long, are damped. A law that raises an exception fails the tick, which holds the
+        last command of the law with a velocity reference of zero.
 
         Args:
             state: State of this tick; of one that `refuse` has failed, the law returns the command to hold.
@@ -421,10 +424,23 @@ class DriveControl(Control):
         try:
             command = law(state)
             if state.ok:
-                self._failing = 0
+                self._failing, self._relayed = 0, command.copy()
         except Exception as error:  # of a law of the user's own
-            command = self._hold(self.refuse(state, error))
+            command = self._hold_relayed(self.refuse(state, error) if state.ok else state)
         return self._finish(command)
+
+    def _hold_relayed(self, state: State) -> Command:
+        """Return the last command of a law at rest, within the limits; what the drives hold where there is none."""
+        if (last := self._relayed) is None:
+            return self._hold(state)
+        if (position := last.joint_position) is None:
+            return self.gate.pass_on(last.joint_torque + self._damping(state))
+        self.gate.reset(position)  # a law need not move the references of the gate
+        still = np.zeros_like(position)
+        if last.kp is None or last.kd is None:
+            return self.gate.pass_on(last.joint_torque, position, still)
+        measured = self.plausibility.joints(state.received)
+        return self.gate.pass_on_with_gains(last.joint_torque, position, still, (last.kp, last.kd), measured)
 
     def _finish(self, command: Command) -> Command:
         """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it."""
