@@ -316,11 +316,17 @@ def test_an_arm_presses_with_what_its_torques_leave_over_its_own_weight_and_its_
         at = robot.joint_index(joint)
         held[at] += stiffness * (robot.q[7 + at] - rest)
     rows = np.array(hand._arm)
-    for direction in ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 0.6, 0.8)):
-        force, joint = hand.strength(np.array(direction), 0.7)
+    turn = robot.placement(hand.frame).rotation
+    for direction, point in (
+        ((1.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        ((0.0, 0.0, -1.0), (0.0, 0.0, -0.2)),
+        ((0.0, 0.6, 0.8), (0.1, 0.05, -0.14)),
+    ):
+        force, joint = hand.strength(np.array(direction), 0.7, np.array(point))
+        pushed = np.concatenate((direction, np.cross(turn @ point, direction)))
 
-        def used(force: float, direction: tuple[float, ...] = direction) -> np.ndarray[Any, Any]:
-            torque = held + force * np.array(direction) @ jacobian[:3, BASE_DOF:]
+        def used(force: float, pushed: np.ndarray[Any, Any] = pushed) -> np.ndarray[Any, Any]:
+            torque = held + force * pushed @ jacobian[:, BASE_DOF:]
             limit = np.where(torque > 0.0, robot.torque_upper, -robot.torque_lower)
             return (np.abs(torque) / limit)[rows]
 

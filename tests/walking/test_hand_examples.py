@@ -42,7 +42,7 @@ def run(module: ModuleType, *arguments: str) -> dict[str, Any]:
     ("on", "force", "robot", "mode"),
     [
         ("table", 60.0, "g1", "position"),
-        ("wall", 100.0, "hrp4_class", "position"),
+        ("wall", 100.0, "g1", "position"),
         ("wall", 60.0, "hrp4_class", "torque"),
     ],
 )

@@ -161,11 +161,15 @@ class Arm:
         arm = data.oMf[self._id].actInv(moment / mass)
         return np.asarray(arm / max(float(np.linalg.norm(arm)), 1e-6))
 
-    def strength(self, direction: Array, share: float) -> tuple[float, str]:
-        """Return the greatest force along a direction, N, by a ratio of the torque limits, and its joint."""
+    def strength(self, direction: Array, share: float, point: Array) -> tuple[float, str]:
+        """Return the greatest force along a direction, N, by a ratio of the torque limits, and its joint.
+
+        The force acts at a point in the frame of the hand, shape (3,), m.
+        """
         robot, arm = self._robot, self._arm
         jacobian = pin.getFrameJacobian(robot.model, robot.data, self._id, pin.LOCAL_WORLD_ALIGNED)
-        lever = direction @ jacobian[:3, BASE_DOF:][:, arm]
+        moment = np.cross(self.place.rotation @ point, direction)
+        lever = np.concatenate((direction, moment)) @ jacobian[:, BASE_DOF:][:, arm]
         # A hand at rest: what carries the arm is left out of what may press, or helps.
         held = (robot.data.g[BASE_DOF:] + robot.spring_torques(robot.q))[arm]
         limit = np.where(lever > 0.0, robot.torque_upper[arm], -robot.torque_lower[arm])

@@ -123,6 +123,7 @@ class Hand:
     Attributes:
         index: Its place in `Measurement.hand_wrenches`.
         arm: Its arm, which leads it.
+        tip: Place of its tip in its frame, shape (3,), m: the point at which it presses.
         contact: What it presses on; active while it holds.
         grasp: What it grips; active while it does.
         direction: Direction in which the hand presses, in the world, shape (3,).
@@ -150,8 +151,9 @@ class Hand:
             "wrench_weight": 1e-8,
         }
         self._axis = arm.axis()
+        self.tip = settings.length * self._axis
         # At the tip: the force on a hand that turns aside is beside its frame, and would turn it further.
-        self.contact = PointContact(frame, point=settings.length * self._axis, **options)
+        self.contact = PointContact(frame, point=self.tip, **options)
         self.grasp = FixedContact(frame, **options)
         self.contact.name, self.grasp.name = f"{name} press", f"{name} grip"
         self._force = WrenchTask(self.contact, weight=WRENCH_WEIGHT)
@@ -204,9 +206,9 @@ class Hand:
 
     @property
     def destination(self) -> Array:
-        """Place to which its frame goes, or at which it is once it is there, in the world, shape (3,), m."""
+        """Place to which its tip goes, or at which it is once it is there, in the world, shape (3,), m."""
         target = self.arm.target if self.state is HandState.REACH else None
-        return np.array((self.arm.place if target is None else target).translation)
+        return np.asarray((self.arm.place if target is None else target).act(self.tip))
 
     def press(self, direction: Array, force: float, at: Array | None = None) -> None:
         """Approach a surface and press on it, or press on it with another force, N; see `Hands.press`."""

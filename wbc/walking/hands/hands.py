@@ -182,7 +182,7 @@ class Hands:
         force, along = self._order(hand, force, direction)
         point = None if at is None else self._reachable(hand, at)
         if point is None:
-            most, joint = self.all[hand].arm.strength(along, self.settings.share)
+            most, joint = self.all[hand].arm.strength(along, self.settings.share, self.all[hand].tip)
             if force > most:
                 raise InputError(
                     f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
@@ -333,7 +333,7 @@ class Hands:
             elif hand.state in (HandState.HOLD, HandState.LOST):
                 felt += place.act(pin.Force(wrench)).vector
                 push = -hand.planned_after(2.0 * SHIFT_TIME) * hand.direction
-                planned += np.concatenate((push, np.cross(place.translation, push)))
+                planned += np.concatenate((push, np.cross(place.act(hand.tip), push)))
         return felt, pulled, planned
 
     def _chosen(self, hand: Hand) -> Array | None:
@@ -382,7 +382,7 @@ class Hands:
         if not pressing or self.settings.help == 0.0:
             self._missing[:] = 0.0
             return
-        arms = [self._places[hand.name].translation - zmp for hand in pressing]
+        arms = [self._places[hand.name].act(hand.tip) - zmp for hand in pressing]
         levers = np.array(
             [np.cross(arm, -hand.direction)[:2] for arm, hand in zip(arms, pressing, strict=True)]
         ).T
