@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+from arguments import target
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
@@ -248,7 +248,8 @@ def draw_kinematics(path: Path) -> None:
 
 def main() -> None:
     """Draw all charts."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else DOCS / "images"
+    folder = target(__doc__)
+    folder.mkdir(parents=True, exist_ok=True)
     mpl.use("Agg")
     mpl.rcParams |= {"svg.hashsalt": "wbc", "svg.fonttype": "none", "font.family": "sans-serif"}
     for name, draw in (

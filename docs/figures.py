@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
 from architecture import architecture_svg
+from arguments import target
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
@@ -216,7 +216,7 @@ def draw_tick(path: Path) -> None:
 
 def main() -> None:
     """Draw all figures."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images"
+    folder = target(__doc__)
     folder.mkdir(parents=True, exist_ok=True)
     mpl.use("Agg")
     # The same bytes from the same numbers, so that a figure changes only when what it shows does.

@@ -1,6 +1,6 @@
 """Table of tracked motions, for docs/motion.md: clips made by rule, made feasible, tracked with noise.
 
-PYTHONPATH=tests/support python docs/motions.py --modes position torque --journal motions.jsonl > table.md
+python docs/motions.py --modes position torque --journal motions.jsonl > table.md
 
 Each trial is a line of the journal; trials that are in it are not run again.
 """
@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import arguments  # noqa: F401 - puts made_motions on the path
 import numpy as np
 from made_motions import make_motion
 from made_person import make_person

@@ -6,6 +6,7 @@ A table stands between one of the comments of `MADE`, such as `<!-- settings of 
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
 import functools
 import inspect
@@ -292,6 +293,7 @@ TABLES = {
 
 def main() -> None:
     """Fill all pages."""
+    argparse.ArgumentParser(description=__doc__).parse_args()
     for page in sorted(DOCS.glob("*.md")):
         text = page.read_text(encoding="utf-8")
         if (new := filled(text)) != text:

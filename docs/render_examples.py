@@ -14,6 +14,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from arguments import IMAGES, target
 from PIL import Image, ImageDraw, ImageFont
 from render_walk import brighten
 
@@ -111,7 +112,7 @@ def picture_of(name: str, instant: float, azimuth: float) -> Image.Image:
 
 def main() -> None:
     """Draw the sheet."""
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images" / "examples.png"
+    path = target(__doc__, IMAGES / "examples.png")
     sys.path[:0] = [str(EXAMPLES), str(EXAMPLES / "hands")]
     examples = (path for folder in (".", "hands") for path in (EXAMPLES / folder).glob("*.py"))
     found = {str(p.relative_to(EXAMPLES).with_suffix("")) for p in examples}

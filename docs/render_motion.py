@@ -1,8 +1,8 @@
 """Films of tracked motions; on a machine without a display set MUJOCO_GL=egl.
 
-PYTHONPATH=tests/support python docs/render_motion.py                  # images/motion.webp
-PYTHONPATH=tests/support python docs/render_motion.py --clip FILE --out docs/images/lift.webp  # a clip of g1, whole
-PYTHONPATH=tests/support python docs/render_motion.py --person         # images/person.png: a person, and g1 below
+python docs/render_motion.py                  # images/motion.webp
+python docs/render_motion.py --clip FILE --out docs/images/lift.webp  # a clip of g1, whole
+python docs/render_motion.py --person         # images/person.png: a person, and g1 below
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import arguments  # noqa: F401 - puts made_motions on the path
 import matplotlib
 import matplotlib.pyplot as plt
 import mujoco

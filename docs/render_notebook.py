@@ -1,4 +1,4 @@
-"""Run the notebook of the examples and store its tables and pictures in it: `python docs/render_notebook.py`.
+"""Run the notebook of the examples and store its tables and pictures in it: `python docs/render_notebook.py [FILE]`.
 
 Pages in frames are left out: they lead to a server of the run that made them.
 """
@@ -12,6 +12,7 @@ from typing import Any
 
 import nbclient
 import nbformat
+from arguments import target
 from PIL import Image
 
 NOTEBOOK = Path(__file__).parent.parent / "examples" / "notebook.ipynb"
@@ -39,6 +40,7 @@ def fewer_colours(picture: str) -> str:
 
 def main() -> None:
     """Run and store."""
+    path = target(__doc__, NOTEBOOK)
     notebook = nbformat.read(NOTEBOOK, as_version=4)
     nbclient.NotebookClient(notebook, timeout=1200).execute()
     for cell in notebook.cells:
@@ -50,8 +52,8 @@ def main() -> None:
             for output in cell.outputs:
                 if "execution_count" in output:
                     output["execution_count"] = None
-    nbformat.write(notebook, NOTEBOOK)
-    print(f"wrote {NOTEBOOK}, {NOTEBOOK.stat().st_size} bytes")
+    nbformat.write(notebook, path)
+    print(f"wrote {path}, {path.stat().st_size} bytes")
 
 
 if __name__ == "__main__":

@@ -1,13 +1,13 @@
-"""Draw what a walk has seen of the ground, and where its feet went: `python docs/render_seeing.py`."""
+"""Draw what a walk has seen of the ground, and where its feet went: `python docs/render_seeing.py [FILE]`."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from arguments import IMAGES, target
 
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.trial import TrialHook
@@ -60,6 +60,7 @@ def corners(step: Any, length: float, width: float) -> np.ndarray:
 
 def main() -> None:
     """Walk, and draw."""
+    path = target(__doc__, IMAGES / "seeing.png")
     trial, seen = WalkTrial(SPEC), Seen()
     result = trial.run([seen])
     cells = np.array(list(seen.cells.values()))
@@ -99,7 +100,7 @@ def main() -> None:
     above.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=8, ncols=3, frameon=False)
     above.set(xlabel="x (m)", ylabel="y (m)", xlim=(-0.1, 2.1), ylim=(-0.35, 0.35), aspect="equal")
     figure.tight_layout()
-    figure.savefig(Path(__file__).parent / "images" / "seeing.png", dpi=110)
+    figure.savefig(path, dpi=110)
     print(result.outcome, len(cells), "cells", len(seen.landings), "landings")
 
 

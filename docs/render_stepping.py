@@ -5,11 +5,11 @@ It takes a few seconds.
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from arguments import IMAGES, target
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon
@@ -140,4 +140,4 @@ def draw(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    draw(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images" / "stepping.png")
+    draw(target(__doc__, IMAGES / "stepping.png"))

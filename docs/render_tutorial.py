@@ -6,10 +6,10 @@ python docs/render_tutorial.py [FOLDER]
 from __future__ import annotations
 
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
+from arguments import target
 from render_examples import photograph
 
 SIZE, VIEW = (360, 300), (3.0, 150.0, -10.0)
@@ -24,7 +24,7 @@ AT_THE_END = "run(2.0)\nprint(walking.fallen)\n"
 
 def main() -> None:
     """Run the tutorial, and draw the plant at the end of each piece."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images"
+    folder = target(__doc__)
     page = (Path(__file__).parent / "tutorial.md").read_text(encoding="utf-8")
     names: dict[str, Any] = {}
     for name, program in PIECE.findall(page):

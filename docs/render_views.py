@@ -1,6 +1,6 @@
 """Take the pictures of the viewers: one instant of a walk in each of them, and a figure of its log.
 
-PYTHONPATH=tests/support xvfb-run -a -s "-screen 0 1000x750x24" python docs/render_views.py [FOLDER]
+xvfb-run -a -s "-screen 0 1000x750x24" python docs/render_views.py [FOLDER]
 
 It needs Chromium, the extras workbench and rerun, and a screen, for which Xvfb does.
 """
@@ -8,7 +8,6 @@ It needs Chromium, the extras workbench and rerun, and a screen, for which Xvfb 
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 import time
 from base64 import b64decode
@@ -17,6 +16,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from arguments import target
 from browser import Browser
 from PIL import Image, ImageGrab
 
@@ -56,7 +56,7 @@ def save(picture: Image.Image, path: Path) -> None:
 
 def main() -> None:
     """Walk once, and show the walk in all viewers."""
-    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images"
+    folder = target(__doc__)
     with tempfile.TemporaryDirectory() as scratch:
         log = Path(scratch) / "walk.arrow"
         trial = WalkTrial(SPEC)

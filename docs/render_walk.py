@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import math
 import sys
@@ -210,5 +211,12 @@ def brighten(model: mujoco.MjModel) -> None:
 
 
 if __name__ == "__main__":
-    for name in sys.argv[1:] or FILMS:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"film: {', '.join(FILMS)}; all of them by default"
+    )
+    names = parser.parse_args().names
+    if unknown := {*names} - {*FILMS}:
+        parser.error(f"no film '{min(unknown)}'; choose from {', '.join(FILMS)}")
+    for name in names or FILMS:
         draw(Path(__file__).parent / "images" / f"{name}.webp", FILMS[name])

@@ -266,7 +266,7 @@ def test_the_programs_that_draw_pictures_can_be_imported() -> None:
         cwd=ROOT / "docs",
         env={
             **os.environ,
-            "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'support'}",
+            "PYTHONPATH": str(ROOT),
             "MPLBACKEND": "Agg",
         },
         capture_output=True,
