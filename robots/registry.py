@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from wbc.base.checked import checked
-from wbc.base.errors import InputError, shown, unknown_name
+from wbc.base.errors import InputError, shown
 from wbc.base.registry import Registry
 from wbc.robots import files
 from wbc.robots.description import RobotDescription
@@ -17,20 +17,23 @@ from wbc.robots.models import example_robots, hrp4_class
 
 _FACTORIES: Registry[Callable[[], RobotDescription]] = Registry(
     "robot",
-    {"hrp4_class": hrp4_class.describe, "talos": example_robots.talos, "g1": example_robots.g1},
+    {
+        "hrp4_class": hrp4_class.describe,
+        "talos": example_robots.talos,
+        "g1": example_robots.g1,
+        "panda": example_robots.panda,
+        "go1": example_robots.go1,
+    },
     group="wbc.robots",
 )
 
-_FEETLESS: dict[str, Callable[[], RobotDescription]] = {
-    "panda": example_robots.panda,
-    "go1": example_robots.go1,
-}
-"""Robots without feet: name → factory."""
+_FEETLESS = ("panda", "go1")
+"""Built-in robots without feet."""
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of the built-in robots, and then of the registered ones."""
-    return tuple(_FACTORIES)
+    """Return the names of the built-in robots with feet, and then of the registered ones."""
+    return tuple(name for name in _FACTORIES if name not in _FEETLESS)
 
 
 def others() -> tuple[str, ...]:
@@ -38,7 +41,7 @@ def others() -> tuple[str, ...]:
 
     A package offers robots by entry points of the group "wbc.robots".
     """
-    return tuple(name for name in (*_FACTORIES.offered(), *_FEETLESS) if name not in _FACTORIES)
+    return (*_FACTORIES.offered(), *_FEETLESS)
 
 
 @checked
@@ -101,14 +104,10 @@ def load(name: str | Path) -> RobotDescription:
                 f"robot {stamp[1]} has changed: a spec has its content {stamp[2]}, now it is {description.digest}"
             )
         return description
-    if name in _FACTORIES:
-        return _load(name, _FACTORIES[name])
-    if files.is_path(name):
+    if name not in _FACTORIES and files.is_path(name):
         path = Path(name).expanduser()
         return _read(str(path), files.stamps(path))
-    if name in others():
-        return _load(name, _FEETLESS.get(name) or _FACTORIES[name])
-    unknown_name("robot", name, [*_FACTORIES, *others()])
+    return _load(name, _FACTORIES[name])
 
 
 @checked

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from importlib import metadata
 from pathlib import Path
 
@@ -30,7 +29,6 @@ def _path(relative: str) -> Path:
     return share_directory() / DISTRIBUTION / "robots" / relative
 
 
-@cache
 def talos() -> RobotDescription:
     """Return PAL Robotics Talos, fingers fixed.
 
@@ -76,7 +74,6 @@ def talos() -> RobotDescription:
     )
 
 
-@cache
 def g1() -> RobotDescription:
     """Return Unitree G1 with 29 joints.
 
@@ -97,7 +94,6 @@ def g1() -> RobotDescription:
     )
 
 
-@cache
 def panda() -> RobotDescription:
     """Return Franka Emika Panda, a bolted arm of seven joints with a gripper, its hand in front of it."""
     return RobotDescription.from_urdf(
@@ -117,7 +113,6 @@ def panda() -> RobotDescription:
     )
 
 
-@cache
 def go1() -> RobotDescription:
     """Return Unitree Go1, a quadruped with twelve joints, its legs bent; no soles."""
     half_sitting: dict[str, float] = {}

@@ -29,7 +29,6 @@ before any walk was simulated with this model:
 from __future__ import annotations
 
 import math
-from functools import cache
 from pathlib import Path
 
 from wbc.core.frames import FrameDescription, Sole
@@ -41,7 +40,6 @@ FILE = Path(__file__).with_suffix(".urdf")
 """The robot as URDF, without meshes."""
 
 
-@cache
 def describe() -> RobotDescription:
     """Return the description of `hrp4_class`."""
     arms = {

@@ -301,8 +301,10 @@ def test_names_and_registration(monkeypatch: pytest.MonkeyPatch) -> None:
     for another in (example_robots.g1, lambda: load("g1")):
         with pytest.raises(InputError):
             register("test_twin", another)
-    with pytest.raises(InputError):
-        register("g1", factory)
+    for name in (*names()[:3], *registry.others(), "", 3):
+        with pytest.raises(InputError):
+            register(name, factory)
+    assert load("panda").name == "panda" and load("go1").name == "go1"
 
 
 def test_a_cell_that_runs_again_registers_again() -> None:
