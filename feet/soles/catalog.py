@@ -65,12 +65,14 @@ def foot_name(design: Foot) -> str:
 
 
 def register_foot(name: str, kind: type[Foot]) -> None:
-    """Register a foot of your own under a name; it replaces any other foot with this name.
+    """Register a foot of your own under a name.
 
     Args:
         name: Name for `foot` and the command line.
         kind: Class with `@settings` (`wbc.base.settings`), derived from `Foot`.
 
-    Raises `InputError` for a class whose constructor does not know its fields, because it has no `@settings`.
+    Raises:
+        InputError: The name is taken by another foot, or the constructor of the class does not know its fields, because
+            the class has no `@settings`.
     """
-    _FEET[name] = kind
+    _FEET.add(name, kind)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wbc.base.errors import InputError
-from wbc.feet import SoftFoot, StiffnessModel, foot, register_foot
+from wbc.feet import SoftFoot, StiffnessModel, VariableStiffnessFoot, foot, register_foot
 from wbc.feet.sensing.roughness import roughness
 from wbc.feet.sensing.scan import GroundScan, ScanSettings, resample
 from wbc.feet.soles.sole import AnkleSole, FootFit
@@ -41,6 +41,7 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: foot("soft").fit(None), "sole of SoftFoot.fit"),  # type: ignore[arg-type]
     (lambda: FootFit(None, None, 1.0, 0.0), "FootFit"),  # type: ignore[arg-type]
     (lambda: register_foot("undecorated", Undecorated), "'toe' of Undecorated .* @settings"),
+    (lambda: register_foot("soft", VariableStiffnessFoot), "'soft' is registered already"),
     (lambda: StiffnessModel.load(3), "path of StiffnessModel.load"),  # type: ignore[arg-type]
 ]
 
