@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from properties import examples
 
 from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere
-from wbc.ground import HeightMap, KnownGround, PointCloud
+from wbc.ground import ElevationMap, HeightMap, KnownGround, PointCloud
 from wbc.ground.body import ANKLE, OwnBody
-from wbc.ground.cloud import ElevationMap, spread
+from wbc.ground.cloud import spread
 from wbc.ground.footprint import HIGH, LOADS, NODE, Footprint, FootprintSettings
 from wbc.ground.height_map import REFRESH, HeightMapSettings
 from wbc.ground.known import AHEAD, FUSED, WAITING, GroundSettings

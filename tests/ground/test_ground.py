@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wbc.base.errors import InputError
-from wbc.ground import HeightMap, KnownGround, PointCloud
-from wbc.ground.cloud import SEEN, ElevationMap
+from wbc.ground import ElevationMap, HeightMap, KnownGround, PointCloud
+from wbc.ground.cloud import SEEN
 from wbc.ground.footprint import Footprint, FootprintSettings
 from wbc.ground.height_map import HeightMapSettings
 from wbc.ground.known import FUSED, MOST, GroundSettings

@@ -10,9 +10,8 @@ import pytest
 
 import wbc.ground
 from wbc.core.limits.obstacles import CollisionCapsule, CollisionSphere
-from wbc.ground import HeightMap, KnownGround, PointCloud
+from wbc.ground import ElevationMap, HeightMap, KnownGround, PointCloud
 from wbc.ground.body import OwnBody
-from wbc.ground.cloud import ElevationMap
 from wbc.ground.footprint import ACROSS, HIGH, LOADS, NOTHING, SLOPES, Footprint, FootprintSettings
 from wbc.ground.height_map import HeightMapSettings
 from wbc.ground.known import FUSED, GroundSettings

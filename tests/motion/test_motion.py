@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from made_motions import MOTIONS, make_motion
+from made_person import make_person
 from scipy.optimize import minimize
 
 from wbc import load_robot
@@ -18,7 +20,15 @@ from wbc.app.cli import main
 from wbc.base.errors import InputError
 from wbc.core.friction import mean_distance
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion
+from wbc.motion import (
+    MotionClip,
+    MotionSource,
+    check_motion,
+    make_feasible,
+    read_motion,
+    retarget,
+    write_motion,
+)
 from wbc.motion.contacts import find_contacts, runs
 from wbc.motion.feasible import centre_of_mass_shift
 from wbc.motion.footsteps import footsteps
@@ -202,6 +212,28 @@ def test_bad_clips_are_refused(arms: MotionClip) -> None:
     ):
         with pytest.raises(InputError, match=named):
             replace(arms, **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["go1", "panda"])
+@pytest.mark.parametrize(
+    "use",
+    [
+        check_motion,
+        make_feasible,
+        lambda robot, clip: MotionSource(robot, clip, 0.005),
+        lambda robot, _: retarget(make_person(), robot),
+    ],
+)
+def test_a_robot_without_feet_or_bolted_has_no_motion(use: Callable[..., object], name: str) -> None:
+    robot = load_robot(name).robot()
+    base = np.tile((0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0), (40, 1))
+    clip = MotionClip(robot.joint_names, 50.0, base, np.tile(robot.half_sitting[robot.base_nq :], (40, 1)))
+    with pytest.raises(InputError, match=f"'{name}' is (described without|bolted)"):
+        use(robot, clip)
+    if not robot.floating:
+        for make in (lambda: clip.configurations(robot), lambda: MotionClip.of(robot, clip.joints, 50.0)):
+            with pytest.raises(InputError, match="'panda' is bolted to the world"):
+                make()
 
 
 # Measures

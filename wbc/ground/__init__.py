@@ -7,11 +7,11 @@ Convert a new kind of input to a `PointCloud` or an `ElevationMap`. A new questi
 from typing import TYPE_CHECKING
 
 from wbc.base.errors import missing_from
-from wbc.ground.cloud import PointCloud
+from wbc.ground.cloud import ElevationMap, PointCloud
 from wbc.ground.height_map import HeightMap
 from wbc.ground.known import KnownGround
 
-__all__ = ["HeightMap", "KnownGround", "PointCloud"]
+__all__ = ["ElevationMap", "HeightMap", "KnownGround", "PointCloud"]
 
 if not TYPE_CHECKING:
     __getattr__ = missing_from(__name__)

@@ -110,7 +110,11 @@ class MotionClip:
 
         Returns:
             Configurations, shape (T, nq).
+
+        Raises:
+            InputError: The robot is bolted to the world, or has no such joint.
         """
+        _refuse_bolted(robot)
         q = np.tile(robot.half_sitting, (len(self), 1))
         q[:, :7] = self.base
         q[:, [7 + robot.joint_index(name) for name in self.joint_names]] = self.joints
@@ -122,6 +126,7 @@ class MotionClip:
         cls, robot: Robot, q: Array, rate: float, name: str = "motion", standing: Array | None = None
     ) -> MotionClip:
         """Make a clip of all joints of a robot from configurations, shape (T, nq), at a rate, Hz."""
+        _refuse_bolted(robot)
         q = finite_array("configurations of a motion", q)
         if q.ndim != 2 or q.shape[1] != robot.nq:
             raise InputError(
@@ -154,6 +159,11 @@ class MotionClip:
         standing = None if self.standing is None else self.standing[np.round(times * self.rate).astype(int)]
         base = np.hstack([columns[:, :3], turns])
         return MotionClip(self.joint_names, rate, base, columns[:, 3:], self.name, standing)
+
+
+def _refuse_bolted(robot: Robot) -> None:
+    if not robot.floating:
+        raise InputError(f"a motion has a base that moves, robot '{robot.name}' is bolted to the world")
 
 
 def _table(what: str, values: Any, count: int, columns: Sequence[str], rate: float) -> Array:

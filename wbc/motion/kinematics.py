@@ -52,7 +52,12 @@ class BodyMotion:
 
     @classmethod
     def of(cls, robot: Robot, q: Array, rate: float) -> BodyMotion:
-        """Compute all quantities of configurations, shape (T, nq), at a rate, Hz; the robot's state is not changed."""
+        """Compute all quantities of configurations, shape (T, nq), at a rate, Hz; the robot's state is not changed.
+
+        Raises:
+            InputError: The robot has no feet.
+        """
+        robot.needs_feet("a motion")
         model, data = robot.model, robot.model.createData()
         steps = np.array([pin.difference(model, q[i], q[i + 1]) for i in range(len(q) - 1)]) * rate
         v = np.vstack([steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]])

@@ -103,12 +103,11 @@ def retarget(
         joints: Joint of a limb, such as "left_knee" → its name in the clip, for joints with unusual names.
 
     Raises:
-        InputError: A joint of a limb is missing, a limb has no length, or the person does not stand upright in the
-            first frame, or jumps from one place to another. The person leaves the ground for longer than 0.08 s; the
-            time is named.
+        InputError: The robot has no feet, a joint of a limb is missing, a limb has no length, or the person does not
+            stand upright in the first frame, or jumps from one place to another. The person leaves the ground for
+            longer than 0.08 s; the time is named.
     """
-    if len(robot.soles) < 2 or not robot.floating:
-        raise InputError(f"a robot must have two soles to move as a person does, {robot!r} has not")
+    robot.needs_feet("the motion of a person")
     step = max(1, math.ceil(clip.rate / FASTEST - 1e-9))
     if len(clip) // step < 2:
         raise InputError(f"a clip at {clip.rate:g} Hz must have {2 * step} frames at least, got {len(clip)}")

@@ -13,8 +13,7 @@ from wbc.base.numbers import Array
 from wbc.core.drive.control import DriveControl, State
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.signals import Command
-from wbc.ground import PointCloud
-from wbc.ground.cloud import ElevationMap
+from wbc.ground import ElevationMap, PointCloud
 from wbc.policy.control import PolicyControl
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.sources import Velocity, VelocityLimits
