@@ -11,7 +11,7 @@ import time
 import wbc
 from wbc.machine import UdpRobot
 from wbc.machine.clock import ask_priority
-from wbc.sim import MujocoLoop, Plant, RobotServer
+from wbc.sim import Machine, RobotServer
 
 
 def main(arguments: list[str] | None = None) -> RobotServer:
@@ -27,7 +27,7 @@ def main(arguments: list[str] | None = None) -> RobotServer:
     )
     options = parser.parse_args(arguments)
     description = wbc.load_robot(options.robot)
-    loop = MujocoLoop(description, Plant(description).model, control_period=0.002)
+    loop = wbc.Plant(description, control_period=0.002, machine=Machine(torque_sensors=True))
     wire = UdpRobot(description, options.port)
     server = RobotServer(loop, wire, watchdog=options.watchdog, band=options.hang)
     ask_priority(options.priority)

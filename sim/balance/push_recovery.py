@@ -15,13 +15,16 @@ REST_SPEED = 0.1
 noisy sensors, below the speed of a fall once it has begun."""
 
 
-def recovers(spec: StandSpec, push: WalkPush, *, hooks: Sequence[TrialHook] = ()) -> bool:
+def recovers(
+    spec: StandSpec, push: WalkPush, *, hooks: Sequence[TrialHook] = (), visuals: bool = True
+) -> bool:
     """Return True if a standing robot recovers from a push.
 
     It has never fallen (`TrueFallDetector`) and its centre of mass is at rest in the end, its horizontal speed
-    below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile. `hooks` look on.
+    below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile. `hooks` look on;
+    `visuals` are those of a `wbc.Plant`.
     """
-    trial = StandTrial(spec, [PushSchedule([push])])
+    trial = StandTrial(spec, [PushSchedule([push])], visuals=visuals)
     with trial.running(hooks):
         trial.advance(spec.seconds)
     speed = float(np.linalg.norm(trial.plant.truth().com_velocity[:2]))

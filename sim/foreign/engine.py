@@ -30,7 +30,7 @@ from wbc.sim.simulation.simulation import GroundTruth, Simulation, lowest_sole_p
 FASTEST = 1e4
 """Speed of a joint, rad/s, or of the base, m/s, from which on a simulation has diverged."""
 
-SAME_PLACE = 1e-4
+STATE_ERROR = 1e-4
 """Error with which an engine keeps what it was put into, m, rad, and their speeds: single precision suffices."""
 
 TOUCHING = 1e-3
@@ -198,7 +198,7 @@ class EngineLoop(Simulation):
         if there[3:7] @ q[3:7] < 0.0:  # the same rotation
             off[3:7] = there[3:7] + q[3:7]
         worst, moving = int(np.argmax(np.abs(off))), float(np.abs(v).max())
-        if not (abs(off[worst]) < SAME_PLACE and moving < SAME_PLACE):
+        if not (abs(off[worst]) < STATE_ERROR and moving < STATE_ERROR):
             parts = (*("x", "y", "z"), *(f"quaternion {i}" for i in "xyzw"), *robot.joint_names)
             raise InputError(
                 f"{name}.state must return the configuration that place was given, at rest: {parts[worst]} is "

@@ -10,7 +10,7 @@ Command and measurement are those of a real robot.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -26,19 +26,13 @@ from wbc.sim.foreign.actuators import JointActuators
 from wbc.sim.foreign.floor import floor_of
 from wbc.sim.foreign.notes import LIMP, drive_notes, model_notes, sensor_notes
 from wbc.sim.plant.grips import check_clear
-from wbc.sim.plant.mujoco_robot import MujocoRobot
+from wbc.sim.plant.mujoco_robot import BAD_STATE, MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.signals import Imu
 from wbc.sim.simulation.machine import Machine, Step
 from wbc.sim.simulation.sensors import NO_NOISE, SensorNoise
 
 logger = logging.getLogger(__name__)
-
-DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
-"""Warnings after which MuJoCo has reset the simulation by itself, unless the model forbids it."""
-
-Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
-"""Function that advances a simulation by one physics step, such as `mujoco.mj_step`."""
 
 
 class MujocoLoop(MujocoRobot):
@@ -71,7 +65,6 @@ class MujocoLoop(MujocoRobot):
         prefix: str = "",
         gyroscope: str | None = None,
         accelerometer: str | None = None,
-        stepper: Callable[..., object] | None = None,
         noise: str | SensorNoise = NO_NOISE,
         seed: Seed = 0,
         machine: Machine | None = None,
@@ -89,7 +82,6 @@ class MujocoLoop(MujocoRobot):
             gyroscope: Name of the gyroscope in the model. When None, it is the one on the body of the IMU; if there is
                 none, its readings are computed.
             accelerometer: Name of the accelerometer in the model, chosen in the same way when None.
-            stepper: Function that advances model and data by one physics step; `mujoco.mj_step` when None.
             noise: Sensor errors, or the name of a preset: "none", "realistic".
             seed: Seed of every random draw.
             machine: Delays, and which sensors exist; when None, torques are measured. Friction and payload are those of
@@ -114,7 +106,6 @@ class MujocoLoop(MujocoRobot):
             imu=imu,
         )
         self._zero_time = 0.0
-        self._stepper: Stepper = mujoco.mj_step if stepper is None else stepper
         self._ground, floor_notes = floor_of(places, robot)
         self.notes = (
             *drive_notes(description, robot, self.actuators),
@@ -165,7 +156,7 @@ class MujocoLoop(MujocoRobot):
         self.actuators.settle(data)
 
     def _begin(self) -> None:
-        self.data.warning.number[DIVERGED] = 0
+        self.data.warning.number[[*BAD_STATE]] = 0
         super()._begin()
         self.actuators.begin(self.data)
         self._at_work = self.hold()
@@ -188,7 +179,7 @@ class MujocoLoop(MujocoRobot):
         super()._act()
 
     def _integrate(self) -> None:
-        self._stepper(self.model, self.data)
+        mujoco.mj_step(self.model, self.data)
 
     def _refresh(self) -> None:
         # After a step MuJoCo's frames and sensors are those of its begin; its contacts stay so, as their forces are.
@@ -203,4 +194,4 @@ class MujocoLoop(MujocoRobot):
         mujoco.mj_sensorVel(model, data)
 
     def _end_period(self) -> None:
-        self._find_divergence(DIVERGED)
+        self._find_divergence(BAD_STATE)

@@ -15,7 +15,7 @@ from wbc.base.errors import InputError, check_parts, shown
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
-from wbc.sim.foreign.mujoco_model import MujocoLoop
+from wbc.sim.plant.mujoco_robot import MujocoRobot
 
 logger = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ class RobotServer:
     @checked
     def __init__(
         self,
-        loop: MujocoLoop,
+        loop: MujocoRobot,
         wire: RobotWire,
         *,
         watchdog: Annotated[Positive, "s"] = 0.015,

@@ -23,7 +23,7 @@ from wbc.robots.registry import as_description
 from wbc.sim.foreign.mujoco_model import MujocoLoop
 from wbc.sim.plant.grips import check_clear
 from wbc.sim.plant.link_geoms import SHAPE_GROUP, add_stage, add_visuals
-from wbc.sim.plant.model import bare_spec, compiled, equip, furniture, surround
+from wbc.sim.plant.model import bare_spec, equip, finished, furniture, surround
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.scenes.base import Scene
 from wbc.sim.simulation.machine import Machine, Step
@@ -131,7 +131,7 @@ class SharedPlant:
             spec.attach(part, prefix=f"{name}/", frame=spec.worldbody.add_frame())
         surround(spec, ground, things, models, sole_radius=foot.contact.radius)
         add_stage(spec)
-        self.model = compiled(spec, " and ".join(robots))
+        self.model = finished(spec, " and ".join(robots), few_contacts=things is None)
         self.data = mujoco.MjData(self.model)
         self.control_period = float(control_period)
         self.loops = {

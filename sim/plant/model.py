@@ -66,13 +66,17 @@ def build_model(
     if visuals:
         add_visuals(spec, description, robot)
         add_stage(spec)
-    model = compiled(spec, robot.name)
-    if (
-        physics.few_contacts
-        and not terrain.gives
-        and scene is None
-        and (model.geom_type[model.geom_contype != 0] == mujoco.mjtGeom.mjGEOM_PLANE).all()
-    ):
+    few = physics.few_contacts and not terrain.gives and scene is None
+    return finished(spec, robot.name, few_contacts=few), feet, ground
+
+
+def finished(spec: mujoco.MjSpec, name: str, *, few_contacts: bool) -> mujoco.MjModel:
+    """Compile a model whose robots and surroundings are complete, and spare it what changes nothing.
+
+    With `few_contacts` soles on planes alone touch them at few points. Of many bodies those at rest sleep.
+    """
+    model = compiled(spec, name)
+    if few_contacts and (model.geom_type[model.geom_contype != 0] == mujoco.mjtGeom.mjGEOM_PLANE).all():
         _thin_flat_soles(model)
     if np.count_nonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE) > MANY_THINGS:
         model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -80,7 +84,7 @@ def build_model(
     # A clamp in one place alone would make the reported torque differ from the one applied.
     clamps = model.jnt_actfrcrange[model.actuator_trnid[:, 0]]
     assert (clamps == model.actuator_forcerange).all(), "joint and actuator are clamped differently"
-    return model, feet, ground
+    return model
 
 
 def surround(

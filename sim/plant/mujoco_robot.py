@@ -31,6 +31,9 @@ if mujoco.get_mju_user_warning() is None:  # else MuJoCo writes a file into the 
 WARNINGS = tuple(range(int(mujoco.mjtWarning.mjNWARNING)))
 """All kinds of warnings of MuJoCo."""
 
+BAD_STATE = tuple(int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC"))
+"""Warnings of a state that is not finite or huge: MuJoCo resets it then, unless the model forbids it."""
+
 
 class MujocoRobot(Simulation):
     """A robot in a MuJoCo model, common to plants (`wbc.Plant`) and models of one's own (`wbc.sim.MujocoLoop`).
@@ -195,13 +198,16 @@ class MujocoRobot(Simulation):
             self._signals.joint_torque[:] = self.joint_torque
 
     def _find_divergence(self, kinds: Sequence[int] = WARNINGS) -> None:
-        """Set `diverged` after a step: some of MuJoCo's warnings, or what is not finite."""
-        data = self.data
-        warned, q, v = data.warning.number.tolist(), data.qpos, data.qvel
-        finite = math.isfinite(q.dot(q) + v.dot(v))
-        if finite and not any(warned):
-            return
-        names = [mujoco.mjtWarning(kind).name for kind in kinds if warned[kind]]
-        if names or not finite:
-            why = ", ".join(names) or "NaN in the state"
+        """Set `diverged` after a step; see `divergence`."""
+        if why := divergence(self.data, kinds):
             self.diverged = f"simulation diverged before {self.time:.4f} s ({why})"
+
+
+def divergence(data: mujoco.MjData, kinds: Sequence[int]) -> str:
+    """Return why a simulation has diverged: some of MuJoCo's warnings, or what is not finite; empty if it has not."""
+    warned, q, v = data.warning.number.tolist(), data.qpos, data.qvel
+    finite = math.isfinite(q.dot(q) + v.dot(v))
+    if finite and not any(warned):
+        return ""
+    names = ", ".join(mujoco.mjtWarning(kind).name for kind in kinds if warned[kind])
+    return names if finite or names else "NaN in the state"

@@ -19,6 +19,7 @@ from wbc.feet.soles.catalog import foot_name
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
 from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
 from wbc.feet.soles.sole import AnkleSole
+from wbc.sim.plant.mujoco_robot import BAD_STATE, divergence
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.terrain.giving import surfaces
@@ -40,9 +41,6 @@ MIN_CONTACT_SHARE = 0.005
 
 GROUND_GRID = 0.002
 """Grid for the highest point of the ground under a foot, m."""
-
-BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
-"""Warnings of a simulation that diverges."""
 
 
 @settings
@@ -184,9 +182,8 @@ class Rig:
         mujoco.mj_step(self.model, self.data)
         for surface in self._surfaces:
             surface.adapt(self.model, self.data)
-        finite = math.isfinite(self.data.qpos @ self.data.qpos + self.data.qvel @ self.data.qvel)
-        if not finite or self.data.warning.number[BAD].any():
-            raise DivergedError(f"the rig has diverged after {self.data.time:.3f} s")
+        if why := divergence(self.data, BAD_STATE):
+            raise DivergedError(f"the rig has diverged after {self.data.time:.3f} s ({why})")
 
     def steps(self, duration: float) -> int:
         """Return the number of physics steps in a time (s), at least one."""

@@ -15,7 +15,7 @@ from wbc.sim.simulation.simulation import DivergedError
 from wbc.sim.studies.outcomes import Outcome, TimeoutCheck, TimeoutHook, TrialKind, register_trial
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import walk
+from wbc.sim.walks.trial import WalkTrial
 
 OWN = ("highest", "resolution")
 """Fields of a search; those of the trial that is pushed are written beside them."""
@@ -76,9 +76,9 @@ class PushLimitSpec:
         """Run the trial with an impulse, Ns/kg: True after a recovery, simulated time, s, and further facts."""
         hooks = [TimeoutHook(check)]
         if isinstance(self.trial, StandSpec):
-            held = recovers(self.trial, replace(self.push, impulse=impulse), hooks=hooks)
+            held = recovers(self.trial, replace(self.push, impulse=impulse), hooks=hooks, visuals=False)
             return held, self.trial.seconds, {}
-        result = walk(self.pushed_walk(self.trial, impulse), hooks=hooks)
+        result = WalkTrial(self.pushed_walk(self.trial, impulse), visuals=False).run(hooks)
         if result.outcome == "diverged":
             raise DivergedError("the physics of a walk has diverged")
         facts = {"steps_done": result.steps_done, "fall_reason": result.fall_reason}

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,9 +23,6 @@ PROPERTIES = {
 
 Sides = tuple[float, float, float, float]
 """Least and largest x, least and largest y, m."""
-
-STRETCHES = {"slippery": "friction", "giving": "stiffness"}
-"""Parameters of grounds of earlier versions, of three numbers each (from x, to x, value), and their properties."""
 
 
 @dataclass(frozen=True)
@@ -86,16 +82,6 @@ def read_areas(values: Sequence[float | str | None], ends: Sides | None, gives: 
                 f"around {_place(area.sides)}"
             )
     return areas
-
-
-def without_stretches(parameters: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a ground of an earlier version, which names stretches along x, as those of today."""
-    values, areas = dict(parameters), list(parameters.get("areas", ()))
-    for old, name in STRETCHES.items():
-        numbers = list(values.pop(old, ()))
-        for x0, x1, value in zip(numbers[::3], numbers[1::3], numbers[2::3], strict=True):
-            areas += [x0, x1, None, None, name, value]
-    return {**values, "areas": areas} if areas else values
 
 
 def at_places(areas: Sequence[Area], name: str, places: Array, elsewhere: ArrayLike) -> Array:

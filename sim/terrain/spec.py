@@ -21,7 +21,7 @@ from wbc.base.numbers import ROUNDING, Array, finite_scalar
 from wbc.base.settings import NonNegative, Number, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
-from wbc.sim.terrain.areas import STRETCHES, Area, read_areas
+from wbc.sim.terrain.areas import Area, read_areas
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family
 from wbc.sim.terrain.families.site import LONGEST_TRACK, Draws, Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
@@ -402,9 +402,6 @@ def terrain(
         **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius in m; floor_stiffness in N/m³,
             floor_damping in Ns/m³; areas) and parameters of the family; by default those of the family.
     """
-    for old in STRETCHES:
-        if old in values:
-            raise InputError(f"{old} of a ground is called areas now, of six values each: got {values[old]}")
     given = {field: values.pop(field) for field in TRACK if field in values}
     parameters = make_family(name, values) if isinstance(name, str) else replace(name, **values)
     height = parameters.default_amplitude if amplitude is None else amplitude

@@ -91,7 +91,7 @@ def prepare(
     plant_description = robot.with_servos(servo)
     description = with_feet(plant_description, foot)
     model = description.robot()
-    q = moved(model.half_sitting, start)
+    q = moved_configuration(model.half_sitting, start)
     model.update(q, np.zeros(model.nv))
     ground = stairs if stairs is not None else terrain_by_name("flat")
     _, notes = gait.on_grid(period)  # what follows from the robot's size is rounded silently
@@ -146,7 +146,7 @@ def _orders(
     return None, length / (0.7 * s.cruise) + 2.0 * turn / s.fastest_turn + pause
 
 
-def moved(configuration: Array, start: tuple[float, float, float]) -> Array:
+def moved_configuration(configuration: Array, start: tuple[float, float, float]) -> Array:
     """Return a configuration moved over the ground by x and y (m), and turned about the vertical by a heading (rad)."""
     x, y, yaw = start
     q = np.array(configuration)

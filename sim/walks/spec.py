@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import field, replace
 from functools import cached_property, lru_cache
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
 from pydantic import PlainValidator
 
@@ -19,7 +19,6 @@ from wbc.base.settings import (
     Seed,
     as_changes,
     changed,
-    json_object,
     normal_changes,
     settings,
 )
@@ -30,7 +29,6 @@ from wbc.robots import load
 from wbc.robots.registry import stamped
 from wbc.sim.plant.places import body_frame
 from wbc.sim.scenes.base import Scene, make_scene
-from wbc.sim.terrain.areas import without_stretches
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
@@ -39,8 +37,7 @@ from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import Eyes, WalkTrialSettings, check_read, checked_changes, trial_settings
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
-from wbc.sim.walks.trained import check_trained, driven, sees
-from wbc.sim.walks.trained import stamped as stamped_policy
+from wbc.sim.walks.trained import check_trained, driven, sees, stamped_policy
 from wbc.walking.plans.gait import Gait
 
 
@@ -210,14 +207,6 @@ class WalkSpec(TrialSpec):
     def free(self) -> bool:
         """True if the steps are decided as the robot goes, in torque and hybrid control; False for planned steps."""
         return self.chosen != "position"
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """See `TrialSpec`; stretches of a ground of an earlier version are read as areas."""
-        values = json_object(cls.__name__, data)
-        if isinstance(params := values.get("terrain_params"), Mapping):
-            values["terrain_params"] = without_stretches(params)
-        return super().from_json(values)
 
     def foot_design(self) -> Foot:
         """Return the foot."""

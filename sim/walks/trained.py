@@ -28,7 +28,7 @@ STAMPED = re.compile(r"(.+)#([0-9a-f]{16})", re.DOTALL)
 """Name of a file with the hash of its content."""
 
 
-def stamped(name: str) -> str:
+def stamped_policy(name: str) -> str:
     """Return the name of a policy's file with the hash of its content, and of the description beside it.
 
     Raises:

@@ -34,7 +34,7 @@ from wbc.sim.trial.trial import Trial, TrialHook
 from wbc.sim.walks.arrival import Arrival, middle
 from wbc.sim.walks.meter import LEAST_WAY, WalkMeter
 from wbc.sim.walks.plan import Drive, WalkPlan
-from wbc.sim.walks.prepare import PreparedWalk, moved
+from wbc.sim.walks.prepare import PreparedWalk, moved_configuration
 from wbc.sim.walks.presets import over, plan_over
 from wbc.sim.walks.result import WalkResult, WallClock, identity, objective
 from wbc.sim.walks.settings import WalkTrialSettings
@@ -147,11 +147,6 @@ class WalkTrial(Trial):
                 planned.follow(prepared.plan)
             elif self._steered:
                 planned.go_to(*self._arrival.goal)
-
-    @property
-    def walker(self) -> WalkingControl:
-        """The controller; of a trained policy, its `PolicyControl` or `PolicyGuard`."""
-        return cast(WalkingControl, self.control)
 
     @property
     def ground(self) -> float:
@@ -292,7 +287,7 @@ def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) 
     plant_q, controller_q = plant.robot.half_sitting, robot.half_sitting
     shift = (controller_q[0] - plant_q[0], controller_q[1] - plant_q[1], 0.0)
     if any(spec.start) or any(shift):
-        plant.reset(plant.on_ground(moved(moved(plant_q, shift), spec.start)))
+        plant.reset(plant.on_ground(moved_configuration(moved_configuration(plant_q, shift), spec.start)))
     return plant
 
 

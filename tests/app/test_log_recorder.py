@@ -296,18 +296,6 @@ def test_a_plant_comes_back_from_the_header(made: str) -> None:
     assert (again.description.kp == plant.description.kp).all()
 
 
-def test_stretches_of_a_ground_in_a_log_of_before_are_areas() -> None:
-    plant = wbc.Plant("hrp4_class", visuals=False)
-    header = make_header(
-        Tick(plant, None, plant.measure(), plant.hold(), plant.description, model=plant.robot)
-    )
-    read = decode("x", {KEY: encode(header)}) | {"control_period": plant.control_period}
-    ground = read["plant"]["terrain"]
-    del ground["areas"]
-    ground |= {"slippery": [0.5, 1.0, 0.2], "giving": []}
-    assert read_plant(read).terrain == terrain("flat", areas=(0.5, 1.0, None, None, "friction", 0.2))
-
-
 @pytest.mark.parametrize("signal", [("com/estimated/x", lambda _: 1.0), ("a//b", lambda _: 1.0), ("a", 3.0)])
 def test_own_signals_that_cannot_be_kept_are_refused(tmp_path: Path, signal: Any) -> None:
     with pytest.raises(InputError, match=signal[0]):

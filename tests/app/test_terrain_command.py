@@ -11,7 +11,7 @@ from wbc.sim.terrain.families.base import terrain_families
 
 def test_descriptions_are_json_and_complete() -> None:
     for name in set(terrain_families()) - {"image"}:
-        report = describe_terrain(name, given={"seed": 1})
+        report = describe_terrain(name, TerrainOptions(), {"seed": 1})
         assert json.loads(json.dumps(report, allow_nan=False))["terrain"] == name
     listed = {entry["name"]: entry for entry in json.loads(json.dumps(list_terrains()))["terrains"]}
     assert {"flat", "stones", "random", "image"} <= listed.keys()
@@ -25,8 +25,8 @@ def test_parameters_of_a_family_may_be_called_like_those_of_the_track() -> None:
 
 def test_parameters_of_every_ground_are_given_beside_those_of_the_family() -> None:
     areas = "areas=1.0,2.0,none,0.2,friction,0.2"
-    facts = describe_terrain("stones", TerrainOptions(param=("density=60", "floor_stiffness=1e7", areas)))
+    facts = describe_terrain("stones", TerrainOptions(param=("density=60", "floor_stiffness=1e7", areas)), {})
     assert facts["floor_stiffness_n_per_m3"] == 1e7 and facts["parameters"]["density"] == 60.0
     assert facts["areas"] == [1.0, 2.0, None, 0.2, "friction", 0.2]
     with pytest.raises(InputError, match="floor_stifness"):
-        describe_terrain("stones", TerrainOptions(param=("floor_stifness=1e7",)))
+        describe_terrain("stones", TerrainOptions(param=("floor_stifness=1e7",)), {})

@@ -153,9 +153,9 @@ def test_a_camera_looks_where_it_is_turned_from_where_it_is() -> None:
 def test_noise_of_a_camera_grows_with_the_distance() -> None:
     """Along its ray a distance d has a deviation of noise + relative_noise · d, which the cloud says."""
     camera = replace(EXACT, latency=0.0, noise=0.002, relative_noise=0.01, rate=200.0)
-    plant = Plant(ROBOT, eyes=[camera], seed=1)
-    assert plant.eyes is not None
-    clouds = [plant.eyes.cameras[0].clouds(0.0)[0] for _ in range(150)]
+    view = camera.start(Plant(ROBOT, seed=1))
+    view.reset(1)
+    clouds = [view.clouds(0.0)[0] for _ in range(150)]
     heights = np.array([cloud.points for cloud in clouds])
     middle = heights.mean(axis=0)
     spread = np.sqrt(((heights - middle) ** 2).sum(axis=2).mean(axis=0))

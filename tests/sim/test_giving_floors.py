@@ -486,17 +486,6 @@ def test_areas_of_several_properties_and_of_one_value_may_overlap_and_damping_is
     np.testing.assert_allclose(at_places(areas, "friction", places, 0.8), [0.4, 0.4, 0.8, 0.4])
 
 
-def test_stretches_of_specs_of_earlier_versions_are_areas() -> None:
-    params = {"giving": [0.5, 0.9, 1e7, 0.9, 1.3, 3e6], "slippery": [1.0, 2.0, 0.2]}
-    spec = WalkSpec.from_json({"kind": "walk", "terrain_params": params})
-    assert [str(area) for area in spec.ground().surface_areas] == [
-        "friction 0.2",
-        "stiffness 1e+07 N/m³",
-        "stiffness 3e+06 N/m³",
-    ]
-    assert WalkSpec.from_json(spec.to_json()) == spec
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_narrow_sole_stays_level_while_the_weight_shifts_over_it(seed: int) -> None:

@@ -152,3 +152,17 @@ def test_a_robot_is_held_until_it_hears_its_first_command_and_says_how_long_it_h
         server.step()
     assert server.silent == pytest.approx(5.006) and server.damped
     assert [m.time for m in wire.sent] == pytest.approx([0.005 * i for i in range(1, 6)])
+
+
+def test_a_plant_is_served_as_a_robot_in_any_model_is() -> None:
+    plant, wire = Plant(DESCRIPTION, visuals=False), Wire()
+    server, height = RobotServer(plant, wire), plant.com_height
+    for _ in range(20):
+        server.step()
+    assert plant.com_height == pytest.approx(height, abs=2e-3)
+    wire.command = plant.hold()
+    server.step()
+    wire.command, wire.damped = None, True
+    for _ in range(40):
+        server.step()
+    assert plant.com_height < height - 0.02

@@ -26,7 +26,7 @@ from wbc.sim.terrain.spec import terrain
 from wbc.sim.trial.push import PushSchedule, WalkPush
 from wbc.sim.walks.meter import EXCURSION, WalkMeter, _Moment, spread
 from wbc.sim.walks.plan import BESIDE, WalkPlan, check_drive, check_velocity, fitted, stair_of
-from wbc.sim.walks.prepare import moved
+from wbc.sim.walks.prepare import moved_configuration
 from wbc.sim.walks.presets import plan_over
 from wbc.sim.walks.result import Spread, objective
 from wbc.sim.walks.spec import WalkSpec
@@ -291,7 +291,7 @@ def test_a_configuration_is_moved_over_the_ground_and_turned_about_the_vertical(
     x: float, y: float, yaw: float
 ) -> None:
     q = np.array([0.3, -0.2, 0.8, *Rotation.from_euler("xyz", [0.1, 0.2, 0.4]).as_quat(), 0.5, -0.6])
-    there = moved(q, (x, y, yaw))
+    there = moved_configuration(q, (x, y, yaw))
     turn = Rotation.from_euler("z", yaw)
     np.testing.assert_allclose(there[:3], turn.apply(q[:3]) + [x, y, 0.0], atol=1e-9)
     expected = turn * Rotation.from_quat(q[3:7])

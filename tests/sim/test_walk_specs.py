@@ -21,7 +21,7 @@ from wbc.sim.walks.plan import WalkPlan
 from wbc.sim.walks.presets import over
 from wbc.sim.walks.spec import SEED_LIMIT, TOE_GAIT, WalkSpec
 from wbc.sim.walks.stiffness_policy import make_policy
-from wbc.sim.walks.trained import driven, stamped, turned
+from wbc.sim.walks.trained import driven, stamped_policy, turned
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.gait import Gait
@@ -213,17 +213,17 @@ def test_rows_of_a_drive_that_cannot_be_are_told_by_their_number() -> None:
 def test_the_file_of_a_policy_is_known_by_its_content_and_that_of_its_description(tmp_path: Path) -> None:
     file = tmp_path / "walk.onnx"
     file.write_bytes(b"network")
-    alone = stamped(str(file))
-    assert alone.startswith(f"{file}#") and stamped(alone) == alone
+    alone = stamped_policy(str(file))
+    assert alone.startswith(f"{file}#") and stamped_policy(alone) == alone
     file.with_suffix(".toml").write_text("described", encoding="utf-8")
-    both = stamped(str(file))
-    assert both != alone and stamped(both) == both
+    both = stamped_policy(str(file))
+    assert both != alone and stamped_policy(both) == both
     file.write_bytes(b"another")
     for old in (alone, both):
         with pytest.raises(InputError, match="has changed"):
-            stamped(old)
+            stamped_policy(old)
     with pytest.raises(InputError, match=r"none\.onnx"):
-        stamped(str(tmp_path / "none.onnx"))
+        stamped_policy(str(tmp_path / "none.onnx"))
 
 
 def test_the_plan_of_a_trained_policy_is_its_velocity_after_a_second() -> None:

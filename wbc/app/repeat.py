@@ -19,7 +19,7 @@ from wbc.robots import load
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.spec import SOURCE, WalkSpec
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
-from wbc.sim.walks.trained import stamped
+from wbc.sim.walks.trained import stamped_policy
 
 if TYPE_CHECKING:
     from wbc.sim.trial.trial import Trial, TrialTick
@@ -83,7 +83,7 @@ def _located(plain: dict[str, Any], log: Log) -> dict[str, Any]:
         values = plain.get(part)
         if isinstance(values, dict) and key in values:
             located[part] = {**values, key: found(values[key], values.get(CONTENT), check_hash)}
-    for part, read in (("trained", stamped), ("robot", load)):
+    for part, read in (("trained", stamped_policy), ("robot", load)):
         value = plain.get(part)
         if isinstance(value, str) and "#" in value:
             name, _, content = value.rpartition("#")

@@ -11,7 +11,7 @@ from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
-from wbc.sim.plant.eyes.depth import DepthCamera, DepthView
+from wbc.sim.plant.eyes.depth import DepthCamera
 from wbc.sim.plant.eyes.toes import ToeSensors
 
 STREAM = 1
@@ -19,11 +19,7 @@ STREAM = 1
 
 
 class Eyes:
-    """Sensors of a plant that see the ground.
-
-    Attributes:
-        cameras: Its depth cameras.
-    """
+    """Sensors of a plant that see the ground."""
 
     def __init__(self, plant: Carrier, sensors: Sequence[DepthCamera | ToeSensors]) -> None:
         """Mount the sensors on the robot of a plant, which stands."""
@@ -32,7 +28,6 @@ class Eyes:
                 raise InputError(f"eyes of a plant are DepthCamera or ToeSensors, got {shown(sensor)}")
         self._sensors = list(sensors)
         self._views = [sensor.start(plant) for sensor in sensors]
-        self.cameras = [view for view in self._views if isinstance(view, DepthView)]
         self.reset(plant.seed)
 
     def reset(self, seed: int) -> None:

@@ -79,11 +79,9 @@ def terrain(
     return output.report(facts, "\n".join(lines))
 
 
-def describe_terrain(
-    name: str, options: TerrainOptions = TerrainOptions(), given: Mapping[str, Any] | None = None
-) -> dict[str, Any]:
+def describe_terrain(name: str, options: TerrainOptions, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to."""
-    ground = ground_of(name, options.param, given or {})
+    ground = ground_of(name, options.param, given)
     target = check_picture(options.plot, options.param)
     facts = ground.describe() | {
         "roughness": _named_roughness(ground),

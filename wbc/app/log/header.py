@@ -35,7 +35,6 @@ from wbc.robots import RobotDescription
 from wbc.sim import Plant
 from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.terrain.areas import without_stretches
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.image import GreyMap
 from wbc.sim.terrain.recorded import Recorded, plain_ground
@@ -202,7 +201,7 @@ def read_description(plain: Any) -> RobotDescription:
 def read_plant(header: dict[str, Any]) -> Plant:
     """Return the plant of a header, without sensor errors; feet of one's own must be registered."""
     parts = header["plant"]
-    ground = without_stretches(parts["terrain"])
+    ground = dict(parts["terrain"])
     name, surface = ground.pop("family"), ground.pop("surface", None)
     if surface is not None:
         ground["parameters"] = Recorded.of(name, surface)
