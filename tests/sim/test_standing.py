@@ -335,7 +335,6 @@ def test_a_walk_that_diverges_is_no_result_of_a_trial_nor_of_a_search(
         trial = run_trial(spec)
         assert (trial.status, trial.result) == (status, {"outcome": outcome})
         assert trial.clock is not None and trial.clock["wall_s"] == 1.0
-        monkeypatch.setattr("wbc.sim.studies.push_limit.walk", lambda spec, hooks, o=outcome: ended(o))
         limit = run_trial(search)
         assert limit.status == status and limit.result is not None and limit.result["impulse"] == found
         assert limit.result["walks"] == (2 if found else 1 if outcome == "fell" else 0)
