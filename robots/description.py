@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.base.checked import checked, renamed
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, ModelError, choose
 from wbc.base.html import html_table
 from wbc.base.numbers import Array
@@ -105,16 +105,6 @@ class RobotDescription:
     source: str = "given by the user"
     licence: str = "unknown"
     derived: tuple[str, ...] = ()
-
-    def __new__(cls, *_: Any, **values: Any) -> RobotDescription:
-        """Refuse the old names of `mechanism`."""
-        for old in ("xml", "urdf", "base"):
-            if old in values:
-                raise InputError(
-                    f"a description is not made of its {old}: links and joints are its mechanism, which "
-                    "RobotDescription.from_urdf and from_mjcf read"
-                )
-        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "soles", tuple(self.soles))
@@ -422,8 +412,6 @@ class RobotDescription:
         """Servo damping of each joint, shape (na,), Nms/rad."""
         return self.servos.kd
 
-    servo_gains = renamed("servo_gains", "servos")
-
     @cached_property
     def servos(self) -> Servos:
         """Servo gains of the controls, by the servo rule where the description gives none."""
@@ -481,8 +469,6 @@ class RobotDescription:
     def doubts(self) -> tuple[str, ...]:
         """Return the doubtful values, one line each: guessed limits, soft servos, different legs and others."""
         return doubts(self)
-
-    xml = renamed("xml", "urdf")
 
     @property
     def urdf(self) -> str:

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.base.checked import checked, renamed
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, MeasurementError, WbcError, check_parts
 from wbc.core.drive.control import Control, DriveControl
 from wbc.core.estimation.falls import FallReason
@@ -62,8 +62,6 @@ class TrialTick:
     control: Any
     measurement: Measurement
     command: Command
-
-    walking = renamed("walking", "control")
 
 
 class TrialHook:
@@ -109,7 +107,6 @@ class Trial:
         loop_time: Wall time of `run` without the time in `hooks`, s.
     """
 
-    walking = renamed("walking", "control")
     _started = False
 
     @checked

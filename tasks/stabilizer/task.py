@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked, renamed
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative
@@ -52,7 +52,6 @@ class StabilizerTask(CoMTask):
         "_away", "_feet", "_gains", "_given", "_places", "_rates", "_seen", "_settings", "_sole_ids", "_soles",
         "_stabilizer", "_yaw", "output",
     )  # fmt: skip
-    update, apply = renamed("update", "observe"), renamed("apply", "observe")
 
     @checked
     def __init__(

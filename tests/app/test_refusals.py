@@ -29,7 +29,7 @@ REFUSED = {
     "stand --port 7000 --view mujoco": "workbench",
     "stand --view window": "mujoco",
     "stand --view": "rerun",
-    "stand --workbench": "--view workbench",
+    "stand --workbench": "--workbench",
     "walk --drive --view meshcat": "workbench",
     "view run.arrow --speed 2": "film",
     "plot": "log",

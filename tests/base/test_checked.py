@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Protocol, TypedDict, Unpack
 import numpy as np
 import pytest
 
-from wbc.base.checked import checked, fixed, renamed, result
+from wbc.base.checked import checked, fixed, result
 from wbc.base.errors import InputError
 from wbc.base.settings import Count, NonNegative, Number, PositiveNumbers, Ratio, Triple
 from wbc.core.robot import Robot
@@ -218,18 +218,3 @@ def test_attributes_that_are_fixed_or_results_are_not_assigned() -> None:
         plant.place[0] = 1.0
     plant._place[0] = 2.0
     assert plant.period == 0.5 and plant.place[0] == 2.0
-
-
-def test_the_old_name_of_an_attribute_says_the_new_one() -> None:
-    class Trial:
-        walking = renamed("walking", "control")
-
-        def __init__(self) -> None:
-            self.control = 3
-
-    trial = Trial()
-    assert trial.control == 3 and not hasattr(trial, "walking")
-    with pytest.raises(AttributeError, match="'walking' is called 'control' now"):
-        _ = trial.walking
-    with pytest.raises(AttributeError, match="called 'control' now"):
-        trial.walking = 4

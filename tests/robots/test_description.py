@@ -65,8 +65,8 @@ def test_a_hash_is_of_all_that_models_are_made_from_and_of_nothing_else() -> Non
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "one sole": ({"soles": 1}, "soles must be"),
     "bolted feet": ({"mechanism": "fixed"}, "a robot with feet is not bolted"),
-    "a base": ({"base": "fixed"}, "not made of its base: .* its mechanism"),
-    "a file": ({"xml": biped()}, "not made of its xml: .* its mechanism"),
+    "a base": ({"base": "fixed"}, "'base'"),
+    "a file": ({"xml": biped()}, "'xml'"),
     "no knee": ({"half_sitting": {"l_elbow": 0.0}}, "half-sitting must give every joint; missing: l_hip_yaw"),
     "no rotor": ({"armature": {"l_elbow": 0.0}}, "armature must give every joint"),
     "negative rotor": ({"armature": "-"}, "armature of joint 'l_knee'"),
@@ -128,8 +128,6 @@ def test_servos_know_what_it_takes_to_stand_and_which_gains_are_the_users() -> N
     assert {name for name, joint in description.summary()["joints"].items() if joint["gains"] == "given"} == {
         "l_knee"
     }
-    with pytest.raises(AttributeError, match="called 'servos' now"):
-        _ = description.servo_gains
     arm = RobotDescription.from_urdf(biped())
     assert arm.servos.tipping == 0.0 and arm.servos.ankles == ()
     np.testing.assert_allclose(arm.kp, (2.0 * np.pi * 8.0) ** 2 * arm.effective_inertia)

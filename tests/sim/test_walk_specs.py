@@ -1,4 +1,4 @@
-"""Consequences of the spec of a walk: names of earlier versions, delays, times, pushes, seeds, policies, limits."""
+"""Consequences of the spec of a walk: delays, times, pushes, seeds, policies, limits."""
 
 from __future__ import annotations
 
@@ -27,11 +27,6 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.plans.gait import Gait
 
 SHORT = WalkPlan(distance=0.3)
-
-
-def test_a_law_of_the_steps_of_an_earlier_version_is_refused_with_what_takes_its_place() -> None:
-    with pytest.raises(InputError, match="law.*mode: position control takes planned steps"):
-        WalkSpec.from_json({"law": "stepping", "plan": {"distance": 0.3}})
 
 
 def test_delays_of_the_machine_are_known_to_the_observer_unless_it_is_told_others() -> None:
@@ -190,10 +185,6 @@ def test_steps_are_planned_in_position_control_and_free_in_torque_and_hybrid_con
     [
         ({"mode": "torque", "gait": Gait(apex=0.5)}, "no gait, got apex.*mode='position'"),
         ({"mode": "hybrid", "gains": "frizza"}, "'frizza'.*mode='position'"),
-        (
-            {"mode": "torque", "changes": {"step_kind": "planned"}},
-            "'step_kind'.*mode: position control takes planned",
-        ),
         ({"mode": "position", "changes": {"stepping.cruise": 0.1}}, "'stepping.cruise'.*mode='torque'"),
         ({"mode": "torque", "changes": {"gains.dcm_p": 4.0}}, "'gains.dcm_p'.*mode='position'"),
     ],

@@ -18,7 +18,7 @@ from cyclopts import App, ArgumentCollection, CycloptsError, MissingArgumentErro
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 from wbc._version import __version__
 from wbc.app.commands import COMMANDS, GROUPS, summary
-from wbc.base.errors import IN_PLACE_OF, InputError, WbcError, one_line
+from wbc.base.errors import InputError, WbcError, one_line
 
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 """Exit codes: ran (whatever the result), failed, input that cannot be used, stopped by Ctrl-C."""
@@ -99,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         print(end="", flush=True)  # there may be no stdout
     except (CycloptsError, InputError) as error:
-        print(f"wbc: {_one_line(error)}{_hint(error, words)}", file=sys.stderr)
+        print(f"wbc: {_one_line(error)}{_hint(error)}", file=sys.stderr)
         return BAD_INPUT
     except WbcError as error:
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
@@ -133,16 +133,10 @@ def _end(number: int, frame: object) -> None:
     raise SystemExit(128 + number)
 
 
-def _hint(error: BaseException, words: Sequence[str]) -> str:
-    """Return what takes the place of words that are gone, or the choices of an option without a value, or nothing."""
-    said = " ".join(("wbc", *words, ""))
-    renamed = [
-        f" In place of {old}: {new}."
-        for old, new in IN_PLACE_OF.items()
-        if old.startswith(("wbc ", "--")) and f"{old} " in said
-    ]
-    if renamed or not isinstance(error, MissingArgumentError) or error.argument is None:
-        return "".join(renamed)
+def _hint(error: BaseException) -> str:
+    """Return the choices of an option without a value, or nothing."""
+    if not isinstance(error, MissingArgumentError) or error.argument is None:
+        return ""
     hints = (error.argument.hint, *typing.get_args(error.argument.hint))
     choices = [
         f'"{each}"' for hint in hints if typing.get_origin(hint) is typing.Literal for each in hint.__args__

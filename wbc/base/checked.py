@@ -135,15 +135,6 @@ fixed: Callable[[str], Any] = Fixed
 result: Callable[[str, str], Any] = Result
 
 
-def renamed(was: str, now: str) -> Any:
-    """Return an attribute of which an error says what it is called now."""
-
-    def tell(*_: Any) -> NoReturn:
-        raise AttributeError(f"'{was}' is called '{now}' now")
-
-    return property(tell, tell)
-
-
 def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
     """Return the annotations of the arguments of a function, with those of the options that it takes as `**options`."""
     function = inspect.unwrap(function)

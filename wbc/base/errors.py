@@ -90,57 +90,14 @@ def shown_path(path: str | Path) -> str:
 
 
 IN_PLACE_OF = {
-    # Names of other libraries
     "FrameTask": "PoseTask, PositionTask or OrientationTask",
     "Configuration": "Robot",
     "ConfigurationLimit": "JointLimits",
     "VelocityLimit": "JointLimits",
     "RobotWrapper": "Robot or load_robot",
     "solve_ik": "InverseKinematics",
-    # Names of earlier versions: tasks and control
-    "MotionTask": "Task",
-    "RowLimit": "Limit",
-    "GazeTask": "LookAtTask",
-    "DirectionTask": "VectorOrientationTask",
-    "Foothold": "SoleContact(torsion=..., motion_weight=...)",
-    "set_rectangle": "set_box",
-    "check_task": "check_rows",
-    "check_contact": "check_rows",
-    "check_limit": "check_rows",
-    "read_state_machine": "behaviours in Python",
-    "from_pinocchio": "RobotDescription.from_urdf or RobotDescription.from_mjcf",
-    "from_urdf": "RobotDescription.from_urdf",
-    "from_mjcf": "RobotDescription.from_mjcf",
-    # walking and simulation
-    "AutoControl": "WalkingControl",
-    "SteppingControl": "WalkingControl",
-    "VelocitySource": "WalkingControl, whose velocity is assigned",
-    "GoalSource": "WalkingControl.go_to",
-    "Stand": "StandSource",
-    "TrialLoop": "Simulation",
-    "StandPushSpec": "wbc.sim.balance.push_recovery.recovers(StandSpec(...), WalkPush(...))",
-    "push_standing": "wbc.sim.balance.push_recovery.recovers(StandSpec(...), WalkPush(...))",
-    "WatchWalk": "a view as a hook, such as MeshcatView(speed=1.0)",
-    "PushTableSpec": "a study with trials stand_push_limit",
-    "push_table": "a study with trials stand_push_limit",
-    # settings
-    "step_kind": "mode: position control takes planned steps, torque and hybrid control take free ones",
-    "law": "mode: position control takes planned steps, torque and hybrid control take free ones",
-    "stepping.stride": "stepping.effort",
-    "stepping.fastest": "stepping.effort",
-    "hands.reach": "hands.reach_time",
-    "load.reach": "LoadSettings(offset=...), given as WalkingControlSettings(load=...)",
-    # command line
-    "--workbench": "--view workbench",
-    "--host": "a tunnel, ssh -L",
-    "--gait": "--mode",
-    "wbc push": "wbc study run examples/studies/push_standing.json --journal J",
-    "wbc stiffness": "programs in examples/paper",
-    "wbc study optimize": "examples/paper/optimize.py",
-    "wbc check-plant": "wbc.conformance(loop)",
-    "wbc log convert": "wbc view LOG -o run.rrd",
 }
-"""Names of other libraries and of earlier versions, with what takes their place here."""
+"""Names of other libraries, with what takes their place here."""
 
 
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
@@ -148,9 +105,7 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
     names = sorted({*choices})
     given = shown(name).strip("'") if isinstance(name, str) else shown(name)
     near = difflib.get_close_matches(given, names, n=3, cutoff=0.5)
-    if kind.startswith("setting") and given in IN_PLACE_OF:
-        hint = f"in its place: {IN_PLACE_OF[given]}"
-    elif near:
+    if near:
         hint = "did you mean " + " or ".join(f"'{n}'" for n in near) + "?"
     elif len(names) <= 20:
         hint = "choices: " + (", ".join(names) or "none")

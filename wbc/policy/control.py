@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.base.checked import checked, renamed
+from wbc.base.checked import checked
 from wbc.base.errors import InputError, WbcError, names_in, unknown_name
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import NonNegative, Period, Positive
@@ -90,9 +90,6 @@ class PolicyControl(SteeredControl):
 
     restarts = True
     drives: TorqueControl
-    observer, solution = renamed("observer", "drives.observer"), renamed("solution", "drives.solution")
-    failures, stopped = renamed("failures", "drives.failures"), renamed("stopped", "drives.stopped")
-    lost = renamed("lost", "network_error")
 
     @checked
     def __init__(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wbc.base.checked import checked, renamed
+from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.drive.control import DriveControl, State
@@ -46,8 +46,6 @@ class PolicyGuard(SteeredControl):
     """
 
     restarts = True
-    control, stopped = renamed("control", "drives"), renamed("stopped", "drives.stopped")
-    controller = renamed("controller", "drives.controller")
 
     @checked
     def __init__(self, policy: PolicyControl, walking: WalkingControl | None = None) -> None:

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from wbc.base.checked import checked, renamed, result
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in, shown
 from wbc.base.numbers import Array, finite_array
 from wbc.base.settings import Angle, Number, Period
@@ -88,7 +88,6 @@ class WalkingControl(SteeredControl):
 
     drives: PositionControl | TorqueControl
     dt: float = result("_dt", "make another control, with a robot that stands")
-    control = renamed("control", "drives")
 
     @checked
     def __init__(

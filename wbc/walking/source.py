@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
+from typing import NamedTuple
 
 import pinocchio as pin
 
@@ -122,15 +122,6 @@ class Reference(NamedTuple):
     cop: tuple[float, float] = (0.0, 0.0)
     urgency: float = 0.0
     body: WholeBody | None = None
-
-
-def _moved(_: Reference, name: str) -> NoReturn:
-    hint = f"; in its place: progress.{name}" if name in Progress._fields else ""
-    raise AttributeError(f"'Reference' has no attribute '{name}'{hint}", name=name)
-
-
-if not TYPE_CHECKING:
-    Reference.__getattr__ = _moved
 
 
 class ReferenceSource(ABC):

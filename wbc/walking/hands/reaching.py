@@ -17,7 +17,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import renamed
 from wbc.base.errors import choose
 from wbc.base.numbers import Array
 from wbc.core.qp.controller import Controller
@@ -46,8 +45,6 @@ class Arms:
         settings: Settings.
         all: Role of a hand → its arm.
     """
-
-    hands = renamed("hands", "all")
 
     def __init__(self, controller: Controller, dt: float, settings: ArmSettings, tasks: WalkTasks) -> None:
         """Leave the arms to the posture of the tasks; no task is added before a hand is given a target."""
