@@ -81,9 +81,8 @@ def balance_controller(
     controller = Controller(robot, dt, settings=solver)
     controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))
     weight, stiffness = gains.orientation_weight, gains.orientation_stiffness
-    for name, frame in (("base", robot.base_frame), ("torso", robot.torso_frame)):
-        if name == "base" or frame != robot.base_frame:
-            controller.add(OrientationTask(frame, name=name, weight=weight, stiffness=stiffness))
+    for name, frame in zip(("base", "torso"), robot.trunk_frames, strict=False):
+        controller.add(OrientationTask(frame, name=name, weight=weight, stiffness=stiffness))
     controller.add(PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness))
     for sole in robot.soles:
         controller.add(SoleContact(sole.name, friction=gains.friction))

@@ -69,7 +69,7 @@ def test_the_table_of_planned_steps_has_the_gains_of_its_settings(torque: bool, 
         expected[robot.leg_joints] = 0.003
     np.testing.assert_allclose(table.posture.weight, expected)
     np.testing.assert_allclose(table.posture.stiffness, 15.0)
-    assert table.stabilized is not None and table.stabilized.torque is torque and table.stance is None
+    assert table.stabilized is not None and table.stabilized.torque is torque and table.feet is None
     assert table.rise is None and table.reaching == 1.0
     assert isinstance(gains, BodyGains)
 
@@ -79,13 +79,13 @@ def test_the_table_of_free_steps_is_in_units_of_the_robot() -> None:
     robot = make_robot("g1")
     table = free_table(robot, SteppingWalk(SteppingSettings(), SCALE, 0.0, DT))
     law, h, omega = in_si(SteppingConstants(), SCALE), SCALE.height, math.sqrt(GRAVITY / SCALE.height)
-    stance = table.stance
-    assert stance is not None and table.rise is not None and table.twist is not None
-    np.testing.assert_allclose(stance.stand[0][:2], law.stand_gain * omega**2)
-    np.testing.assert_allclose(stance.stand[1][:2], (1.0 + law.stand_gain) * omega)
-    np.testing.assert_allclose(stance.shift[0][:2], law.shift_gains[0])
-    np.testing.assert_allclose(stance.shift[1][:2], law.shift_gains[1])
-    for gains in (stance.shift, stance.stand, (table.com.stiffness, table.com.damping)):
+    feet = table.feet
+    assert feet is not None and table.rise is not None and table.twist is not None
+    np.testing.assert_allclose(feet.stand[0][:2], law.stand_gain * omega**2)
+    np.testing.assert_allclose(feet.stand[1][:2], (1.0 + law.stand_gain) * omega)
+    np.testing.assert_allclose(feet.shift[0][:2], law.shift_gains[0])
+    np.testing.assert_allclose(feet.shift[1][:2], law.shift_gains[1])
+    for gains in (feet.shift, feet.stand, (table.com.stiffness, table.com.damping)):
         assert (gains[0][2], gains[1][2]) == pytest.approx((3.67 * omega**2, 3.46 * omega))
     np.testing.assert_allclose(table.swing["weight"], [20.0, 20.0, 120.0, *[5.6 * h**2] * 3])
     np.testing.assert_allclose(table.swing["stiffness"], [*[law.swing_gains[0]] * 3, *[24.5 * omega**2] * 3])
@@ -95,10 +95,12 @@ def test_the_table_of_free_steps_is_in_units_of_the_robot() -> None:
     np.testing.assert_allclose(torso["weight"], np.array([1.2, 1.2, 0.003]) * h**2)
     for trunk in table.trunk:
         assert (trunk["stiffness"], trunk["damping"]) == pytest.approx((7.35 * omega**2, damping))
-    np.testing.assert_allclose(stance.urgent, [10.0, 10.0, 3.0, 1.0, 1.0, 1.0])
-    np.testing.assert_allclose(stance.held, [*[1000.0] * 3, *[8.3 * h**2] * 3])
-    np.testing.assert_allclose(stance.firm, [*[1000.0] * 3, *[2780.0 * h**2] * 3])
-    assert (stance.pushed, stance.yielding, table.reaching) == (0.03, 0.1, 0.03)
+    np.testing.assert_allclose(feet.swing(0.0), 1.0)
+    np.testing.assert_allclose(feet.swing(1.0), [10.0, 10.0, 3.0, 1.0, 1.0, 1.0])
+    np.testing.assert_allclose(feet.swing(-1.0), 0.03)
+    np.testing.assert_allclose(feet.held, [*[1000.0] * 3, *[8.3 * h**2] * 3])
+    np.testing.assert_allclose(feet.firm, [*[1000.0] * 3, *[2780.0 * h**2] * 3])
+    assert table.reaching == 0.03
     for contact in table.contacts:
         wrench = [*[1.1e-3 / SCALE.mass**2] * 3, *[2.0 / (SCALE.mass * h) ** 2] * 3]
         np.testing.assert_allclose(contact.wrench_weight, wrench)

@@ -544,6 +544,11 @@ class Robot:
         return list(dict.fromkeys(self.model.joints[j].idx_v - self.base_dof for j in limb))
 
     @property
+    def trunk_frames(self) -> tuple[str, ...]:
+        """Frames of the root and of the chest, or one where the root is the chest."""
+        return tuple(dict.fromkeys((self.base_frame, self.torso_frame)))
+
+    @property
     def leg_joints(self) -> list[int]:
         """Joints between the soles and the base, as indices in arrays of shape (na,)."""
         return [j for sole in self.soles for j in self.joints_between(sole.frame, self.base_frame)]

@@ -55,8 +55,7 @@ class Stand:
         task: Callable[[str], Any] = self.control.controller.task
         self._com = task("com")
         self._com_goal = np.array(self._com.target)
-        torso = ["torso"] if robot.torso_frame != robot.base_frame else []
-        self._upright = [task(name) for name in ("base", *torso)]
+        self._upright = [task(name) for name in ("base", "torso")[: len(robot.trunk_frames)]]
         self._turns: list[tuple[Array, Array]] = []
         self._ends = [np.array(task.target) for task in self._upright]
         self._elapsed = 0.0

@@ -45,9 +45,7 @@ def inverse_kinematics(
     ik = InverseKinematics(robot.clone(), 0.01)
     robot = ik.robot
     feet = [PoseTask(sole.frame) for sole in robot.soles[:2]]
-    trunk = [
-        OrientationTask(f, weight=ORIENTATION) for f in dict.fromkeys((robot.base_frame, robot.torso_frame))
-    ]
+    trunk = [OrientationTask(frame, weight=ORIENTATION) for frame in robot.trunk_frames]
     legs = {robot.joint_names[joint]: LEGS / JOINTS for joint in robot.leg_joints}
     posture = PostureTask(weight=JOINTS, joint_weights=legs)
     balance, limits = CoMTask(weight=COM), JointLimits(margin=margin)

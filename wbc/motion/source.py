@@ -199,7 +199,7 @@ def clip_references(
     nearest = np.minimum(np.round(np.arange(count) * dt * clip.rate).astype(int), len(clip) - 1)
     model, data = robot.model, robot.model.createData()
     soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
-    parts = [robot.frame_id(part) for part in dict.fromkeys((robot.base_frame, robot.torso_frame))]
+    parts = [robot.frame_id(part) for part in robot.trunk_frames]
     com, velocity, acceleration, turning = (np.empty((count, 3)) for _ in range(4))
     moving: list[tuple[list[FootMotion], list[FootMotion]]] = []
 

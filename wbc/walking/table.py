@@ -10,7 +10,6 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.base.numbers import Array
 from wbc.base.settings import Positive, settings
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.options import GainOptions
@@ -20,9 +19,10 @@ from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.feet import StabilizedFeet
+from wbc.walking.stepping.feet import SteppingFeet, halves
 from wbc.walking.stepping.gait import SteppingWalk
 from wbc.walking.stepping.rise import RiseLimit
-from wbc.walking.tasks import StanceContacts, TaskTable
+from wbc.walking.tasks import TaskTable
 
 # ---- planned steps --------------------------------------------------------------------------------------------------
 
@@ -90,26 +90,20 @@ def planned_table(
     if by_load:
         weight[robot.leg_joints] *= LEGS
     posture = PostureTask(joints=robot.joint_names, weight=weight, stiffness=gains.posture_stiffness)
-    return TaskTable(com, contacts, swing, (trunk, trunk), posture, stabilized=feet)
+    return TaskTable(
+        com=com, contacts=contacts, swing=swing, trunk=(trunk, trunk), posture=posture, stabilized=feet
+    )
 
 
 # ---- free steps -----------------------------------------------------------------------------------------------------
 
 # In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
-COM = 100.0, 3.67, 3.46
-"""Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height."""
+COM = 100.0
+"""Cost of the CoM's height, on two feet of its place as well."""
 
 SWING, LIFT, SWING_TURN = 20.0, 120.0, (5.6, 24.5, 8.9)
 """Cost of the swing foot's place and of its height; cost, stiffness, ω², and damping, ω, of its rotation. Where hips
 saturate the foot is to come late, not to rub: its height costs more."""
-
-URGENT = 10.0, 3.0
-"""Ratios of the costs of the swing foot's place and of its height while its landing is far from the one that was asked
-for: a trunk that turns meanwhile comes upright again, and a foot that comes late or short does not catch the robot."""
-
-PUSHED = 0.03
-"""Ratio of all costs of a swing foot that was pushed: the hip that stops a leg turns the trunk, and the leg has
-time to fly."""
 
 PELVIS, PELVIS_YAW = (8.3, 7.35, 5.45), 0.83
 """Cost, stiffness, ω², and damping, ω, of the tilt of the pelvis; cost of its heading."""
@@ -132,11 +126,8 @@ REACHING = 0.03
 """Ratio of the cost of the posture for joints of an arm whose hand has a target, and the inverse of that by which a
 gaze costs more: a posture that firm would hold the hand 28 mm back."""
 
-HELD, HELD_TURN, STANDING_TURN, HELD_DAMPING = 1000.0, 8.3, 2780.0, 5.0
-"""Cost of the place of a foot that stands, of its rotation on ground of unknown shape and in a stand; damping, ω."""
-
-YIELDING = 0.1
-"""Ratio of these costs for a foot that is unloaded, or waits to take over."""
+HELD_DAMPING = 5.0
+"""Damping of a foot that stands, ω."""
 
 FORCE, MOMENT = 1.1e-3, 2.0
 """Cost of forces on the feet, per (N/kg)², and of moments, per (Nm/(kg h))²; yaw moments are at most the normal force
@@ -148,13 +139,12 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     scale, law = gait.scale, gait.constants
     omega, square = scale.omega, scale.omega**2
     turn = scale.height**2  # from (h rad/s²)² to (rad/s²)²
-    weight, height_gains = COM[0], (COM[1] * square, COM[2] * omega)
-    stiffness, damping = _com_gains((0.0, 0.0), height_gains)
-    com = CoMTask(weight=weight, stiffness=stiffness, damping=damping)
+    feet = SteppingFeet(scale, law)
+    com = CoMTask(weight=COM, stiffness=feet.stand[0], damping=feet.stand[1])
     swing: GainOptions = {
         "weight": np.array([SWING, SWING, LIFT, *[SWING_TURN[0] * turn] * 3]),
-        "stiffness": _halves(law.swing_gains[0], SWING_TURN[1] * square),
-        "damping": _halves(law.swing_gains[1], SWING_TURN[2] * omega),
+        "stiffness": halves(law.swing_gains[0], SWING_TURN[1] * square),
+        "damping": halves(law.swing_gains[1], SWING_TURN[2] * omega),
     }
     tilt, yaw = PELVIS[0] * turn, PELVIS_YAW * turn
     pelvis: GainOptions = {
@@ -163,16 +153,6 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
         "damping": PELVIS[2] * omega,
     }
     torso: GainOptions = {**pelvis, "weight": (TORSO * turn, TORSO * turn, TORSO_YAW * turn)}
-    stance = StanceContacts(
-        urgent=np.array([URGENT[0], URGENT[0], URGENT[1], 1.0, 1.0, 1.0]),
-        pushed=PUSHED,
-        held=_halves(HELD, HELD_TURN * turn),
-        firm=_halves(HELD, STANDING_TURN * turn),
-        yielding=YIELDING,
-        shift=_com_gains(law.shift_gains, height_gains),
-        stand=_com_gains((law.stand_gain * square, (1.0 + law.stand_gain) * omega), height_gains),
-        law=law,
-    )
     contacts = [
         SoleContact(
             sole.name,
@@ -183,8 +163,8 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
             ramp=0.0,
             stiffness=0.0,
             damping=HELD_DAMPING * omega,
-            wrench_weight=_halves(FORCE / scale.mass**2, MOMENT / (scale.mass**2 * turn)),
-            motion_weight=stance.firm,
+            wrench_weight=halves(FORCE / scale.mass**2, MOMENT / (scale.mass**2 * turn)),
+            motion_weight=feet.firm,
         )
         for sole in robot.soles
     ]
@@ -199,15 +179,13 @@ def free_table(robot: Robot, gait: SteppingWalk) -> TaskTable:
     rise = RiseLimit(SLACK * scale.height)
     twist: GainOptions = {"weight": TWIST[0] * turn, "stiffness": TWIST[1] * square}
     return TaskTable(
-        com, contacts, swing, (pelvis, torso), posture, twist, stance, rise=rise, reaching=REACHING
+        com=com,
+        contacts=contacts,
+        swing=swing,
+        trunk=(pelvis, torso),
+        posture=posture,
+        twist=twist,
+        feet=feet,
+        rise=rise,
+        reaching=REACHING,
     )
-
-
-def _com_gains(place: tuple[float, float], height: tuple[float, float]) -> tuple[Array, Array]:
-    """Return stiffness and damping of the CoM, shape (3,) each, of those of its place and of its height."""
-    return np.array([place[0], place[0], height[0]]), np.array([place[1], place[1], height[1]])
-
-
-def _halves(linear: float, angular: float) -> Array:
-    """Return a value for three linear and one for three angular rows, shape (6,)."""
-    return np.array([linear] * 3 + [angular] * 3)

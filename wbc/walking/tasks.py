@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -25,20 +24,14 @@ from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.body import UNTWISTED, Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference, WholeBody
+from wbc.walking.stepping.feet import PhaseGains, SteppingFeet
 from wbc.walking.stepping.rise import RiseLimit
-from wbc.walking.stepping.settings import SteppingConstants
 
 TURNED = 0.3
 """Greatest difference of heading of pelvis or torso that is turned back at once, rad."""
 
 UP = np.array([0.0, 0.0, 1.0])
 """Vertical."""
-
-UNLOADED = 1e-3
-"""Least bound of the force of a foot in contact, over the greatest force of a foot."""
-
-ONE_FOOT, BOTH_FEET = np.array([0.0, 0.0, 1.0]), np.ones(3)
-"""Ratios by which the weight of the CoM acts in steps that balance: its height alone, and its place as well."""
 
 GAINS = ("stiffness", "damping")
 """Gains of the CoM that change with the phase, where the user has set none."""
@@ -54,7 +47,7 @@ class TaskTable(NamedTuple):
         trunk: Gains of the rotation of the pelvis, and of the torso where it is another link.
         posture: Task of all joints.
         twist: Gains of the torso's heading while the waist turns it; None where those of the trunk hold it.
-        stance: How feet carry in steps that balance the robot; None where a stabilizer balances it.
+        feet: Feet of steps that balance the robot; None where a stabilizer balances it.
         stabilized: Feet that a stabilizer loads; None where steps balance the robot.
         rise: Limit on the rise of the centre of mass; None without.
         reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
@@ -66,7 +59,7 @@ class TaskTable(NamedTuple):
     trunk: tuple[GainOptions, GainOptions]
     posture: PostureTask
     twist: GainOptions | None = None
-    stance: StanceContacts | None = None
+    feet: SteppingFeet | None = None
     stabilized: StabilizedFeet | None = None
     rise: RiseLimit | None = None
     reaching: float = 1.0
@@ -86,47 +79,43 @@ class WalkTasks:
     def __init__(self, controller: Controller, table: TaskTable) -> None:
         """Add all to a controller."""
         robot = controller.robot
-        com, contacts, swing, trunk, posture, twist, self._stance, stabilized, rise, self.reaching = table
-        self.contacts, self.com, self.posture, self._rise = list(contacts), com, posture, rise
-        self.stabilized = stabilized
+        self.contacts, self.com, self.posture, self._rise = (
+            table.contacts,
+            table.com,
+            table.posture,
+            table.rise,
+        )
+        self.stabilized, self._feet, self.reaching = table.stabilized, table.feet, table.reaching
         self._urgency, self._swing_scale = 0.0, np.ones(6)
-        self._carried: tuple[
-            object, ...
-        ] = ()  # state of feet without a stabilizer in the last tick, but for boxes
-        self._swings = [PoseTask(sole.frame, **_named(f"{sole.name} swing", swing)) for sole in robot.soles]
-        parts = [("pelvis", robot.base_frame), ("torso", robot.torso_frame)]
-        if robot.torso_frame == robot.base_frame:
-            parts.pop()
+        self._loaded: tuple[object, ...] = ()  # state by which feet that balance the robot were loaded last
+        self._swings = [
+            PoseTask(sole.frame, **_named(f"{sole.name} swing", table.swing)) for sole in robot.soles
+        ]
         self._trunk = [
             OrientationTask(frame, **_named(name, gains))
-            for (name, frame), gains in zip(parts, trunk, strict=False)
+            for name, frame, gains in zip(("pelvis", "torso"), robot.trunk_frames, table.trunk, strict=False)
         ]
         waist = [robot.joint_names[j] for j in robot.joints_between(robot.torso_frame, robot.base_frame)]
         self._twist: OrientationTask | None = None
-        if twist is not None and waist:
-            self._twist = OrientationTask(
-                robot.torso_frame, axes=("yaw",), joints=waist, **_named("torso turn", twist)
-            )
+        if table.twist is not None and waist:
+            turn = _named("torso turn", table.twist)
+            self._twist = OrientationTask(robot.torso_frame, axes=("yaw",), joints=waist, **turn)
             self._twist.scale = 0.0
-        limits = [JointLimits(), TorqueLimits(), *(() if rise is None else (rise,))]
+        limits = [JointLimits(), TorqueLimits(), *(() if self._rise is None else (self._rise,))]
         turning = () if self._twist is None else (self._twist,)
-        wrenches = () if stabilized is None else stabilized.parts
-        controller.add(
-            com, *wrenches, *self._swings, *self._trunk, *turning, posture, *limits, *self.contacts
-        )
+        wrenches = () if self.stabilized is None else self.stabilized.parts
+        trunk = (*self._trunk, *turning)
+        controller.add(self.com, *wrenches, *self._swings, *trunk, self.posture, *limits, *self.contacts)
         forward = yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_yaws = [heading(tilt) for tilt in self._trunk_tilts]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
-        self._own_gains = {gain: np.array(getattr(com, gain)) for gain in GAINS}
-        for swing_task in self._swings:
-            swing_task.scale = 0.0
-        com.held_by = (
-            "walking.body.com_height for its height, walking.velocity or walking.go_to for its place"
-        )
-        for foot in self._swings:
-            foot.held_by = "walking.velocity, walking.go_to or a plan of footsteps"
-        for task in (*self._trunk, *turning):
+        self._own_gains = {gain: np.array(getattr(self.com, gain)) for gain in GAINS}
+        place = "walking.velocity or walking.go_to for its place"
+        self.com.held_by = f"walking.body.com_height for its height, {place}"
+        for swing in self._swings:
+            swing.scale, swing.held_by = 0.0, "walking.velocity, walking.go_to or a plan of footsteps"
+        for task in trunk:
             task.held_by = "walking.body.lean and walking.body.turn"
 
     def begin(self) -> None:
@@ -135,7 +124,7 @@ class WalkTasks:
             contact.active = True
         for swing in self._swings:
             swing.scale = 0.0
-        self._carried = ()
+        self._loaded = ()
         self._trunk_target = (None, UPRIGHT)
 
     def spare(self, joints: Sequence[int]) -> None:
@@ -151,69 +140,49 @@ class WalkTasks:
         """Expect joints that are left to hands to accelerate as the QP has had it, shape (nv,), rad/s²."""
         self.com.spared_acceleration = accelerations[self.com.spared]
 
-    def _hold_com(self, scale: Array, stiffness: Array, damping: Array) -> None:
+    def _hold_com(self, gains: PhaseGains) -> None:
         """Let the weight of the CoM act by a ratio, with gains of this phase where the user has set none."""
         com, own = self.com, self._own_gains
-        com.scale = scale
+        com.scale = gains.scale
         set_ = [not np.array_equal(getattr(com, gain), own[gain]) for gain in GAINS]
-        for gain, value, is_set in zip(GAINS, (stiffness, damping), set_, strict=True):
+        for gain, is_set in zip(GAINS, set_, strict=True):
             if not is_set:
-                setattr(com, gain, value)
-                own[gain] = value
-
-    def _hurry(self, urgency: float, law: StanceContacts) -> None:
-        """Let the swing foot cost more for an urgency from 0 to 1, or less for one of −1."""
-        if urgency == self._urgency:
-            return
-        self._urgency = urgency
-        pushed, urgent = law.pushed * np.ones(6), 1.0 + urgency * (law.urgent - 1.0)
-        self._swing_scale = pushed if urgency < 0.0 else urgent
-        for swing in self._swings:
-            if not swing.idle:
-                swing.scale = self._swing_scale
+                own[gain] = getattr(gains, gain)
+                setattr(com, gain, own[gain])
 
     def _switch(self, side: int, *, contact: bool, swings: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground or take it off; one that swings follows its motion."""
         self.contacts[side].active = contact
         self._swings[side].scale = self._swing_scale if swings else 0.0
 
-    def _carry(self, reference: Reference, feet: StanceContacts) -> None:
-        """Switch contacts that steps balance, with costs, forces and boxes, where they change."""
-        self._hurry(reference.urgency, feet)
-        progress, law, before = reference.progress, feet.law, self._carried
+    def _load(self, reference: Reference, feet: SteppingFeet) -> None:
+        """Write what feet that balance the robot cost and bear, where it changes."""
+        progress, before = reference.progress, self._loaded
         phase, stance, air = progress.phase, progress.stance, progress.air
+        if reference.urgency != self._urgency:
+            self._urgency, self._swing_scale = reference.urgency, feet.swing(reference.urgency)
+            for swing in self._swings:
+                if not swing.idle:
+                    swing.scale = self._swing_scale
         now = phase, progress.contact, reference.most_force, stance, air
-        single = phase is GaitPhase.SINGLE
         if now != before:
-            self._carried = now
+            self._loaded = now
             if not before or before[0] is not phase:
-                gains = feet.stand if phase is GaitPhase.STANDING else feet.shift
-                self._hold_com(ONE_FOOT if single else BOTH_FEET, *gains)
-                length, width = law.box if single else law.standing_box
-                ahead = 0.0 if phase is GaitPhase.STANDING else law.carrying
+                gains = feet.phase(phase)
+                self._hold_com(gains)
                 for contact in self.contacts:
-                    contact.set_box(length, width, (ahead, 0.0))
+                    contact.set_box(*gains.box)
             for side, on in enumerate(progress.contact):
                 self._switch(side, contact=on, swings=not on or side == air)
                 if on:
-                    self._load(side, reference, feet)
-        if single:
-            ahead, aside = reference.cop
-            self.contacts[stance].centre_box((law.carrying + ahead, aside))
-
-    def _load(self, side: int, reference: Reference, feet: StanceContacts) -> None:
-        """Set what a foot on the ground costs, and the forces that it may have."""
-        contact, law, progress = self.contacts[side], feet.law, reference.progress
-        single = progress.phase is GaitPhase.SINGLE
-        full = not single or side == progress.stance
-        if not full:
-            contact.centre_box((law.carrying, 0.0))
-        weight = feet.held if single else feet.firm
-        contact.motion_weight = weight if full else feet.yielding * weight
-        contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
-        contact.max_force = max(reference.most_force[side], UNLOADED * law.most_force)
-        if full:
-            contact.min_force = 0.2 * law.least_force if all(progress.contact) else law.carried
+                    contact, load = self.contacts[side], feet.load(side, reference)
+                    contact.centre_box(feet.centre(side, reference))
+                    contact.motion_weight = load.cost
+                    contact.min_force = 0.0  # its greatest force now may be less than its least one before
+                    contact.max_force = load.most
+                    contact.min_force = load.least
+        if phase is GaitPhase.SINGLE:
+            self.contacts[stance].centre_box(feet.centre(stance, reference))
 
     def follow(
         self,
@@ -228,8 +197,8 @@ class WalkTasks:
         """
         pendulum, body, progress = reference.pendulum, reference.body, reference.progress
         contact, air = progress.contact, progress.air
-        if self._stance is not None:
-            self._carry(reference, self._stance)
+        if self._feet is not None:
+            self._load(reference, self._feet)
         else:
             for side, on in enumerate(contact):
                 if on != self.contacts[side].active:
@@ -292,21 +261,6 @@ class WalkTasks:
         if turn.by_waist:
             target: Array = self._trunk[1].target
             task.follow(target, np.array([turn.rate]), np.array([turn.acceleration]))
-
-
-@dataclass(frozen=True, slots=True)
-class StanceContacts:
-    """Contacts of feet that steps balance: costs of their motion, boxes of their pressure, forces; in SI units."""
-
-    urgent: Array  # ratio of the costs of a swing foot that goes before the trunk, shape (6,)
-    pushed: float  # the same of one that was pushed
-    held: Array  # cost of the motion of a foot that stands, shape (6,)
-    firm: Array  # the same on both feet
-    yielding: float  # ratio of these costs for a foot that is unloaded, or waits to take over
-    # Stiffness and damping of the CoM, shape (3,) each, while the weight shifts, and in a stand.
-    shift: tuple[Array, Array]
-    stand: tuple[Array, Array]
-    law: SteppingConstants  # boxes of the centre of pressure, their place, and forces
 
 
 def _named(name: str, gains: GainOptions) -> GainOptions:

@@ -110,7 +110,7 @@ def test_gains_and_costs_of_free_steps_go_with_the_size_of_the_robot() -> None:
         if name == "stiffness":
             found += [(one.twist[name], two.twist[name])]
         found += [
-            (getattr(one.stance, part)[name == "damping"], getattr(two.stance, part)[name == "damping"])
+            (getattr(one.feet, part)[name == "damping"], getattr(two.feet, part)[name == "damping"])
             for part in ("shift", "stand")
         ]
         for a, b in found:
@@ -118,7 +118,7 @@ def test_gains_and_costs_of_free_steps_go_with_the_size_of_the_robot() -> None:
     turning = np.array([1.0, 1.0, 1.0, k**2, k**2, k**2])
     np.testing.assert_allclose(two.swing["weight"], turning * one.swing["weight"])
     for part in ("held", "firm"):
-        np.testing.assert_allclose(getattr(two.stance, part), turning * getattr(one.stance, part))
+        np.testing.assert_allclose(getattr(two.feet, part), turning * getattr(one.feet, part))
     for a, b in zip((*one.trunk, one.twist), (*two.trunk, two.twist), strict=True):
         np.testing.assert_allclose(b["weight"], k**2 * np.asarray(a["weight"]))
     np.testing.assert_allclose(two.posture.weight, k**2 * one.posture.weight)

@@ -17,7 +17,7 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Progress, Reference
 from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings
+from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 from wbc.walking.table import free_table
 from wbc.walking.tasks import WalkTasks
 
@@ -234,7 +234,9 @@ def test_a_trunk_that_is_turned_far_comes_upright_about_its_own_tilt(
 def test_feet_carry_as_their_state_in_the_step_says() -> None:
     """A foot that yields costs a tenth; alone one carries half of the weight; boxes are about the CoP in all ticks."""
     controller, tasks, reference = standing()
-    law, stance = tasks._stance.law, tasks._stance  # type: ignore[union-attr]
+    size = RobotSize.of(ROBOT, 0.162, float(ROBOT.com[2]))  # that of `standing`
+    law, stance = in_si(SteppingConstants(), size), tasks._feet
+    assert stance is not None
     tasks.follow(reference)
     for contact in tasks.contacts:
         np.testing.assert_allclose(contact.motion_weight, stance.firm)
