@@ -1,4 +1,4 @@
-"""Figures of free steps in closed form: points of soles, the pendulum, times, forces and areas."""
+"""Figures of free steps in closed form: times, widths and forces, the shift of the weight, landings and stairs."""
 
 from __future__ import annotations
 
@@ -9,223 +9,23 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pendulum import com_after
+from placed_gait import CONSTANTS, DT, LEVEL, OMEGA, POINT, SETTINGS, frame_of, gait_on, step_on
 from point_mass import SCALE, PointMass
-from properties import examples
 
-from wbc.core.robot import GRAVITY, SIDES
+from wbc.core.robot import SIDES
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.sources import PlanSource
 from wbc.walking.stepping.course import Course
-from wbc.walking.stepping.felt import BodyState
 from wbc.walking.stepping.gait import SteppingWalk
-from wbc.walking.stepping.law import Divergent, StanceAxes
+from wbc.walking.stepping.law import Divergent
 from wbc.walking.stepping.path import StepVelocity
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
+from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.swing import SwingFoot
 
-DT = 0.004
-CONSTANTS, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
-OMEGA = math.sqrt(GRAVITY / SCALE.height)
-POINT = (0.0, 0.0, 0.0)
-
-lengths, angles = st.floats(-0.6, 0.6), st.floats(-math.pi, math.pi)
-places = st.tuples(lengths, lengths, lengths, angles, st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
-feet = st.tuples(places, places)
-
-
-def frame_of(place: tuple[float, ...]) -> pin.SE3:
-    x, y, z, yaw, pitch, roll = place
-    return pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array([x, y, z]))
-
-
-def gait_on(
-    frames: tuple[pin.SE3, pin.SE3],
-    com: tuple[float, float, float] = (0.0, 0.0, SCALE.height),
-    speed: tuple[float, float, float] = POINT,
-    wrenches: list[list[float]] | None = None,
-    heading: float = 0.0,
-) -> SteppingWalk:
-    """Gait of a robot on feet at these placements, half of the weight on each where no wrenches are given."""
-    gait = SteppingWalk(SteppingSettings(), SCALE, heading, DT)
-    half = [0.0, 0.0, 0.5 * SCALE.weight, 0.0, 0.0, 0.0]
-    left, right = frames
-    gait.felt.state = BodyState(
-        com,
-        speed,
-        POINT,
-        (left.translation.tolist(), right.translation.tolist()),
-        (left.rotation.tolist(), right.rotation.tolist()),
-        [half, half] if wrenches is None else wrenches,
-        heading,
-        SCALE.mass,
-    )
-    return gait
-
-
-def step_on(gait: SteppingWalk, stance: int) -> None:
-    """Begin a step of 0.4 s on a foot that presses at the origin, with the DCM there."""
-    gait.elapsed = 0.0
-    gait.felt.begin(GaitPhase.SINGLE, stance)
-    gait.felt._contact, gait.felt.dcm = POINT, Divergent(0.0, 0.0, OMEGA)
-    gait.step.begin(None)
-    gait.step.duration = 0.4
-
-
 STILL = StepVelocity((0.0, 0.0), True)
-LEVEL = frame_of((0.0, 0.11, 0.0, 0.0, 0.0, 0.0)), frame_of((0.0, -0.11, 0.0, 0.0, 0.0, 0.0))
-
-
-def pressed(x: float, y: float, force: float) -> list[float]:
-    """Wrench of a force on a sole at a point of it, in its frame, N and Nm."""
-    return [0.0, 0.0, force, y * force, -x * force, 0.0]
-
-
-# ---- points ---------------------------------------------------------------------------------------------------------
-
-
-@examples(20)
-@given(feet, st.floats(-0.08, 0.08), st.floats(-0.029, 0.029), st.floats(0.1, 0.9))
-def test_a_force_on_a_sole_acts_where_its_moments_say_and_within_its_edges(
-    two: tuple[tuple[float, ...], tuple[float, ...]], x: float, y: float, share: float
-) -> None:
-    frames = frame_of(two[0]), frame_of(two[1])
-    loads = share * SCALE.weight, (1.0 - share) * SCALE.weight
-    wrenches = [pressed(x, y, loads[0]), pressed(9.0, -9.0, loads[1])]
-    gait = gait_on(frames, wrenches=wrenches)
-    length, width = SCALE.sole
-    points = frames[0].act(np.array([x, y, 0.0])), frames[1].act(np.array([length, -width, 0.0]))
-    for side in (0, 1):
-        np.testing.assert_allclose(gait.felt.centre_of_pressure(side), points[side], atol=1e-12)
-    np.testing.assert_allclose(
-        gait.felt.contact_point(), share * points[0] + (1.0 - share) * points[1], atol=1e-12
-    )
-    for phase, ahead in ((GaitPhase.STANDING, 0.0), (GaitPhase.SINGLE, CONSTANTS.carrying)):
-        gait.felt.begin(phase, 1)
-        gait.felt.state = gait.felt.state._replace(wrenches=[[0.0] * 6] * 2)
-        carrying = [frame.act(np.array([ahead, 0.0, 0.0])) for frame in frames]
-        for side in (0, 1):
-            np.testing.assert_allclose(gait.felt.centre_of_pressure(side), carrying[side], atol=1e-12)
-        expected = carrying[1] if phase is GaitPhase.SINGLE else 0.5 * sum(carrying)
-        np.testing.assert_allclose(gait.felt.contact_point(), expected, atol=1e-12)
-
-
-@examples(20)
-@given(angles, st.floats(0.15, 0.5), lengths, lengths, st.floats(0.3, 1.0))
-def test_the_dcm_is_as_far_outside_the_standing_boxes_as_its_parts_along_the_line_of_the_feet_say(
-    yaw: float, spacing: float, ahead: float, aside: float, share: float
-) -> None:
-    c, s = math.cos(yaw), math.sin(yaw)
-    left = frame_of((0.3 - 0.5 * spacing * s, -0.2 + 0.5 * spacing * c, 0.0, yaw, 0.0, 0.0))
-    right = frame_of((0.3 + 0.5 * spacing * s, -0.2 - 0.5 * spacing * c, 0.0, yaw, 0.0, 0.0))
-    dcm = Divergent(0.3 + ahead * c - aside * s, -0.2 + ahead * s + aside * c, OMEGA)
-    length, width = CONSTANTS.standing_box
-    expected = max(abs(ahead) - 0.5 * share * length, abs(aside) - 0.5 * spacing - 0.5 * share * width)
-    assert gait_on((left, right)).felt.outside(dcm, share) == pytest.approx(expected, abs=1e-8)
-
-
-@examples(20)
-@given(feet, angles, lengths, lengths)
-def test_the_middle_of_a_stand_is_the_com_along_the_path_and_the_middle_of_the_feet_across_it(
-    two: tuple[tuple[float, ...], tuple[float, ...]], heading: float, x: float, y: float
-) -> None:
-    frames = frame_of(two[0]), frame_of(two[1])
-    gait = gait_on(frames, (x, y, SCALE.height), heading=heading)
-    forward, left = (
-        np.array([math.cos(heading), math.sin(heading)]),
-        np.array([-math.sin(heading), math.cos(heading)]),
-    )
-    middle, between = np.array(gait._middle()), 0.5 * (frames[0].translation + frames[1].translation)[:2]
-    assert forward @ middle == pytest.approx(forward @ (x, y), abs=1e-12)
-    assert left @ middle == pytest.approx(left @ between, abs=1e-12)
-    for side in (-1.0, 1.0):
-        axes = StanceAxes(side, gait.steering.direction, POINT)
-        assert axes.outwards(x, y) == pytest.approx((forward @ (x, y), side * (left @ (x, y))), abs=1e-12)
-
-
-@pytest.mark.parametrize("height", [0.2, 0.6, 0.8])
-def test_the_dcm_of_a_stand_is_that_of_its_height_over_the_ground(height: float) -> None:
-    """ξ = c + ċ √(h/g), of half the usual height at least."""
-    gait = gait_on(LEVEL, (0.1, -0.2, height + 0.05), (0.3, -0.4, 9.0))
-    root = math.sqrt(max(height, 0.5 * SCALE.height) / GRAVITY)
-    assert gait.felt.own_dcm(0.05) == pytest.approx((0.1 + 0.3 * root, -0.2 - 0.4 * root, 1.0 / root))
-
-
-@pytest.mark.parametrize("phase", [GaitPhase.STANDING, GaitPhase.SINGLE])
-def test_a_wrench_on_the_hands_moves_the_dcm_by_its_moment_about_the_contact_over_the_weight(
-    phase: GaitPhase,
-) -> None:
-    gait = gait_on(LEVEL, com=(0.02, 0.05, SCALE.height), speed=(0.1, -0.2, 0.0))
-    felt = gait.felt
-    felt.begin(phase, 0)
-    felt.follow()
-    alone, (x, y, z) = felt.dcm, felt.contact
-    for force, place, off in (
-        ((0.0, 0.0, 40.0), (x, y, 1.0), (0.0, 0.0)),
-        ((30.0, 0.0, 0.0), (0.4, 0.1, z + 0.9), (0.9 * 30.0, 0.0)),
-        ((0.0, -20.0, 10.0), (x, y + 0.3, z + 1.0), (0.0, -20.0 - 3.0)),
-    ):
-        wrench = np.concatenate((force, np.cross(place, force)))
-        felt.state = felt.state._replace(hand_wrench=wrench)
-        felt.follow()
-        moved = felt.dcm.x - alone.x, felt.dcm.y - alone.y
-        assert moved == pytest.approx([part / SCALE.weight for part in off], abs=1e-9)
-
-
-def test_the_dcm_with_the_offset_of_a_wrench_runs_away_from_the_contact_as_that_of_a_pendulum() -> None:
-    """L̇ = (c − p) × m g + M, over a tick at a constant height; the offset of a constant wrench is constant."""
-    wrench, tick = np.array([25.0, -15.0, 5.0, 3.0, -8.0, 1.0]), 1e-6
-    com, speed = np.array((0.03, 0.04, SCALE.height)), np.array((0.2, -0.1, 0.0))
-    gait = gait_on(LEVEL, com=tuple(com), speed=tuple(speed))
-    felt = gait.felt
-    felt.begin(GaitPhase.SINGLE, 0)
-    felt.state = felt.state._replace(hand_wrench=wrench)
-    felt.follow()
-    before, contact = felt.dcm, np.array(felt.contact)
-    moment = wrench[3:] - np.cross(contact, wrench[:3])
-    change = np.cross(com - contact, (0.0, 0.0, -SCALE.weight)) + moment  # of L
-    moved = com + tick * speed
-    spin = tick * change + SCALE.mass * np.cross(com - moved, speed)  # what c × ċ does not have of it
-    felt.state = felt.state._replace(com=moved.tolist(), spin=spin.tolist())
-    felt.follow()
-    rate = [(now - then) / tick for now, then in zip(felt.dcm[:2], before[:2], strict=True)]
-    expected = [before.omega * (xi - p) for xi, p in zip(before[:2], contact, strict=False)]
-    assert rate == pytest.approx(expected, rel=1e-4)
-
-
-def test_a_shift_of_the_weight_begins_where_the_robot_leans_against_a_wrench_on_its_hands() -> None:
-    """Hands move the CoM of the references by −δ, and from there the weight is shifted over one foot."""
-    com, wrench = (0.03, 0.0, SCALE.height), np.array([-25.0, 4.0, 0.0, 0.0, 0.0, 0.0])
-    wrench[3:] = np.cross((0.4, 0.0, 1.0), wrench[:3])
-    gait = gait_on(LEVEL, com=com)
-    gait.felt.state = gait.felt.state._replace(hand_wrench=wrench)
-    gait.steering.command((0.2, 0.0, 0.0))
-    while gait.felt.phase is GaitPhase.STANDING:
-        reference = gait.advance(gait.felt.state, LEVEL)
-    assert reference.progress.phase is GaitPhase.DOUBLE and reference.progress.elapsed < DT
-    offset = np.array((wrench[4], -wrench[3])) / SCALE.weight  # about contacts at the origin
-    assert np.linalg.norm(offset) > 0.02
-    np.testing.assert_allclose(reference.pendulum.com[:2] - offset, com[:2], atol=1e-9)
-
-
-@examples(10)
-@given(places, st.tuples(angles, angles, angles))
-def test_a_sole_tilts_at_the_rates_at_which_the_ends_of_its_axes_rise(
-    place: tuple[float, ...], rate: tuple[float, float, float]
-) -> None:
-    frame, dt = frame_of(place), 1e-6
-    gait = gait_on((frame, frame))
-    state = gait.felt.state._replace(rates=(rate, rate))
-    turned = pin.exp3(dt * np.array(rate)) @ frame.rotation
-    rises = (turned[2, :2] - frame.rotation[2, :2]) / dt
-    np.testing.assert_allclose(state.tilting(0), rises, atol=1e-4)
-
-
-# ---- times, widths and forces ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.5, 1.0, 1.4, 2.0, -2.0])
