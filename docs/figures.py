@@ -29,7 +29,7 @@ from wbc.walking.lipm.walk import LipmWalk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.stepping.law import Orbit
-from wbc.walking.stepping.program import Bounds, StepProgram, Wish
+from wbc.walking.stepping.program import Bounds, Now, StepProgram, Wish
 from wbc.walking.stepping.settings import SteppingSettings
 
 FOOT = "#90a4ae"
@@ -179,7 +179,8 @@ def draw_law(path: Path) -> None:
         start = np.array((orbit.ahead, orbit.inwards))
         before = start * np.exp(omega * np.linspace(0.0, at, 40))[:, None]
         now = before[-1] + (0.0, moved)
-        step = StepProgram(height).solve(tuple(now), (0.0, 0.0), omega, time - at, time - at, wish, bounds)
+        pendulum = Now(tuple(now), (0.0, 0.0), omega, time - at, time - at)
+        step = StepProgram(height).solve(pendulum, wish, bounds)
         assert step is not None
         after = now * np.exp(omega * np.linspace(0.0, step.left, 60))[:, None]
         place = np.array(step.place)

@@ -27,7 +27,7 @@ from wbc.walking.plans.sources import (
     next_steps,
 )
 from wbc.walking.steering import Steering
-from wbc.walking.stepping.program import Bounds, StepProgram, Wish
+from wbc.walking.stepping.program import Bounds, Now, StepProgram, Wish
 
 ROBOT = load("hrp4_class").robot()
 REACH, SPACING = Reach.of(ROBOT), 0.175
@@ -421,6 +421,6 @@ def test_a_program_without_a_solution_has_none() -> None:
     wish = Wish((0.1, 0.2, 0.1, 0.2, 0.1, 0.2), (0.0,) * 6, 0.4)
     bounds = Bounds(((-0.4, 0.1), (0.4, 0.6)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.1, 0.5))
     program = StepProgram(0.6)
-    assert program.solve((0.02, 0.05), (0.0, 0.0), 4.0, 0.4, 0.4, wish, bounds) is not None
+    assert program.solve(Now((0.02, 0.05), (0.0, 0.0), 4.0, 0.4, 0.4), wish, bounds) is not None
     for ahead, outwards in ((1e4, 0.0), (0.0, -1e4)):
-        assert program.solve((ahead, outwards), (0.0, 0.0), 4.0, 0.4, 0.4, wish, bounds) is None
+        assert program.solve(Now((ahead, outwards), (0.0, 0.0), 4.0, 0.4, 0.4), wish, bounds) is None

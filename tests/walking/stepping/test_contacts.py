@@ -241,7 +241,7 @@ def in_swing(share: float) -> PointMass:
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
     gait = body.gait
-    while gait.step.swing is None or gait.elapsed < share * gait.step.duration or gait.step.first:
+    while gait.step.swing is None or gait.felt.elapsed < share * gait.step.duration or gait.step.first:
         body.run(DT)
     return body
 
@@ -293,7 +293,7 @@ def test_the_expected_ground_goes_with_the_foot_that_stands(moved: float, *, fol
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
     gait = body.gait
-    while gait.step.swing is None or gait.elapsed < 0.4 * gait.step.duration:
+    while gait.step.swing is None or gait.felt.elapsed < 0.4 * gait.step.duration:
         body.run(DT)
     tick, (x, y, z) = body.ticks[-1], body.ticks[-1].state.com
     before = gait.step.swing.landing.z

@@ -23,13 +23,14 @@ from wbc.walking.stepping.decision import (
     steps_of_velocity,
 )
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
-from wbc.walking.stepping.program import Bounds, Step
+from wbc.walking.stepping.program import Bounds, Now, Step
 from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings, in_si
 
 DT = 0.004
 CONSTANTS, SETTINGS = in_si(SteppingConstants(), SCALE), SteppingSettings().in_si(SCALE)
 OMEGA = math.sqrt(GRAVITY / SCALE.height)
 POINT = (0.0, 0.0, 0.0)
+AT_REST = Now((0.0, 0.0), (0.0, 0.0), OMEGA, 0.3, 0.3)
 
 lengths, angles = st.floats(-0.6, 0.6), st.floats(-math.pi, math.pi)
 
@@ -69,7 +70,7 @@ def test_a_step_on_its_orbit_stays_as_it_is_asked_for_at_any_time_of_it_and_in_a
     assert wish.places == pytest.approx(
         (length, beside, length, width - side * velocity[1] * time, length, beside)
     )
-    made._time_for_legs = lambda stance, step, *_: step.left  # type: ignore[method-assign]
+    made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
     made.decide(stance, wish, 2.0 * time, None)
     assert made.end == pytest.approx(time, abs=1e-5) and made.urgency == 0.0
     expected = stance.axes.point(length - CONSTANTS.carrying, beside)
@@ -163,7 +164,7 @@ def test_a_step_is_put_off_until_the_foot_can_pass_its_way(speed: float) -> None
     bounds = Bounds(((-1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
     wish = steps_of_velocity((0.0, 0.0), SETTINGS.width, stance)
     fixed = wish._replace(offsets=(0.0, -(0.1 + far), *wish.offsets[2:]))
-    later = made._time_for_legs(stance, step, (0.0, 0.0), (0.0, 0.0), fixed, bounds, 0.42)
+    later = made._time_for_legs(stance, step, AT_REST, fixed, bounds, 0.42)
     times = 0.02 + 0.4 * np.arange(1, 9) / 8
     missed = np.maximum(far - (0.5 * speed + a * times) * times, 0.0)
     expected = times[int(np.argmax(missed < 0.02))]
@@ -175,7 +176,7 @@ def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_ask
     made, (near, far) = decision(), CONSTANTS.urgent
     off = near + share * (far - near)
     made._program.solve = lambda *_: Step((0.0, SETTINGS.width + off), (0.0, 0.0), 0.3)  # type: ignore[method-assign]
-    made._time_for_legs = lambda *_: 0.0  # type: ignore[method-assign]
+    made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
     stance = stance_at((0.0, 0.22, 0.0, 0.0))
     made.decide(stance, steps_of_velocity((0.0, 0.0), SETTINGS.width, stance), 0.5, None)
     assert made.urgency == pytest.approx(min(max(share, 0.0), 1.0))
@@ -186,7 +187,7 @@ def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_ask
 def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_ahead() -> None:
     made, s, stretch = decision(), SETTINGS, CONSTANTS.stretch
     stance = stance_at((0.0, 0.22, 0.0, 0.0))
-    held = made._bounds(stance, 0.0, 0.05, 0.6)
+    held = made._bounds(stance, (0.0, 0.05), 0.6)
     assert held.times == pytest.approx((s.shortest - 0.1, 0.5)) and held.places == (
         (-s.reach, s.gap),
         (s.reach, s.widest),
@@ -194,15 +195,15 @@ def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_a
     assert held.next_area == pytest.approx([CONSTANTS.next_area * half for half in SCALE.sole])
     # ξ at 60 mm reaches the stretch after ln(stretch / 60 mm) / ω.
     ahead = 0.3 * stretch
-    assert made._bounds(stance, ahead, 0.05, 9.0).times[1] == pytest.approx(
+    assert made._bounds(stance, (ahead, 0.05), 9.0).times[1] == pytest.approx(
         max(math.log(1.0 / 0.3) / OMEGA, s.shortest - 0.1)
     )
     walks = stance._replace(orbit=Orbit.of((0.4, 0.0), 1.0, s.width, 0.4, 0.4, OMEGA))
     reach = abs(walks.orbit.forward) + stretch
-    assert made._bounds(walks, -0.1 * reach, 0.05, 9.0).times[1] == pytest.approx(math.log(10.0) / OMEGA)
+    assert made._bounds(walks, (-0.1 * reach, 0.05), 9.0).times[1] == pytest.approx(math.log(10.0) / OMEGA)
     made.area.ahead, made.area.aside = [-0.01, 0.02], [-0.03, 0.04]
     for side, low, high in ((1.0, -0.03, 0.04), (-1.0, -0.04, 0.03)):
-        area = made._bounds(stance._replace(axes=stance.axes._replace(side=side)), 0.0, 0.05, 0.6).area
+        area = made._bounds(stance._replace(axes=stance.axes._replace(side=side)), (0.0, 0.05), 0.6).area
         assert area == ((-0.01, low), (0.02, high))
 
 
@@ -219,8 +220,8 @@ def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_
         left = side * outwards
         return 0.4 + cos * ahead - sin * left, -0.3 + sin * ahead + cos * left, 0.0
 
-    made._bounds = lambda _, ahead, outwards, longest: found.append((ahead, outwards)) or bounds  # type: ignore[method-assign, func-returns-value]
-    made._program.solve = lambda dcm, contact, *_: found.append((*dcm, *contact))  # type: ignore[method-assign, assignment]
+    made._bounds = lambda _, runs, longest: found.append(runs) or bounds  # type: ignore[method-assign, func-returns-value]
+    made._program.solve = lambda now, *_: found.append((*now.dcm, *now.contact))  # type: ignore[method-assign, assignment]
     bounds = Bounds(((-1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
     for off, counted in (
         ((0.01, -0.02), (0.01, -0.02)),
@@ -254,7 +255,7 @@ def test_a_place_out_of_reach_is_missed_by_what_lies_beyond_it_at_any_time() -> 
     a = CONSTANTS.swing_push * math.sqrt(3.0) / 10.0
     times = 0.02 + 0.4 * np.arange(1, 9) / 8
     missed = np.maximum(0.25 - a * times**2, 0.0)
-    assert made._time_for_legs(stance, step, (0.0, 0.0), (0.0, 0.0), fixed, bounds, 0.42) == pytest.approx(
+    assert made._time_for_legs(stance, step, AT_REST, fixed, bounds, 0.42) == pytest.approx(
         times[int(np.argmax(missed <= 0.0))]
     )
 
@@ -317,7 +318,7 @@ def test_a_foot_is_put_down_at_once_where_that_leaves_the_shorter_step() -> None
             for foot in ((-0.1, 0.15), (0.0, 0.25), (0.1, 0.4)):
                 made = decision()
                 stance = stance_at((foot[0] - CONSTANTS.carrying, foot[1], 0.0, 0.0), elapsed=0.05)
-                made._put_down(stance, ahead, beyond, closing)
+                made._put_down_at = made._put_down(stance, (ahead, -beyond))
                 centre = (foot[0] - CONSTANTS.carrying, foot[1])
                 near, far = (place[0] - CONSTANTS.carrying for place in made._reached(stance, closing))
                 there = (min(max(ahead * math.exp(OMEGA * closing), near), far), SETTINGS.gap)
@@ -356,7 +357,7 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
     made._bounds = lambda *_: Bounds(  # type: ignore[method-assign]
         ((-2.0, -2.0), (2.0, 2.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (remaining, remaining)
     )
-    made._time_for_legs = lambda stance, step, *_: step.left  # type: ignore[method-assign]
+    made._time_for_legs = lambda *_: None  # type: ignore[method-assign]
     made.decide(stance, wish, 2.0 * time, None, held=True)
     assert made.missed == pytest.approx(share * abs(left), abs=4.5e-3)
     made.decide(stance, wish, 2.0 * time, None)

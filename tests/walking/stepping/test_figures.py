@@ -62,12 +62,14 @@ def test_a_foot_gives_up_its_load_in_a_straight_line_and_one_that_waits_bears_it
             (0.25 * CONSTANTS.unload, 1.5),
             (1.1 * CONSTANTS.unload, 0.0),
         ):
-            most = gait.step.touch.most_forces(elapsed, met=False, stepped=True)
+            gait.felt.elapsed = elapsed
+            most = gait.step.touch.most_forces(met=False, stepped=True)
             assert most[stands] == CONSTANTS.most_force
             assert most[swings] == pytest.approx(share * CONSTANTS.share)
-        first = gait.step.touch.most_forces(0.0, met=False, stepped=False)
+        gait.felt.elapsed = 0.0
+        first = gait.step.touch.most_forces(met=False, stepped=False)
         assert first[swings] == 0.0, "the first step begins without a load"
-        waits = gait.step.touch.most_forces(0.1, met=True, stepped=False)
+        waits = gait.step.touch.most_forces(met=True, stepped=False)
         assert waits[swings] == CONSTANTS.share
 
 
@@ -108,7 +110,8 @@ def test_a_swing_foot_is_thrown_off_where_its_feedback_asks_for_more_than_legs_h
             gait.felt.state = gait.felt.state._replace(
                 places=(spots[0], spots[1]), speeds=(speeds[0], speeds[1])
             )
-            thrown = gait.step.touch.thrown(swing, 0.2)
+            gait.felt.elapsed = 0.2 + DT
+            thrown = gait.step.touch.thrown(swing)
             assert (thrown is not None) == (share > 1.0)
             if thrown is not None:
                 np.testing.assert_allclose(thrown, moved, atol=1e-9)
@@ -126,7 +129,8 @@ def test_the_weight_comes_over_on_a_smooth_way_to_beside_the_foot_that_will_stan
         gait.stand.shift(())
         ways, direction = [], gait.steering.direction
         for elapsed in np.linspace(0.0, CONSTANTS.shift_time, 201).tolist():
-            x, y, u, v, _, _ = gait.stand.shifting(direction, SETTINGS.step_time, elapsed).motion
+            gait.felt.elapsed = elapsed
+            x, y, u, v, _, _ = gait.stand.shifting(direction, SETTINGS.step_time).motion
             ways.append((turn.actInv(np.array((x, y, 0.0)))[:2], (turn.rotation.T @ (u, v, 0.0))[:2]))
         places, speeds = np.array(ways).transpose(1, 0, 2)
         side = 1.0 if stance == 1 else -1.0
@@ -153,14 +157,17 @@ def test_the_weight_shifts_more_slowly_once_feet_are_felt_to_sink(depth: float) 
     gait.felt.begin(GaitPhase.DOUBLE, 1)
     gait.felt._contact = POINT
     gait.felt.follow()
-    duration, elapsed, ways = gait.stand.shift(()), 0.0, []
-    goal = gait.stand.shifting(direction, SETTINGS.step_time, duration).motion[:2]
-    while elapsed < duration:
-        elapsed += DT
-        if elapsed > felt_at:
-            gait.felt.state = gait.felt.state._replace(compliance=depth / SCALE.weight)
-        duration += gait.stand.delay(DT)
-        ways.append(gait.stand.shifting(direction, SETTINGS.step_time, elapsed).motion[:4])
+    stand, felt, ways = gait.stand, gait.felt, []
+    stand.shift(())
+    felt.elapsed = CONSTANTS.shift_time
+    goal, felt.elapsed = stand.shifting(direction, SETTINGS.step_time).motion[:2], 0.0
+    while felt.elapsed < stand.duration - CONSTANTS.rest:
+        felt.elapsed += DT
+        if felt.elapsed > felt_at:
+            felt.state = felt.state._replace(compliance=depth / SCALE.weight)
+        stand.delay(DT)
+        ways.append(stand.shifting(direction, SETTINGS.step_time).motion[:4])
+    duration = stand.duration - CONSTANTS.rest
     slower = 1.0 + 2.0 * depth / (2.0 * SCALE.sole[1])
     assert duration == pytest.approx(felt_at + slower * (CONSTANTS.shift_time - felt_at), abs=2.0 * DT)
     places, speeds = np.hsplit(np.array(ways), 2)
@@ -220,7 +227,7 @@ def test_steps_of_equal_times_and_widths_are_what_a_walk_remembers() -> None:
         step.swing = SwingFoot(
             LEVEL[swing], Footstep(SIDES[swing], *LEVEL[swing].translation[:2]), 0.4, gait.step._shape
         )
-        gait.elapsed, before, done = 0.36, gait.felt.stance, gait.steps_done
+        gait.felt.elapsed, before, done = 0.36, gait.felt.stance, gait.steps_done
         assert gait._change_feet(gait._asked(STILL), LEVEL) == (Event.LIFT_OFF,)
         assert (gait.felt.stance, gait.steps_done) == (1 - before, done + 1)
         off = [off[0] * (1.0 - CONSTANTS.pace_gain), off[1] * (1.0 - CONSTANTS.held_gain[1])]
@@ -247,7 +254,7 @@ def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None
     """On seen ground, from the second step on; three footsteps and more lie ahead, and the next is not fixed."""
     gait, asked = gait_on(LEVEL), []
     step_on(gait, 1)
-    step, gait.elapsed = gait.step, 0.1
+    step, gait.felt.elapsed = gait.step, 0.1
     step.decision.decide = lambda *arguments, **_: asked.append(arguments[2:])  # type: ignore[method-assign, assignment]
     swing = gait.felt.swing
     landing = Footstep(SIDES[swing], *LEVEL[swing].translation[:2])
@@ -264,7 +271,7 @@ def test_a_landing_is_looked_at_for_the_time_that_is_left_of_the_swing() -> None
         (object(), 1, ahead[:2], False),
         (object(), 1, fixed, False),
     ):
-        gait.ground.sight, step.first, gait.footsteps = sight, not steps, footsteps  # type: ignore[assignment]
+        gait.ground.sight, step.first, step._footsteps = sight, not steps, footsteps  # type: ignore[assignment]
         wanted = gait._asked(StepVelocity((0.1, 0.0), True))
         step._solve(wanted)
         longest, look = asked[-1]
@@ -317,17 +324,17 @@ def test_a_foot_that_rubs_goes_on_where_the_dcm_runs_away_from_it(
     step, gait.felt.dcm = gait.step, Divergent(dcm[0], side * dcm[1], OMEGA)
     asked = gait._asked(STILL)
     touch = step._touch_time(asked)
-    asked = asked._replace(elapsed=touch - 0.1)
+    gait.felt.elapsed = touch - 0.1
     spots = [POINT, POINT]
     spots[1 - stance] = (foot[0], side * foot[1], 0.0)
     gait.felt.state = gait.felt.state._replace(places=(spots[0], spots[1]))
     grown, still = math.exp(0.1 * OMEGA), step._orbit(asked)
     there = Footstep(SIDES[1 - stance], grown * dcm[0], side * (grown * dcm[1] + still.inwards))
     assert step.rubs(asked, there) == goes_on
-    late = asked._replace(elapsed=touch + 1e-6)
-    assert not step.rubs(late, there), "it is to have landed"
     far = dataclasses.replace(there, x=there.x + 9.0)
     assert not step.rubs(asked, far), "its landing does not catch the robot"
+    gait.felt.elapsed = touch + 1e-6
+    assert not step.rubs(asked, there), "it is to have landed"
 
 
 @pytest.mark.parametrize(("height", "lands"), [(0.95, True), (1.05, False), (-0.95, True), (-1.05, False)])
@@ -335,7 +342,7 @@ def test_ground_within_a_third_of_a_leg_is_landed_on(height: float, lands: bool)
     gait, z = gait_on(LEVEL), height * SCALE.leg / 3.0
     seen = SimpleNamespace(x=0.2, y=0.1, z=z, slope=(0.1, -0.2))
     gait.ground.sight = SimpleNamespace(version=1, support=lambda *_: seen)  # type: ignore[assignment]
-    landing = gait.step._look(Footstep("left", 0.2, 0.1), 0.0, planned=False)
+    landing = gait.step._look(Footstep("left", 0.2, 0.1), 0.0)
     assert landing.z == pytest.approx(z if lands else 0.0) == gait.ground.height
     assert gait.step._tilt == pytest.approx((-math.atan(0.1), math.atan(-0.2)) if lands else (0.0, 0.0))
 
@@ -387,10 +394,10 @@ def test_a_landing_that_is_seen_far_above_or_below_either_foot_is_a_stair(
     step = gait.step
     spot = SimpleNamespace(x=0.2, y=0.1, z=h * seen, slope=(0.0, 0.0))
     gait.ground.sight = SimpleNamespace(version=1, support=lambda *_: spot)  # type: ignore[assignment]
-    step._look(Footstep("left", 0.2, 0.1), h * lifted, planned=False)
+    step._look(Footstep("left", 0.2, 0.1), h * lifted)
     assert step._climbs == climbs and (step._swing_shape().edge > 0.0) == climbs
-    step._climbs = False
-    step._look(Footstep("left", 0.2, 0.1), h * lifted, planned=True)
+    step._climbs, step._footsteps = False, (Footstep("left", 0.2, 0.1),)
+    step._look(Footstep("left", 0.2, 0.1), h * lifted)
     assert not step._climbs, "footsteps say where stairs are"
 
 

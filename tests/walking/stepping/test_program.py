@@ -19,7 +19,7 @@ from wbc.walking.ground import GroundEstimate
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.decision import StepDecision, StepState
 from wbc.walking.stepping.law import Divergent, Orbit, StanceAxes
-from wbc.walking.stepping.program import COSTS, SHIFT, Bounds, Step, StepProgram, Wish
+from wbc.walking.stepping.program import COSTS, SHIFT, Bounds, Now, Step, StepProgram, Wish
 from wbc.walking.stepping.program import TIME as TIME_COST
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings, in_si
 
@@ -55,9 +55,8 @@ def solve(
 ) -> Step:
     """Solve a program at the begin of a step."""
     bounds = Bounds(LEGS, area, (0.0, 0.0), (0.12, 0.5))
-    step = StepProgram(HEIGHT).solve(
-        (float(dcm[0]), float(dcm[1])), (0.0, 0.0), OMEGA, TIME, last, wish, bounds
-    )
+    now = Now((float(dcm[0]), float(dcm[1])), (0.0, 0.0), OMEGA, TIME, last)
+    step = StepProgram(HEIGHT).solve(now, wish, bounds)
     assert step is not None
     return step
 
@@ -135,9 +134,8 @@ def test_the_shift_lands_the_pendulum_where_the_program_says(ahead: float, aside
     wish, program, last = wish_of((0.2, 0.0), 1.0), StepProgram(HEIGHT), left
     dcm = start_of(wish) + (ahead, aside)
     for _ in range(30):
-        step = program.solve(
-            tuple(dcm), (0.004, -0.003), OMEGA, left, last, wish, Bounds(LEGS, SOLE, (0.0, 0.0), (0.05, 0.5))
-        )
+        now = Now(tuple(dcm), (0.004, -0.003), OMEGA, left, last)
+        step = program.solve(now, wish, Bounds(LEGS, SOLE, (0.0, 0.0), (0.05, 0.5)))
         assert step is not None
         last = step.left
     contact = np.array(step.shift) + (0.004, -0.003)
@@ -153,7 +151,7 @@ def test_another_solver_finds_the_same_step(
     wish, program = wish_of(velocity, 1.0), StepProgram(HEIGHT)
     dcm = start_of(wish) + (ahead, aside)
     bounds = Bounds(LEGS, SOLE, (0.02, 0.01), (0.12, 0.5))
-    assert program.solve(tuple(dcm), (0.0, 0.0), OMEGA, TIME, TIME, wish, bounds)
+    assert program.solve(Now(tuple(dcm), (0.0, 0.0), OMEGA, TIME, TIME), wish, bounds)
     rows, low, high = program._rows, program._lower, program._upper
     x = qpsolvers.solve_qp(
         program._hessian, program._gradient, A=rows, b=low[17:], lb=low[:17], ub=high[:17], solver="proxqp",
@@ -168,12 +166,12 @@ def test_a_landing_that_is_held_costs_what_its_stiffness_says(move: tuple[float,
     """Without bounds that hold."""
     wish, program, wide = wish_of((0.2, 0.0), 1.0), StepProgram(HEIGHT), ((-9.0, -9.0), (9.0, 9.0))
     free = Bounds(LEGS, wide, (9.0, 9.0), (0.01, 2.0))
-    dcm = tuple(start_of(wish) + (0.01, 0.005))
-    step = program.solve(dcm, (0.0, 0.0), OMEGA, TIME, TIME, wish, free)
+    now = Now(tuple(start_of(wish) + (0.01, 0.005)), (0.0, 0.0), OMEGA, TIME, TIME)
+    step = program.solve(now, wish, free)
     assert step is not None
     stiffness, least = program.stiffness(), _cost(program)
     held = ((step.place[0] + move[0], step.place[1] + move[1]),) * 2
-    assert program.solve(dcm, (0.0, 0.0), OMEGA, TIME, TIME, wish, free, held)
+    assert program.solve(now, wish, free, held)
     delta = np.array(move)
     assert _cost(program) - least == pytest.approx(0.5 * delta @ stiffness @ delta, rel=1e-2, abs=1e-7)
 
@@ -298,9 +296,9 @@ def test_a_landing_is_the_stiffer_the_smaller_the_area_of_the_pressure_is(size: 
     """By the conditions of optimality, with a shift over the whole area at a thousandth of the cost of the time."""
     program, wish = StepProgram(HEIGHT), wish_of((0.2, 0.05), 1.0)
     area = ((-0.5 * size, -0.5 * size), (0.5 * size, 0.5 * size))
-    dcm = start_of(wish)
+    now = Now(tuple(start_of(wish)), (0.0, 0.0), OMEGA, TIME, TIME)
     bounds = Bounds(LEGS, area, (0.0, 0.0), (0.12, 0.5))
-    assert program.solve((dcm[0], dcm[1]), (0.0, 0.0), OMEGA, TIME, TIME, wish, bounds) is not None
+    assert program.solve(now, wish, bounds) is not None
     costs = COSTS.copy()
     costs[TIME_COST] *= HEIGHT**2
     costs[SHIFT] += 1e-3 * costs[TIME_COST] / max(size, 1e-6) ** 2

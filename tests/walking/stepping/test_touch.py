@@ -40,6 +40,7 @@ def touching(
         state=SimpleNamespace(**(usual | state)),
         stance=stance,
         swing=1 - stance,
+        elapsed=0.3,
         contact=places[stance],
         dcm=Divergent(0.0, 0.0, OMEGA),
     )
@@ -64,10 +65,11 @@ def test_a_foot_meets_the_ground_where_it_is_low_bears_a_force_and_half_of_its_s
     """Lower than a share of the height of the swing over the foot that stands, or over the ground if that is higher."""
     for share, meets in ((0.99, False), (1.01, True)):
         touch, _ = touching(stance, share * LAW.met)
-        assert touch.bears(0.3, 0.4) == meets
+        assert touch.bears(0.4) == meets
     for part, meets in ((0.99, False), (1.01, True)):
-        touch, _ = touching(stance, 2.0 * LAW.met)
-        assert touch.bears(part * LAW.early * 0.4, 0.4) == meets
+        touch, felt = touching(stance, 2.0 * LAW.met)
+        felt.elapsed = part * LAW.early * 0.4
+        assert touch.bears(0.4) == meets
     low = LAW.low * SETTINGS.swing_height
     for stands, ground, height, meets in (
         (0.0, 0.0, 0.99 * low, True),
@@ -81,15 +83,16 @@ def test_a_foot_meets_the_ground_where_it_is_low_bears_a_force_and_half_of_its_s
         places[1 - stance] = (*places[1 - stance][:2], height)
         touch, _ = touching(stance, 2.0 * LAW.met, places=tuple(places))
         touch._ground.expect_at(ground)
-        assert touch.bears(0.3, 0.4) == meets
-    touch, _ = touching(stance, 2.0 * LAW.met)
-    touch.push(0.3 - 0.99 * LAW.pushed_time)
-    assert not touch.bears(0.3, 0.4) and touch.is_pushed(0.3)
-    touch.push(0.3 - 1.01 * LAW.pushed_time)
-    assert touch.bears(0.3, 0.4) and not touch.is_pushed(0.3)
-    touch.push(0.3)
+        assert touch.bears(0.4) == meets
+    touch, felt = touching(stance, 2.0 * LAW.met)
+    for part, pushed in ((0.99, True), (1.01, False)):
+        felt.elapsed = 0.3 - part * LAW.pushed_time
+        touch.push()
+        felt.elapsed = 0.3
+        assert touch.bears(0.4) != pushed and touch.pushed == pushed
+    touch.push()
     touch.begin()
-    assert not touch.is_pushed(0.3), "a new step has not been pushed"
+    assert not touch.pushed, "a new step has not been pushed"
 
 
 @pytest.mark.parametrize("stance", [0, 1])
@@ -101,10 +104,10 @@ def test_a_foot_has_lost_the_ground_after_a_while_without_a_force_if_the_other_o
         (0.99 * LAW.lost, 1.01 * LAW.lost_time, 0.99 * LAW.held, False),
     ):
         touch, _ = touching(stance, load, held)
-        assert touch.loses(since, 9.0) == loses
+        assert touch.loses(since) == loses
     touch, _ = touching(stance, 300.0)
-    touch.push(9.0)
-    assert touch.loses(0.0, 9.0), "it was pushed"
+    touch.push()
+    assert touch.loses(0.0), "it was pushed"
 
 
 @pytest.mark.parametrize("stance", [0, 1])
@@ -187,14 +190,17 @@ def test_a_foot_is_pushed_that_is_faster_than_any_step_without_hurry_in_the_worl
         speeds[side] = (0.6 * speed * bound, -0.8 * speed * bound, 0.0)
         velocity = (0.6 * com * bound, -0.8 * com * bound, 0.0)
         touch, _ = touching(1 - side, 0.0, speeds=tuple(speeds), velocity=velocity)
-        touch.notice_push(3.0, urgency, paced, 0.2)
-        assert touch.is_pushed(3.0) == pushed
+        touch.notice_push(urgency, paced, 0.2)
+        assert touch.pushed == pushed
     touch, felt = touching(1 - side, 0.0, speeds=((9.0, 0.0, 0.0),) * 2)
-    touch.notice_push(3.0, 0.0, 1.0, 0.0)
-    touch.notice_push(3.0 + 0.9 * LAW.pushed_time, 0.0, 1.0, 0.0)
-    assert touch.is_pushed(3.0 + 1.8 * LAW.pushed_time), "it goes on while the foot is as fast"
-    touch.notice_push(3.0 + 3.0 * LAW.pushed_time, 0.0, 1.0, 0.0)
-    assert not touch.is_pushed(3.0 + 3.0 * LAW.pushed_time), "a foot that comes back is as fast"
+    for times in (0.0, 0.9):
+        felt.elapsed = 3.0 + times * LAW.pushed_time
+        touch.notice_push(0.0, 1.0, 0.0)
+    felt.elapsed = 3.0 + 1.8 * LAW.pushed_time
+    assert touch.pushed, "it goes on while the foot is as fast"
+    felt.elapsed = 3.0 + 3.0 * LAW.pushed_time
+    touch.notice_push(0.0, 1.0, 0.0)
+    assert not touch.pushed, "a foot that comes back is as fast"
 
 
 def test_viability_is_the_lesser_ratio_of_offsets() -> None:

@@ -21,7 +21,7 @@ from wbc.walking.lipm.pattern import Pattern
 from wbc.walking.lipm.schedule import ZmpTarget
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.reach import Reach
-from wbc.walking.stepping.program import COSTS, FREE, SHIFT, TIME, Bounds, StepProgram, Wish
+from wbc.walking.stepping.program import COSTS, FREE, SHIFT, TIME, Bounds, Now, StepProgram, Wish
 
 LONGEST, FREEZE = 0.1, 0.05
 """Greatest stretch of the time left; least time from now to touch-down, in which the step stays, s: a foot needs that
@@ -124,7 +124,7 @@ class StepAdjuster:
         times = min(left, FREEZE + swing.transfer), left + LONGEST
         bounds = Bounds(((-FREE, -FREE), (FREE, FREE)), (low, high), (0.0, 0.0), times)
         box = self._box(_parts(place))
-        solved = self._program.solve(_parts(xi), _parts(zmp), omega, left, left, wish, bounds, box)
+        solved = self._program.solve(Now(_parts(xi), _parts(zmp), omega, left, left), wish, bounds, box)
         if solved is None:
             return step, remaining
         landing, later = complex(*solved.place), math.exp(omega * (solved.left - left))

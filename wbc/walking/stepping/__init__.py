@@ -7,5 +7,6 @@ single_support      on one foot: time, place and contact of the foot that swings
 decision, program   place, time and centre of pressure of a step, by one quadratic program; area: that of the pressure
 path                velocity of the steps, held to a path
 law, course         equations of the pendulum and of its orbit; planned motion of the CoM; rise: its limit
+feet                costs and forces of the feet, which the tasks of the walk write
 settings            settings and constants, in units of the robot
 """

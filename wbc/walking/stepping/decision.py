@@ -19,7 +19,7 @@ from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.law import LEAST_OFFSET, Divergent, Orbit, StanceAxes
-from wbc.walking.stepping.program import OFFSETS, Bounds, Step, StepProgram, Wish
+from wbc.walking.stepping.program import OFFSETS, Bounds, Now, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import RobotSize, SteppingConstants, SteppingSettings
 from wbc.walking.swing import RISE
 
@@ -135,25 +135,26 @@ class StepDecision:
             climbs: True for a landing on a stair, which moves to the side alone: ahead of it and behind it are edges.
         """
         self._climbs = climbs
-        c, axes, omega, elapsed = self._c, stance.axes, stance.dcm.omega, stance.elapsed
+        c, axes, elapsed = self._c, stance.axes, stance.elapsed
         offset = axes.offset(stance.dcm.x, stance.dcm.y)
         (x, y, _), (p, q, _) = stance.contact, stance.cop_command
         ahead, outwards = axes.outwards(x - p, y - q)
         most = c.cop_error
         contact = min(max(ahead, -most), most), min(max(outwards, -most), most)
-        bounds = self._bounds(stance, offset[0] - contact[0], offset[1] - contact[1], longest)
         remaining = max(stance.nominal - elapsed, 0.0)
         last = max(self.end - elapsed, 0.0) if self._decided else remaining
-        held = held and not self.closes
-        solve = self._keep_landing if held else self._program.solve
-        step = solve(offset, contact, omega, remaining, last, wish, bounds)
+        now = Now(offset, contact, stance.dcm.omega, remaining, last)
+        runs = offset[0] - contact[0], offset[1] - contact[1]  # ξ runs away from the contact by that, m
+        self._put_down_at = self._put_down(stance, runs)
+        bounds = self._bounds(stance, runs, longest)
+        solve = self._keep_landing if held and not self.closes else self._program.solve
+        step = solve(now, wish, bounds)
         if step is not None:
-            later = self._time_for_legs(
-                stance, step, offset, contact, wish, bounds, max(longest - elapsed, 0.0)
-            )
-            if later > step.left and not self.closes:  # legs need longer, and ξ goes on until then
+            later = self._time_for_legs(stance, step, now, wish, bounds, max(longest - elapsed, 0.0))
+            self._delayed_end = None if later is None else elapsed + later
+            if later is not None and later > step.left and not self.closes:  # ξ goes on until then
                 bounds = bounds.after(later)
-                step = solve(offset, contact, omega, remaining, step.left, wish, bounds) or step
+                step = solve(now._replace(last=step.left), wish, bounds) or step
         if step is None:
             if self._decided:
                 return
@@ -167,13 +168,11 @@ class StepDecision:
         if chosen is not None:
             x, y = axes.offset(*chosen)
             there = (x + c.carrying, y), (x + c.carrying, y)
-            step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds, there) or step
+            step = self._program.solve(now, wish, bounds, there) or step
         self.end, self._wanted = elapsed + step.left, (step.shift[0], axes.side * step.shift[1])
         self.place = free if chosen is None else self._centre(stance, step.place)
 
-    def _keep_landing(
-        self, dcm: Point, contact: Point, omega: float, left: float, last: float, wish: Wish, bounds: Bounds
-    ) -> Step | None:
+    def _keep_landing(self, now: Now, wish: Wish, bounds: Bounds) -> Step | None:
         """Solve with the landing where it is asked for, or moved by the offset of ξ that the next sole cannot catch.
 
         What an offset is off the plan's grows by E within the next step. The centre of pressure, moved by as much,
@@ -181,37 +180,32 @@ class StepDecision:
         """
         place, program = (wish.places[0], wish.places[1]), self._program
         box = _box(place, place, bounds)
-        step = program.solve(dcm, contact, omega, left, last, wish, bounds, box)
+        step = program.solve(now, wish, bounds, box)
         if step is None:
-            return program.solve(dcm, contact, omega, left, last, wish, bounds)
-        off = [float(now) - b for now, b in zip(program.x[OFFSETS], wish.offsets, strict=True)]
+            return program.solve(now, wish, bounds)
+        off = [float(left) - b for left, b in zip(program.x[OFFSETS], wish.offsets, strict=True)]
         (least_x, most_x), (least_y, most_y) = self.area.caught(self._c.caught)
         x = 0.0 if self._climbs else _beyond(off[0], least_x, most_x)
         y = _beyond(off[1], least_y, most_y)
         if math.hypot(x, y) < TOLERANCE:
             return step
         box = _box((place[0] + x, place[1] + y), place, bounds)
-        return program.solve(dcm, contact, omega, left, last, wish, bounds, box) or step
+        return program.solve(now, wish, bounds, box) or step
 
-    def _bounds(self, stance: StepState, ahead: float, outwards: float, longest: float) -> Bounds:
-        """Return the limits of a step, by the offset of ξ from the contact, m."""
+    def _bounds(self, stance: StepState, runs: Point, longest: float) -> Bounds:
+        """Return the limits of a step, by the offset of ξ from the contact ahead and outwards, m."""
         s, c, area, elapsed = self._s, self._c, self.area, stance.elapsed
-        low, high = area.aside if stance.axes.side > 0.0 else (-area.aside[1], -area.aside[0])
         # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
-        shortest = max(max(s.shortest, STAIR_TIME * stance.nominal * self._climbs) - elapsed, 0.0)
-        most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(ahead), LEAST_OFFSET)
+        shortest, (low, high) = self._shortest(stance), self._aside(stance)
+        most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(runs[0]), LEAST_OFFSET)
         stretched = max(math.log(most), 0.0) / stance.dcm.omega
         greatest = max(min(max(longest - elapsed, 0.0), stretched), shortest)
         places = (-s.reach, s.gap), (s.reach, s.widest)
-        if outwards < low - c.outer_cop:
-            greatest = shortest
-            if not self._climbs:
-                self._put_down(stance, ahead, -outwards, shortest)
-        else:
-            self._put_down_at = None
         if self._put_down_at is not None:
             end, places = self._put_down_at
             shortest = greatest = max(end - elapsed, 0.0)
+        elif self._is_beyond(stance, runs):
+            greatest = shortest
         half_length, half_width = self._scale.sole
         return Bounds(
             places,
@@ -220,21 +214,39 @@ class StepDecision:
             (shortest, greatest),
         )
 
+    def _aside(self, stance: StepState) -> Point:
+        """Return the edges of the supported area, inner and outer seen from the foot that stands, outwards, m."""
+        right, left = self.area.aside
+        return (right, left) if stance.axes.side > 0.0 else (-left, -right)
+
+    def _is_beyond(self, stance: StepState, runs: Point) -> bool:
+        """Return True if ξ is past the outer bound of the centre of pressure."""
+        return runs[1] < self._aside(stance)[0] - self._c.outer_cop
+
+    def _shortest(self, stance: StepState) -> float:
+        """Return the shortest time that is left of a step, s."""
+        least = max(self._s.shortest, STAIR_TIME * stance.nominal * self._climbs)
+        return max(least - stance.elapsed, 0.0)
+
     @property
     def closes(self) -> bool:
         """True while the swing foot is put down beside where it is, at once."""
         return self._put_down_at is not None
 
-    def _put_down(self, stance: StepState, ahead: float, beyond: float, closing: float) -> None:
-        """Put the swing foot down at once, rather than close up, where the step after that has less far to go.
+    def _put_down(self, stance: StepState, runs: Point) -> tuple[float, tuple[Point, Point]] | None:
+        """Return when and where the swing foot is put down at once rather than closes up; None where it is not.
 
-        ξ is so far ahead and `beyond` the contact, m. From the place (x, d) where a foot is put down after t₁, the foot
-        that stands now has to step out, in the shortest time t of a step: by (ξ e^{ω t₁} − x) e^{ω t} + x ahead, and by
-        (d + ξ e^{ω t₁}) e^{ω t} − d aside.
+        That is where ξ is past the outer bound and the step after this one has less far to go; once begun, it is done
+        while ξ is there. ξ is so far ahead of the contact and `beyond` it, m. From the place (x, d) where a foot is put
+        down after t₁, the foot that stands now has to step out, in the shortest time t of a step: by
+        (ξ e^{ω t₁} − x) e^{ω t} + x ahead, and by (d + ξ e^{ω t₁}) e^{ω t} − d aside.
         """
-        if self._put_down_at is not None or stance.elapsed <= 0.0:
-            return
-        s, omega, (x, y, _, _) = self._s, stance.dcm.omega, stance.swing
+        if not self._is_beyond(stance, runs):
+            return None
+        if self._put_down_at is not None or self._climbs or stance.elapsed <= 0.0:
+            return self._put_down_at
+        s, omega, (x, y, _, _), (ahead, outwards) = self._s, stance.dcm.omega, stance.swing, runs
+        closing, beyond = self._shortest(stance), -outwards
         time, growth = min(closing, stance.down), math.exp(omega * s.shortest)
 
         def way(x: float, d: float, after: float) -> float:
@@ -246,7 +258,8 @@ class StepDecision:
         near, far = (place[0] - self._c.carrying for place in self._reached(stance, closing))
         closed = min(max(ahead * math.exp(omega * closing), near), far)
         if way(x, d, time) < way(closed, s.gap, closing):
-            self._put_down_at = stance.elapsed + time, self._reached(stance, time)
+            return stance.elapsed + time, self._reached(stance, time)
+        return None
 
     def _reached(self, stance: StepState, time: float) -> tuple[Point, Point]:
         """Return the least and the greatest place, m, that the swing foot reaches within a time, s."""
@@ -258,20 +271,13 @@ class StepDecision:
         return low, high
 
     def _time_for_legs(
-        self,
-        stance: StepState,
-        step: Step,
-        dcm: Point,
-        contact: Point,
-        wish: Wish,
-        bounds: Bounds,
-        longest: float,
-    ) -> float:
+        self, stance: StepState, step: Step, now: Now, wish: Wish, bounds: Bounds, longest: float
+    ) -> float | None:
         """Return the time left after which the swing foot comes nearest to where it is to land, s.
 
-        That is the time of the step if legs can make the step within it. Else the place is looked for at later times:
-        it moves away with ξ, and the way that the foot can go grows. The way of a quintic that comes to rest after t
-        is v t/2 + a t² √3/10, with its greatest acceleration a.
+        None if legs can make the step within its own time. Else the place is looked for at later times: it moves away
+        with ξ, and the way that the foot can go grows. The way of a quintic that comes to rest after t is
+        v t/2 + a t² √3/10, with its greatest acceleration a.
         """
         (x, y, u, v), carrying = stance.swing, self._c.carrying
         ahead, outwards = stance.axes.offset(x, y)
@@ -290,14 +296,13 @@ class StepDecision:
 
         def missed_at(time: float) -> float:
             """Return by how much the foot misses the place that ξ asks for at a time, m."""
-            grown = math.exp(stance.dcm.omega * time)
-            x, y = (z + grown * (xi - z) - b for xi, z, b in zip(dcm, contact, wish.offsets[:2], strict=True))
+            grown, offsets = math.exp(now.omega * time), wish.offsets[:2]
+            x, y = (z + grown * (xi - z) - b for xi, z, b in zip(now.dcm, now.contact, offsets, strict=True))
             return missed(time, (x, y))
 
         best, least = step.left, missed(step.left, step.place)
-        before, self._delayed_end = self._delayed_end, None
         if least < MISSED:
-            return best
+            return None
         span = longest - step.left
         for k in range(1, LATER + 1):
             time = step.left + span * k / LATER
@@ -306,11 +311,10 @@ class StepDecision:
                 best, least = time, off
             if least < MISSED:
                 break
-        if before is not None:  # a place that jumps to and fro is reached least of all
-            time = min(max(before - stance.elapsed, step.left), longest)
+        if self._delayed_end is not None:  # a place that jumps to and fro is reached least of all
+            time = min(max(self._delayed_end - stance.elapsed, step.left), longest)
             if missed_at(time) < least + KEPT:
                 best = time
-        self._delayed_end = stance.elapsed + best
         return best
 
     def _centre(self, stance: StepState, place: Point) -> Point:

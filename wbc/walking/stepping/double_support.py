@@ -26,13 +26,17 @@ SHIFTED = 0.6
 
 
 class DoubleSupport:
-    """Both feet of one walk on the ground."""
+    """Both feet of one walk on the ground.
+
+    Attributes:
+        duration: Planned time of the shift of the weight, with the rest before the first step, s.
+    """
 
     def __init__(self, settings: SteppingSettings, constants: SteppingConstants, felt: Felt) -> None:
         """Stand, with settings and constants in SI units."""
         self._s, self._c, self._felt = settings, constants, felt
         self._from: Point = 0.0, 0.0  # CoM at the start of the shift, less its shift by hands, m
-        self._shift_time = self._late = 0.0
+        self.duration = self._shift_time = self._late = 0.0
         self._footsteps: Sequence[Footstep] = ()
 
     # ---- which foot is to carry ---------------------------------------------------------------------------------
@@ -69,33 +73,33 @@ class DoubleSupport:
         x, y, level = (0.5 * (a + b) for a, b in zip(left, right, strict=True))
         return PhaseReference((x, y, 0.0, 0.0, 0.0, 0.0), level, (most, most))
 
-    def shift(self, footsteps: Sequence[Footstep]) -> float:
-        """Begin to shift the weight to beside the foot that is to stand; return the time that it takes, s.
+    def shift(self, footsteps: Sequence[Footstep]) -> None:
+        """Begin to shift the weight to beside the foot that is to stand.
 
-        Footsteps follow; without them, steps of a velocity. That is the time on rigid ground; see `delay`.
+        Footsteps follow; without them, steps of a velocity. It takes the time of rigid ground; see `delay`.
         """
         (x, y, _), (u, v) = self._felt.state.com, self._felt.offset  # hands shift the CoM by −δ
         self._from = x + u, y + v
         self._footsteps, self._late = footsteps, 0.0
         self._shift_time = self._c.shift_to_plans if footsteps else self._c.shift_time
-        return self._shift_time
+        self.duration = self._shift_time + self._c.rest
 
-    def delay(self, dt: float) -> float:
-        """Let the shift be slower in a tick of dt, s, the deeper the feet sink; return by how much later it ends, s.
+    def delay(self, dt: float) -> None:
+        """Let the shift be slower in a tick of dt, s, the deeper the feet sink.
 
         A quick shift is braked by pressure beside the middle of the sole, and on ground that gives the sole would tilt.
         """
         late = dt * (1.0 - 1.0 / self._slower)
         self._late += late
-        return late
+        self.duration += late
 
     @property
     def _slower(self) -> float:
         """Time of the shift over that on rigid ground."""
         return 1.0 + self._felt.free_edge
 
-    def shifting(self, direction: Point, time: float, elapsed: float) -> PhaseReference:
-        """Return the references of the shift, at a time since it began, s.
+    def shifting(self, direction: Point, time: float) -> PhaseReference:
+        """Return the references of the shift.
 
         The heading is given by its cosine and sine, and a step along footsteps takes a `time`, s.
         """
@@ -103,7 +107,7 @@ class DoubleSupport:
         axes = StanceAxes(SIDE[stance], direction, feet[stance])
         ahead, outwards = self._rest_of_dcm(axes, time)
         goal, slower = axes.point(ahead, outwards), self._slower
-        x, y, u, v, a, b = shifted(self._from, goal, elapsed - self._late, self._shift_time)
+        x, y, u, v, a, b = shifted(self._from, goal, self._felt.elapsed - self._late, self._shift_time)
         motion = x, y, u / slower, v / slower, a, b
         return PhaseReference(motion, 0.5 * (feet[0][2] + feet[1][2]), (most, most))
 

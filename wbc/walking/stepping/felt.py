@@ -105,6 +105,7 @@ class Felt:
         phase: Phase now.
         stance: Foot that carries while the present or next step swings: 0 left, 1 right.
         swing: The other foot.
+        elapsed: Time since the start of this phase, s: of a step since lift-off.
         state: State of the robot in this tick.
         dcm: Divergent component of motion: on one foot by the angular momentum about the contact point. A wrench on the
             hands moves it by the offset δ = (M_y, −M_x) / mg of their moment M about that point: ξ + δ runs away from
@@ -118,24 +119,23 @@ class Felt:
 
     def __init__(self, scale: RobotSize, constants: SteppingConstants, dt: float) -> None:
         """Begin on both feet."""
-        self._scale, self._c, self._gain = scale, constants, lag_gain(dt, constants.cop_lag)
+        self._scale, self._c, self._dt, self._gain = scale, constants, dt, lag_gain(dt, constants.cop_lag)
         self.begin(GaitPhase.STANDING, 1)
 
-    def begin(self, phase: GaitPhase, stance: int) -> None:
+    def begin(self, phase: GaitPhase, stance: int, elapsed: float = 0.0) -> None:
         """Feel anew in a phase: about the contact of the foot that stands, or of both feet.
 
         Soles carry at their centres in a stand, and at their carrying points as soon as the robot walks.
         """
-        self.phase, self.stance, self.swing, self._contact = phase, stance, 1 - stance, None
+        self.phase, self.stance, self.swing, self.elapsed = phase, stance, 1 - stance, elapsed
+        self._contact: Vector | None = None
         self._alone = phase is GaitPhase.SINGLE
         self._ahead = 0.0 if phase is GaitPhase.STANDING else self._c.carrying
 
-    def enter(self, phase: GaitPhase, stance: int) -> None:
-        """Go on from this tick on in another phase; see `begin`."""
-        self.begin(phase, stance)
+    def enter(self, phase: GaitPhase, stance: int, elapsed: float = 0.0) -> None:
+        """Go on from this tick on in another phase, in which a time, s, is over already; see `begin`."""
+        self.begin(phase, stance, elapsed)
         self.follow()
-
-    _contact: Vector | None
 
     @property
     def contact(self) -> Vector:
@@ -152,7 +152,8 @@ class Felt:
         return self.state.compliance * self.state.mass * GRAVITY / self._scale.sole[1]
 
     def take(self, state: BodyState) -> None:
-        """Take in the state of a tick."""
+        """Take in the state of the next tick."""
+        self.elapsed += self._dt
         self.state = state
         self.follow()
 

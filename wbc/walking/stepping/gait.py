@@ -66,7 +66,6 @@ class SteppingWalk(ReferenceSource):
         stand: Both feet on the ground.
         step: The step, on one foot.
         footsteps: Last answer of the planner, from the step that swings now on; none of a walk that is steered.
-        elapsed: Time since the start of this phase, s.
         time: Time since the gait began, s.
         steps_done: Steps that have ended with a foot on the ground.
     """
@@ -120,9 +119,7 @@ class SteppingWalk(ReferenceSource):
     def begin(self, heading: float) -> None:
         """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
         s, c, scale, dt, felt = self.settings, self.constants, self.scale, self.dt, self.felt
-        self.time = self.elapsed = 0.0
-        self.steps_done = 0
-        self._duration = 0.0  # planned length of a phase on both feet, s
+        self.time, self.steps_done = 0.0, 0
         self.planner, self.reason = None, ""
         self.footsteps: Sequence[Footstep] = ()
         self._idle = False  # while the planner asks for a stand
@@ -153,7 +150,7 @@ class SteppingWalk(ReferenceSource):
     @property
     def finished(self) -> bool:
         """True when nothing asks for steps and the robot has stood for as long as a step takes."""
-        stood = self.felt.phase is GaitPhase.STANDING and self.elapsed >= self.settings.step_time
+        stood = self.felt.phase is GaitPhase.STANDING and self.felt.elapsed >= self.settings.step_time
         return stood and (self.planner is None or self._idle) and not self.steering.pending
 
     @property
@@ -187,7 +184,6 @@ class SteppingWalk(ReferenceSource):
 
     def advance(self, state: BodyState, frames: Frames) -> Reference:
         """Stand, shift the weight or step for a tick; feet that stand keep the placements of left and right sole."""
-        self.elapsed += self.dt
         self.time += self.dt
         self.felt.take(state)
         events: tuple[Event, ...] = ()
@@ -218,25 +214,24 @@ class SteppingWalk(ReferenceSource):
     def _asked(self, steps: StepVelocity) -> Asked:
         """Return what the step is asked for in this tick, with the velocity of the next steps."""
         s, speed, fast_share = self.steering, math.hypot(*self.steering.velocity), self.fast_share
-        axes = s.heading, s.direction, s.turn
-        return Asked(steps, speed, fast_share, *axes, s.step_time, self.elapsed, self.footsteps, s.climbs)
+        return Asked(steps, speed, fast_share, s.heading, s.direction, s.turn, s.step_time)
 
     def _references(self, events: tuple[Event, ...], frames: Frames) -> Reference:
         """Return the references of a tick in the phase that it has led to."""
         felt, step, steering, state = self.felt, self.step, self.steering, self.felt.state
         if felt.phase is GaitPhase.SINGLE:
-            now = step.references(self.elapsed)
+            now = step.references()
         elif felt.phase is GaitPhase.STANDING:
             now = self.stand.standing()
         else:
-            now = self.stand.shifting(steering.direction, steering.step_time, self.elapsed)
+            now = self.stand.shifting(steering.direction, steering.step_time)
         high, speed = self.course.rise(state.com[2] - now.level)
         pendulum = self.course.pendulum(now.motion, (high + now.level, speed), felt.contact[2])
         laden = state.mass / self.scale.mass  # by what it holds
         most_force = laden * now.most_force[0], laden * now.most_force[1]
         self.progress = progress = self._record((most_force[0] > 0.0, most_force[1] > 0.0), events)
         feet = [
-            step.swing.at(self.elapsed, self.constants.swing_push)
+            step.swing.at(felt.elapsed, self.constants.swing_push)
             if side == progress.air and step.swing is not None
             else FootMotion.at_rest(place.copy())
             for side, place in enumerate(frames)
@@ -247,8 +242,10 @@ class SteppingWalk(ReferenceSource):
         """Return the record of the step as it is now, with the contacts and events of a tick."""
         step, felt = self.step, self.felt
         swing = felt.swing if felt.phase is GaitPhase.SINGLE else None
-        now = felt.phase, felt.stance, swing, contact, self.steering.heading, self.steps_done, self.elapsed
-        duration = self._duration if swing is None else step.duration
+        now = felt.phase, felt.stance, swing, contact, self.steering.heading, self.steps_done, felt.elapsed
+        duration = 0.0
+        if felt.phase is not GaitPhase.STANDING:
+            duration = (self.stand if swing is None else step).duration
         landings, cycle = (() if step.swing is None else (step.swing.landing,)), self.settings.step_time
         return Progress(*now, duration, landings, cycle, events, step.met is not None, self.fast_share)
 
@@ -263,8 +260,8 @@ class SteppingWalk(ReferenceSource):
             if stance is not None:
                 return self._set_off(stance, frames, walks=max(joins[0]))
         elif felt.phase is GaitPhase.DOUBLE:
-            self._duration += stand.delay(self.dt)
-            if self.elapsed >= self._duration:
+            stand.delay(self.dt)
+            if felt.elapsed >= stand.duration:
                 return self._set_off(felt.stance, frames)
         elif self._is_to_walk(frames):
             return self._shift()
@@ -275,7 +272,7 @@ class SteppingWalk(ReferenceSource):
     def _is_to_walk(self, frames: Frames) -> bool:
         """Return True if a robot that stands is asked for steps; its planner is asked for footsteps."""
         asks = self.planner is not None and self.time >= self._next
-        if self.elapsed <= self.constants.rest or not (asks or self.steering.pending):
+        if self.felt.elapsed <= self.constants.rest or not (asks or self.steering.pending):
             return False
         self._plan_steps(None, frames)
         if self.footsteps:
@@ -289,8 +286,7 @@ class SteppingWalk(ReferenceSource):
         if self.footsteps:
             stance = 1 - SIDES.index(self.footsteps[0].side)
             self.steering.follow_footsteps()
-        self.elapsed = 0.0
-        self._duration = self.stand.shift(self.footsteps) + self.constants.rest
+        self.stand.shift(self.footsteps)
         self.felt.enter(GaitPhase.DOUBLE, stance)
         return (Event.STARTED,)
 
@@ -312,10 +308,9 @@ class SteppingWalk(ReferenceSource):
 
     def _lift(self, stance: int, frames: Frames, elapsed: float = 0.0) -> None:
         """Begin a step on a foot, for which the planner is asked, at a time since lift-off, s."""
-        self.elapsed = elapsed
-        self.felt.enter(GaitPhase.SINGLE, stance)
+        self.felt.enter(GaitPhase.SINGLE, stance, elapsed)
         self._plan_steps(SIDES[1 - stance], frames)
-        self.step.begin(self.footsteps[0].z if self.footsteps else None)
+        self.step.begin(self.footsteps, climbs=bool(self.footsteps and self.steering.climbs))
 
     def _change_feet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
@@ -328,7 +323,6 @@ class SteppingWalk(ReferenceSource):
         slow = math.hypot(*steering.velocity) < c.stop_speed
         near = slow and state.apart() < c.stop_length
         if not asked.steps.go and near and felt.outside(felt.dcm, c.stop_box) <= 0.0:
-            self.elapsed = self._duration = 0.0
             felt.enter(GaitPhase.STANDING, landed)
             self.reason = "" if self.footsteps else self.reason
             steering.rest(self._middle())

@@ -43,6 +43,24 @@ FREE, FAR = 100.0, 1e4
 E² until then."""
 
 
+class Now(NamedTuple):
+    """The pendulum about the foot that stands, and the time that is left of the step.
+
+    Attributes:
+        dcm: ξ from the carrying point of the stance foot, ahead and outwards, m.
+        contact: The contact point with its shift taken off, z, m.
+        omega: Natural frequency ω, 1/s.
+        left: Time that is left of a step of the time T, s: τ*.
+        last: The same by the last solution: τ'.
+    """
+
+    dcm: Point
+    contact: Point
+    omega: float
+    left: float
+    last: float
+
+
 class Wish(NamedTuple):
     """Steps that are asked for: three places from foot to foot and the offsets that they leave, m; time of one, s."""
 
@@ -99,29 +117,17 @@ class StepProgram:
         self._lower[17:] = self._upper[17:] = 0.0
 
     def solve(
-        self,
-        dcm: Point,
-        contact: Point,
-        omega: float,
-        left: float,
-        last: float,
-        wish: Wish,
-        bounds: Bounds,
-        landing: tuple[Point, Point] | None = None,
+        self, now: Now, wish: Wish, bounds: Bounds, landing: tuple[Point, Point] | None = None
     ) -> Step | None:
         """Return the step; None if the solver fails.
 
         Args:
-            dcm: ξ from the carrying point of the stance foot, ahead and outwards, m.
-            contact: The contact point with its shift taken off, z, m.
-            omega: Natural frequency ω, 1/s.
-            left: Time that is left of a step of the time T, s: τ*.
-            last: The same by the last solution: τ'.
+            now: State of the pendulum, and time that is left.
             wish: Steps that are asked for.
             bounds: Limits of this step, and of the next ones' places.
             landing: Least and greatest place of this step, m, in place of that of the bounds.
         """
-        rows, low, high, z = self._rows, self._lower, self._upper, contact
+        rows, low, high, (dcm, z, omega, left, last) = self._rows, self._lower, self._upper, now
         growth, tau, before = math.exp(omega * wish.time), math.exp(omega * left), math.exp(omega * last)
         x = self.x
         x[PLACES], x[SHIFT.start : TIME], x[TIME], x[OFFSETS] = wish.places, 0.0, 1.0, wish.offsets

@@ -1,12 +1,12 @@
 """One step on one foot: its time and place are decided as the robot goes, until the foot that has landed takes over.
 
-    step.begin(ground)                      at lift-off
+    step.begin(footsteps, climbs=…)         at lift-off
     events = step.update(asked, frames)     push on the swing foot, expected ground, decision, contact
     step.is_over(asked)                     the foot that has landed is to carry
     held = step.end(asked)                  what the landing says of the ground
-    step.references(elapsed)                CoM, forces of the feet, centre of pressure
+    step.references()                       CoM, forces of the feet, centre of pressure
 
-`Asked` says what velocity or footsteps ask for in this tick.
+`Asked` says what the steering asks for in this tick; the footsteps of a step do not change while it lasts.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ with its heel first: level behind the body it would meet the end of the ankle's 
 
 
 class Asked(NamedTuple):
-    """Steps that are asked for in one tick, by a velocity or as footsteps."""
+    """Steps that are asked for in one tick."""
 
     steps: StepVelocity  # velocity of the next steps; of footsteps that of the one that swings
     speed: float  # speed of the steps without their way back to a path, m/s
@@ -53,9 +53,6 @@ class Asked(NamedTuple):
     direction: Point  # its cosine and sine
     turn: float  # turn of the steps, rad/s
     time: float  # time T of a step, s
-    elapsed: float  # time since lift-off, s
-    footsteps: Sequence[Footstep]  # from the one that swings on; empty of steps by a velocity
-    climbs: float  # height to the next stair of the footsteps, up or down, m; 0 on the level
 
 
 class SingleSupport:
@@ -94,6 +91,7 @@ class SingleSupport:
         self._ticks = 0  # with a decision on time and place that is open
         self._pace = settings.step_time  # mean time of the last steps, s
         self._level = 0.0  # height of the feet that carry, low-passed, m
+        self._footsteps: Sequence[Footstep] = ()  # from the one that swings on; none of steps by a velocity
         self._climbs = False  # the landing is a stair, of footsteps or seen
         self._walks = False  # the robot has been in this step before the walk began
         self._planned: Orbit | None = None  # offsets of ξ in this step, along footsteps
@@ -102,14 +100,18 @@ class SingleSupport:
 
     # ---- from lift-off to take-over -----------------------------------------------------------------------------
 
-    def begin(self, ground: float | None) -> None:
-        """Begin a step on the foot that stands; the other one lands at a height, m, if that is planned."""
+    def begin(self, footsteps: Sequence[Footstep] = (), *, climbs: bool = False) -> None:
+        """Begin a step on the foot that stands, the first one of footsteps, or one by a velocity.
+
+        The next footsteps `climbs` stairs, up or down.
+        """
         felt = self._felt
-        self.first = self._walks = self._climbs = False
+        self.first = self._walks = False
+        self._footsteps, self._climbs = footsteps, climbs
         self.decision.begin()
         self.touch.begin()
-        if ground is not None:
-            self._ground.expect_at(ground)
+        if footsteps:
+            self._ground.expect_at(footsteps[0].z)
         self._planned = None
         self._stood, self._tilt = felt.state.places[felt.stance][2], (0.0, 0.0)
 
@@ -121,18 +123,18 @@ class SingleSupport:
         self.first, self._walks, self._pace = not walks, walks, pace
         self._level = self._felt.state.places[self._felt.stance][2]
         if kicked:
-            self.touch.push(0.0)
+            self.touch.push()
 
     def update(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Decide time and place of the step, move the swing foot, and detect its contact."""
-        touch, elapsed = self.touch, asked.elapsed
+        touch = self.touch
         if self.swing is not None:
-            touch.notice_push(elapsed, self.decision.urgency, self.duration / asked.time, asked.speed)
+            touch.notice_push(self.decision.urgency, self.duration / asked.time, asked.speed)
         self._follow_ground()
         self.decide(asked, frames)
         events = self._meet(asked, frames)
         # Footsteps are planned from where feet are to carry, and those meet the ground at an inner edge.
-        touch.track_pressure(met=self.met is not None and not asked.footsteps)
+        touch.track_pressure(met=self.met is not None and not self._footsteps)
         return events
 
     def is_over(self, asked: Asked) -> bool:
@@ -140,9 +142,9 @@ class SingleSupport:
         if self.met is None:
             return False
         c, fast_share = self._c, asked.fast_share
-        patience = c.patience_of_plans if asked.footsteps else c.patience
+        patience = c.patience_of_plans if self._footsteps else c.patience
         patience += fast_share * (1.0 - patience)  # a fast walk needs all of its time
-        late = asked.elapsed > max(self._longest(asked), self._waits(asked))
+        late = self._felt.elapsed > max(self._longest(asked), self._waits(asked))
         axes, orbit = self._axes(asked), self._orbit(asked)
         return self.touch.is_to_carry(axes, orbit, patience, fast_share, late=late)
 
@@ -150,21 +152,21 @@ class SingleSupport:
         """End a step whose foot has landed; return how much of the sole has held: see `PathSteering.held`."""
         assert self.swing is not None
         c, felt, (left, right) = self._c, self._felt, self._felt.state.places
-        self._pace += c.pace_gain * (min(asked.elapsed, self._longest(asked)) - self._pace)
+        self._pace += c.pace_gain * (min(felt.elapsed, self._longest(asked)) - self._pace)
         unexpected = (left, right)[felt.swing][2] - self.swing.landing.z
         # Stairs are rough ground only where they are not as expected.
         self._ground.land(unexpected, unexpected if self._climbs else left[2] - right[2])
         self.swing = self.met = None
         return min(self.decision.area.width / c.slow_width, 1.0)
 
-    def references(self, elapsed: float) -> PhaseReference:
-        """Return the references of a tick, at a time since lift-off, s."""
+    def references(self) -> PhaseReference:
+        """Return the references of a tick."""
         c, felt, state, touch = self._c, self._felt, self._felt.state, self.touch
         self._level += self._level_gain * (self._com_level() - self._level)
-        most = touch.most_forces(elapsed, met=self.met is not None, stepped=not self.first)
+        most = touch.most_forces(met=self.met is not None, stepped=not self.first)
         ahead, aside = cop = self.decision.cop
         motion = self._course.fall(state, state.on_sole(felt.stance, c.carrying + ahead, aside))
-        urgency = -1.0 if touch.is_pushed(elapsed) else self.decision.urgency
+        urgency = -1.0 if touch.pushed else self.decision.urgency
         return PhaseReference(motion, self._level, most, cop, urgency)
 
     # ---- the ground ---------------------------------------------------------------------------------------------
@@ -185,16 +187,16 @@ class SingleSupport:
             self._ground.expect_at(self._ground.height + moved)
             self._stood += moved
 
-    def _look(self, landing: Footstep, lifted: float, *, planned: bool) -> Footstep:
+    def _look(self, landing: Footstep, lifted: float) -> Footstep:
         """Return a landing at the height and tilt of the ground seen under it, which are expected from now on.
 
-        Unless it is `planned`, it is a stair where it lies far above or below the foot that stands, or the place from
-        which the other one was `lifted`, m.
+        Footsteps say where stairs are. Another landing is a stair where it lies far above or below the foot that
+        stands, or the place from which the other one was `lifted`, m.
         """
         landing = self._ground.under(landing)
         self._ground.expect_at(landing.z)
         self._tilt = landing.pitch, landing.roll
-        if not planned:
+        if not self._footsteps:
             stands = self._felt.state.places[self._felt.stance][2]
             self._climbs = max(abs(landing.z - stands), abs(landing.z - lifted)) > self._c.stair
         return landing
@@ -205,9 +207,7 @@ class SingleSupport:
         """Decide time, place and centre of pressure of the step, and send the swing foot there."""
         if self.met is not None:
             return
-        if asked.footsteps:
-            self._climbs = bool(asked.climbs)
-        felt, state, decision, elapsed = self._felt, self._felt.state, self.decision, asked.elapsed
+        felt, state, decision = self._felt, self._felt.state, self.decision
         swing, self._ticks = self.swing, self._ticks + 1
         level = self._ground.level(*self._c.even)
         decision.area.update(state.tilting(felt.stance), state.wrenches[felt.stance], level)
@@ -219,24 +219,24 @@ class SingleSupport:
         if swing is None:
             self._begin_swing(self._landing(asked), asked, frames)
             return
-        thrown = self.touch.thrown(swing, elapsed - self._dt)
+        thrown = self.touch.thrown(swing)
         if not decides and thrown is None:
             return
         landing, touch = self._landing(asked), self._touch_time(asked)
         looks = self._ground.sight is not None and self._ticks // self._period % LOOKS == 0
-        if looks and touch - elapsed > LAST_LOOK:
-            landing = self._look(landing, swing.lifted, planned=bool(asked.footsteps))
+        if looks and touch - felt.elapsed > LAST_LOOK:
+            landing = self._look(landing, swing.lifted)
             swing.shape = self._swing_shape()
             swing.rise_over(self._ground.way(frames[felt.swing], landing))  # of what is left
         if thrown is not None:
-            swing.restart(elapsed, frames[felt.swing], thrown, self._c.swing_push)
+            swing.restart(felt.elapsed, frames[felt.swing], thrown, self._c.swing_push)
         if decision.closes:
             swing.shape = swing.shape._replace(landing_speed=self._c.hardest)
-        swing.retarget(elapsed, landing, touch)
+        swing.retarget(felt.elapsed, landing, touch)
 
     def _solve(self, asked: Asked) -> None:
         """Decide the step by what stands now."""
-        c, footsteps, stance = self._c, asked.footsteps, self.step_state(asked)
+        c, footsteps, stance = self._c, self._footsteps, self.step_state(asked)
         self._course.restart()
         stays = self._ground.sight is None or self.swing is None or self.first
         if footsteps:
@@ -250,7 +250,7 @@ class SingleSupport:
             longer = 1.0 + asked.fast_share * (self._pace / asked.time - 1.0)
             forward = (forward - asked.steps.made_up) * longer
             wish = steps_of_velocity((forward, left), self._width(asked), stance)
-        look = None if stays else self._touch_time(asked) - asked.elapsed
+        look = None if stays else self._touch_time(asked) - self._felt.elapsed
         self.decision.decide(
             stance, wish, self._longest(asked), look, held=bool(footsteps), climbs=self._climbs
         )
@@ -268,9 +268,9 @@ class SingleSupport:
 
     def _landing(self, asked: Asked) -> Footstep:
         """Return the landing that was decided, on the expected ground."""
-        yaw = asked.heading + asked.turn * max(self.duration - asked.elapsed, 0.0)
-        if asked.footsteps:
-            yaw = asked.footsteps[0].yaw
+        yaw = asked.heading + asked.turn * max(self.duration - self._felt.elapsed, 0.0)
+        if self._footsteps:
+            yaw = self._footsteps[0].yaw
         place, side = self.decision.place, SIDES[self._felt.swing]
         return Footstep(side, *place, self._ground.height, yaw, *self._tilt)
 
@@ -279,11 +279,11 @@ class SingleSupport:
         c, felt, ground, touch = self._c, self._felt, self._ground, self._touch_time(asked)
         ground.lift(felt.stance, frames[felt.stance])
         start = frames[felt.swing]
-        landing = self._look(landing, float(start.translation[2]), planned=bool(asked.footsteps))
+        landing = self._look(landing, float(start.translation[2]))
         self.swing = swing = SwingFoot(start, landing, touch, self._swing_shape(), ground.way(start, landing))
         if self._walks:
-            swing.join(asked.elapsed, start, felt.state.speeds[felt.swing], ground.height, c.swing_push)
-            swing.retarget(asked.elapsed, landing, touch)
+            swing.join(felt.elapsed, start, felt.state.speeds[felt.swing], ground.height, c.swing_push)
+            swing.retarget(felt.elapsed, landing, touch)
 
     def _swing_shape(self) -> SwingShape:
         """Return the shape of the swing: on level ground, on rough ground, or on stairs."""
@@ -294,11 +294,11 @@ class SingleSupport:
 
     def step_state(self, asked: Asked) -> StepState:
         """Return the state that the step is decided by."""
-        felt, elapsed, (u, v) = self._felt, asked.elapsed, self.decision.lagged
-        axes, orbit, swing = self._axes(asked), self._orbit(asked), self._swinging(elapsed)
+        felt, (u, v) = self._felt, self.decision.lagged
+        axes, orbit, swing = self._axes(asked), self._orbit(asked), self._swinging()
         told = felt.state.on_sole(felt.stance, self._c.carrying + u, v)
         return StepState(
-            axes, told, felt.contact, felt.dcm, orbit, asked.time, elapsed, swing, self._time_down()
+            axes, told, felt.contact, felt.dcm, orbit, asked.time, felt.elapsed, swing, self._time_down()
         )
 
     def _axes(self, asked: Asked) -> StanceAxes:
@@ -318,12 +318,12 @@ class SingleSupport:
         s = self._s
         return max(s.width, s.gap + abs(asked.steps.velocity[1]) * asked.time / SIDEWAYS)
 
-    def _swinging(self, elapsed: float) -> tuple[float, float, float, float]:
+    def _swinging(self) -> tuple[float, float, float, float]:
         """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
         if self.swing is None:
             x, y, _ = self._felt.state.places[self._felt.swing]
             return x, y, 0.0, 0.0
-        (x, y, _), (u, v, _) = self.swing.motion(elapsed)
+        (x, y, _), (u, v, _) = self.swing.motion(self._felt.elapsed)
         return x, y, u, v
 
     def _time_down(self) -> float:
@@ -335,29 +335,28 @@ class SingleSupport:
 
     def _meet(self, asked: Asked, frames: Frames) -> tuple[Event, ...]:
         """Detect that the swing foot has met the ground, or has lost it again."""
-        swing, touch, elapsed = self.swing, self.touch, asked.elapsed
+        swing, touch, elapsed = self.swing, self.touch, self._felt.elapsed
         if swing is None:
             return ()
         if self.met is None:
-            bears = touch.bears(elapsed, self.duration)
-            if bears and not self.rubs(asked, swing.landing):
+            if touch.bears(self.duration) and not self.rubs(asked, swing.landing):
                 self.met = elapsed
                 soon = 0.05 * self._s.step_time
                 return (touch_down(elapsed - self._touch_time(asked), soon, soon),)
-        elif touch.loses(elapsed - self.met, elapsed):
+        elif touch.loses(elapsed - self.met):
             self.met = None
             swing.resume(elapsed, frames[self._felt.swing])
         return ()
 
     def rubs(self, asked: Asked, landing: Footstep) -> bool:
         """Return True if the swing foot is to go on to its landing over what it has met; see `SwingTouch.rubs`."""
-        left = self._touch_time(asked) - asked.elapsed
+        left = self._touch_time(asked) - self._felt.elapsed
         return self.touch.rubs(self._axes(asked), self._orbit(asked), left, landing)
 
     def _touch_share(self, asked: Asked) -> float:
         """Return the share of the time of a step at which the foot meets the expected ground."""
         c = self._c
-        if asked.footsteps:
+        if self._footsteps:
             return c.touch_of_plans
         return c.touch + asked.fast_share * (c.late_touch - c.touch)
 

@@ -36,48 +36,46 @@ class SwingTouch:
 
     def begin(self) -> None:
         """Begin a step: its foot has not been pushed."""
-        self._pushed = -math.inf  # time since lift-off when the swing foot was pushed last, s
+        self._pushed_at = -math.inf  # time since lift-off when the swing foot was pushed last, s
         # Time for which the foot that stands has carried nothing and the other one does, s.
         self._unloaded = 0.0
 
-    def push(self, elapsed: float) -> None:
-        """Take note of a push on the swing foot, at a time since lift-off, s."""
-        self._pushed = elapsed
+    def push(self) -> None:
+        """Take note of a push on the swing foot in this tick."""
+        self._pushed_at = self._felt.elapsed
 
-    def is_pushed(self, elapsed: float) -> bool:
-        """Return True for a swing foot that was pushed a moment before a time since lift-off, s.
+    @property
+    def pushed(self) -> bool:
+        """True for a swing foot that was pushed a moment ago: a force on it is that of the push, or of its inertia."""
+        return self._felt.elapsed - self._pushed_at < self._c.pushed_time
 
-        A force on it is that of the push, or of its inertia.
-        """
-        return elapsed - self._pushed < self._c.pushed_time
-
-    def notice_push(self, elapsed: float, urgency: float, paced: float, speed: float) -> None:
+    def notice_push(self, urgency: float, paced: float, speed: float) -> None:
         """Find whether the swing foot is pushed.
 
         It is faster then, in the world and past the CoM, than any step without hurry: the ground stops a foot, and only
         a push makes it faster. It is pushed once in a step: a foot that comes back is as fast, and meets the ground.
 
         Args:
-            elapsed: Time since lift-off, s.
             urgency: Share by which the swing foot goes before the trunk.
             paced: Time of this step over T.
             speed: Speed of the steps, m/s.
         """
         hurries = urgency >= MOST_URGENCY or paced <= LEAST_TIME
-        if hurries or not (self.is_pushed(elapsed) or self._pushed == -math.inf):
+        if hurries or not (self.pushed or self._pushed_at == -math.inf):
             return
         state = self._felt.state
         moved = state.speeds[self._felt.swing]
         if min(math.hypot(*moved), math.dist(moved, state.velocity)) > self._c.pushed_speed + 2.0 * speed:
-            self._pushed = elapsed
+            self.push()
 
-    def thrown(self, swing: SwingFoot, time: float) -> Vector | None:
+    def thrown(self, swing: SwingFoot) -> Vector | None:
         """Return the velocity of a swing foot so far off its motion that legs cannot bring it back, m/s, else None.
 
         That is where the feedback of its task asks for more than the greatest acceleration of a swing: the trunk would
-        pay for it. The motion is that of the last tick, whose `time` since lift-off is given, s.
+        pay for it. The motion is that of the last tick.
         """
         felt, (stiffness, damping) = self._felt, self._c.swing_gains
+        time = felt.elapsed - self._dt
         here, moved = felt.state.places[felt.swing], felt.state.speeds[felt.swing]
         asked = (
             stiffness * (q - p) + damping * (speed - now)
@@ -85,17 +83,17 @@ class SwingTouch:
         )
         return moved if math.hypot(*asked) > self._c.swing_push else None
 
-    def bears(self, elapsed: float, duration: float) -> bool:
-        """Return True if the swing foot bears the load of a contact in this tick, at a time of its step, s."""
+    def bears(self, duration: float) -> bool:
+        """Return True if the swing foot bears the load of a contact in this tick, in a step of a time, s."""
         c, felt = self._c, self._felt
-        may = elapsed > c.early * duration and not self.is_pushed(elapsed)
+        may = felt.elapsed > c.early * duration and not self.pushed
         return may and felt.state.wrenches[felt.swing][2] > c.met and self._is_low()
 
-    def loses(self, since: float, elapsed: float) -> bool:
+    def loses(self, since: float) -> bool:
         """Return True if a foot that has been in contact for a time, s, has lost the ground again."""
         c, felt, loads = self._c, self._felt, self._felt.state.wrenches
         lost = loads[felt.swing][2] < c.lost and since > c.lost_time and loads[felt.stance][2] > c.held
-        return lost or self.is_pushed(elapsed)
+        return lost or self.pushed
 
     def rubs(self, axes: StanceAxes, orbit: Orbit, left: float, landing: Footstep) -> bool:
         """Return True if the swing foot is to go on over what it has met: waiting would not help there.
@@ -149,12 +147,12 @@ class SwingTouch:
         there, here = (ahead, -beyond), axes.outwards(dcm.x - p, dcm.y - q)
         return takes_over(there, here, orbit, c.stretch, c.wait, patience)
 
-    def most_forces(self, elapsed: float, *, met: bool, stepped: bool) -> tuple[float, float]:
+    def most_forces(self, *, met: bool, stepped: bool) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`.
 
         A robot that has `stepped` before has an old one.
         """
-        c, swing = self._c, self._felt.swing
+        c, swing, elapsed = self._c, self._felt.swing, self._felt.elapsed
         most = [c.most_force, c.most_force]
         most[swing] = 0.0
         if met:
