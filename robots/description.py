@@ -79,6 +79,8 @@ class RobotDescription:
         source: Origin of the model.
         licence: Licence of the model.
         derived: Values that were derived from the model, as one line of text each.
+        doubtful: What the reader of the file found doubtful, one line each, such as a force that the controller's model
+            does not have; `doubts` adds what the values say.
     """
 
     name: str
@@ -105,6 +107,7 @@ class RobotDescription:
     source: str = "given by the user"
     licence: str = "unknown"
     derived: tuple[str, ...] = ()
+    doubtful: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "soles", tuple(self.soles))
@@ -184,7 +187,7 @@ class RobotDescription:
                 partial(robot.mechanism, fixed),
                 None
                 if left_sole is None or right_sole is None
-                else from_geometry(left_sole, right_sole, sole_size, directories),
+                else from_geometry(robot.shapes, left_sole, right_sole, sole_size, directories),
                 name=name,
                 source=provenance or (str(source) if is_file else "URDF string"),
                 notes=notes + changes,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -97,14 +97,14 @@ class Mechanism:
         model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
         return model
 
-    def set_limits(
+    def with_limits(
         self,
         position: Mapping[str, tuple[float, float]] | None = None,
         velocity: Mapping[str, float] | None = None,
         torque: Mapping[str, float] | None = None,
-    ) -> None:
-        """Write limits of joints: position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N."""
-        model = self.model
+    ) -> Mechanism:
+        """Return it with limits: joint → position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N."""
+        model = self.model.copy()
         joints = {str(model.names[j]): model.joints[j] for j in driven_joints(model)}
         for what, values, limits in (
             ("velocity", velocity, model.upperVelocityLimit),
@@ -124,6 +124,7 @@ class Mechanism:
                     f"position limits of joint '{name}' must be finite with lower < upper, got {lower}, {upper}"
                 )
             model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q] = lower, upper
+        return replace(self, model=model)
 
     def to_plain(self) -> dict[str, Any]:
         """Return all data as plain values for JSON, of which `from_plain` makes the same mechanism, bit for bit."""

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.qp.closure import LoopClosure
-from wbc.core.robot import GRAVITY, SIDES
+from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.posture import FULL_LEG
 from wbc.robots.tidying import TAKEN_RANGE
@@ -134,27 +134,24 @@ def report(facts: Mapping[str, Any]) -> str:
 
 def doubts(robot: Any) -> tuple[str, ...]:
     """Return what of a description is doubtful, one line each."""
+    model = robot.robot()
     if not robot.soles:
-        hint = feet_hint(robot.pinocchio_model())
+        hint = feet_hint(model.model)
         said = "no feet: it has a QP (docs/robots.md), but neither stands nor walks"
         first = [f"{said}; it has two lowest limbs: {hint}" if hint else said]
     else:
-        first = [*_scale(robot), *_legs(robot)]
+        first = [*_scale(model), *_legs(robot, model)]
     limits = [*zip(robot.joint_names, *robot.position_limits, robot.velocity_limit, strict=True)]
     tight = [
         f"{name} {share:.0%}" if math.isfinite(share) else f"{name}, which is driven the other way alone"
-        for name, share in standing_torques(robot).items()
+        for name, share in standing_torques(model).items()
         if share > NEAR_LIMIT
     ]
     undamped = [
         n for n, (kp, kd) in robot.gains.items() if kp > 0.0 and kd + robot.damping.get(n, 0.0) == 0.0
     ]
-    guessed = (
-        ["see the list above"] if any("torque limits not given" in line for line in robot.derived) else []
-    )
     lists = {
         f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of": tight,
-        "torque limits that the file does not give are guessed from mass and size": guessed,
         "given servo gains without damping": undamped,
         "no rotor inertia (armature); real drives have some": [
             n for n, a in robot.armature.items() if a == 0.0 and n not in robot.passive
@@ -177,12 +174,11 @@ def doubts(robot: Any) -> tuple[str, ...]:
         ],
     }
     found = [f"{what}: {listed(names)}" for what, names in lists.items() if names]
-    return (*first, *(line for line in robot.derived if line.startswith(UNMODELLED)), *found)
+    return (*first, *robot.doubtful, *found)
 
 
-def standing_torques(robot: Any) -> dict[str, float]:
-    """Return joint → share of its torque limit that half-sitting takes, the weight on both soles."""
-    model = robot.robot()
+def standing_torques(model: Robot) -> dict[str, float]:
+    """Return joint → share of its torque limit that a robot in half-sitting takes, the weight on both soles."""
     if not model.soles:
         return {}
     gravity = model.bias  # and springs
@@ -204,12 +200,11 @@ def standing_torques(robot: Any) -> dict[str, float]:
     bound = np.where(torque < 0.0, -model.torque_lower, model.torque_upper)
     shares = np.divide(np.abs(torque), bound, out=np.full(model.na, np.inf), where=bound > 0.0)
     shares[model.passive] = 0.0
-    return dict(zip(robot.joint_names, shares.tolist(), strict=True))
+    return dict(zip(model.joint_names, shares.tolist(), strict=True))
 
 
-def _scale(robot: Any) -> list[str]:
+def _scale(model: Robot) -> list[str]:
     """Return doubts about the units of lengths, masses and inertias."""
-    model = robot.robot()
     mass, height = model.mass, float(model.com[2])
     if height > TALLEST:
         return [f"the centre of mass is {height:.4g} m high: lengths in millimetres or centimetres?"]
@@ -223,8 +218,8 @@ def _scale(robot: Any) -> list[str]:
     return [f"inertias do not fit masses, in another unit? Those below {listed([*odd])}"] if odd else []
 
 
-def _legs(robot: Any) -> list[str]:
-    model, (left, right) = robot.robot(), robot.soles
+def _legs(robot: Any, model: Robot) -> list[str]:
+    left, right = robot.soles
     found = [
         f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"
         for side, leg in zip(SIDES, robot.legs, strict=True)

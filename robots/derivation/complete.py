@@ -17,25 +17,21 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import frames
 from wbc.robots.derivation import defaults, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
-from wbc.robots.mechanism import Mechanism, unlimited
+from wbc.robots.mechanism import Geometry, Mechanism, unlimited
 from wbc.robots.options import DescriptionOptions
 
 Reader = Callable[[float], Mechanism]
 """Function that reads a robot, with a link above its root that is turned by an angle, rad."""
 
-SoleFinder = Callable[[Mechanism, pin.Model, float, list[str]], defaults.Soles]
-"""Function of a robot, its model, the turn of its root so far (rad) and the notes that returns the soles."""
+SoleFinder = Callable[[pin.Model, float], tuple[defaults.Soles, list[str]]]
+"""Function of a robot's model and the turn of its root so far, rad, that returns the soles and notes on them."""
 
 AHEAD = 0.01
 """Distance of the soles' centres in front of the ankles from which on it says where a robot looks, m."""
 
 
-LOWEST_ANKLE = 2e-3
-"""Height of the ankle over the sole below which the sole is taken for one that nobody placed, m: an error of
-rounding, far below the ankle of any robot."""
-
-
 def from_geometry(
+    shapes: Sequence[Geometry],
     left: str | FrameDescription,
     right: str | FrameDescription,
     size: tuple[float, float] | None,
@@ -43,12 +39,13 @@ def from_geometry(
 ) -> SoleFinder:
     """Return the finder of given soles from the shapes of a robot; see `complete_sole`."""
 
-    def find(robot: Mechanism, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
+    def find(model: pin.Model, _: float) -> tuple[defaults.Soles, list[str]]:
+        notes: list[str] = []
         one, other = (
-            defaults.complete_sole(robot.shapes, model, name, given, size, package_dirs, notes)
+            defaults.complete_sole(shapes, model, name, given, size, package_dirs, notes)
             for name, given in zip(frames.SOLE_NAMES, (left, right), strict=True)
         )
-        return one, other
+        return (one, other), notes
 
     return find
 
@@ -60,6 +57,7 @@ def complete(
     name: str | None,
     source: str,
     notes: list[str],
+    doubtful: Sequence[str] = (),
     package_dirs: tuple[str, ...] = (),
     postures: Sequence[tuple[str, Mapping[str, float]]] = (),
     feet_found: bool = False,
@@ -70,10 +68,10 @@ def complete(
 ) -> dict[str, Any]:
     """Return the fields of a `RobotDescription`.
 
-    `notes` are the remarks so far, `postures` those of the file (name, joint → position) that may be half-sitting,
-    `taken` further fields, taken over as they are. With `feet_found` it was left to `find_soles`, which is None for a
-    robot without feet, which foot is the left one. With `fixed` the base is bolted to the world; `loops` are
-    the closed chains of the file.
+    `notes` are the remarks so far, `doubtful` those on doubtful values, `postures` those of the file (name, joint →
+    position) that may be half-sitting, `taken` further fields, taken over as they are. With `feet_found` it was left to
+    `find_soles`, which is None for a robot without feet, which foot is the left one. With `fixed` the base is bolted to
+    the world; `loops` are the closed chains of the file.
     """
     if fixed and find_soles is not None:
         raise InputError(
@@ -82,8 +80,7 @@ def complete(
     for option in options:
         choose("option", option, DescriptionOptions.__annotations__)
     limits = options.get("position_limits"), options.get("velocity_limits"), options.get("torque_limits")
-    robot = read(0.0)
-    robot.set_limits(*limits)
+    robot = read(0.0).with_limits(*limits)
     name = name or robot.model.name
     notes += [
         f"joint '{each}' moves with '{coupling.leader}': {coupling.ratio:g} times its position and {coupling.offset:g}"
@@ -94,21 +91,21 @@ def complete(
     soles: defaults.Soles = ()
     turn = 0.0
     if find_soles is not None:
-        soles = _add_soles(robot, model, find_soles, 0.0, remarks)
+        soles, remarks = _add_soles(model, find_soles, 0.0)
         turn = heading(model, soles, feet_found) if options.get("turn_root") is not False else 0.0
     if turn and find_soles is not None:
-        robot = read(turn)
-        robot.set_limits(*limits)
-        model, remarks = robot.coupled(name), []
+        robot = read(turn).with_limits(*limits)
+        model = robot.coupled(name)
         notes.append(
             f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link "
             f"'{frames.carrier_link(model, 1)}'"
         )
-        soles = _add_soles(robot, model, find_soles, turn, remarks)
+        soles, remarks = _add_soles(model, find_soles, turn)
     notes += remarks
     if soles:
         defaults.check_sides(model, soles)
-        _refuse_at_ankle(model, soles, notes)
+        for sole in soles:
+            defaults.refuse_at_ankle(model, sole)
 
     joints = posture.half_sitting(model, soles, options.get("half_sitting") or {}, notes, postures)
     closures = (*loops, *(options.get("closures") or ()))
@@ -127,9 +124,10 @@ def complete(
         )
     if missing:
         torques = defaults.torque_limits(model, soles, missing, mass * GRAVITY * com_height)
-        robot.set_limits(torque=torques)
+        robot = robot.with_limits(torque=torques)
         listed = ", ".join(f"{joint} {torque:.1f}" for joint, torque in torques.items())
         notes.append(f"torque limits not given, from mass and size (Nm): {listed}")
+        doubtful = *doubtful, "torque limits that the file does not give are guessed from mass and size"
     rotors = defaults.complete_armature(
         list(joints), options.get("armature"), ARMATURE_RATIO * mass * com_height**2, notes
     )
@@ -154,6 +152,7 @@ def complete(
         "source": source,
         "licence": options.get("licence", "unknown"),
         "derived": tuple(notes),
+        "doubtful": tuple(doubtful),
         "closures": closures,
         "passive": tuple(options.get("passive") or ()),
         **(taken or {}),
@@ -180,11 +179,9 @@ def check_values(robot: Any, model: pin.Model) -> None:
         finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
 
 
-def _add_soles(
-    robot: Mechanism, model: pin.Model, find: SoleFinder, turn: float, notes: list[str]
-) -> defaults.Soles:
-    """Find the soles, give each a name of its own and add their frames to the model."""
-    left, right = find(robot, model, turn, notes)
+def _add_soles(model: pin.Model, find: SoleFinder, turn: float) -> tuple[defaults.Soles, list[str]]:
+    """Find the soles, give each a name of its own and add their frames to the model; return notes as well."""
+    (left, right), notes = find(model, turn)
     if left.frame == right.frame and left.link != right.link:
         left, right = (replace(sole, frame=f"{sole.name}_sole") for sole in (left, right))
     named = []
@@ -198,23 +195,7 @@ def _add_soles(
             own = replace(own, frame=f"{own.frame}_contact")
         frames.add_frame(model, own)
         named.append(own)
-    return named[0], named[1]
-
-
-def _refuse_at_ankle(model: pin.Model, soles: defaults.Soles, notes: list[str]) -> None:
-    for sole in soles:
-        placement = model.frames[model.getFrameId(sole.frame)].placement
-        ankle = abs(float(placement.inverse().translation[2]))
-        if ankle < LOWEST_ANKLE:
-            said = [
-                note.partition(": ")[2] for note in notes if note.startswith(sole.name) and "no sole" in note
-            ]
-            why = said[0] if said else f"link '{sole.link}' has no geometry that says where the ground is"
-            raise ModelError(
-                f"{sole.name}: the sole would lie at the ankle, {1e3 * ankle:.1f} mm from the last joint of the leg; "
-                f"{why}: give a frame at the sole, a Sole, or package_dirs where its meshes are; "
-                "sole_size tells geometry in a wrong unit"
-            )
+    return tuple(named), notes
 
 
 def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:

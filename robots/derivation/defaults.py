@@ -57,6 +57,10 @@ IMU = re.compile(r"(^|[^a-z])imu")
 ASIDE = 0.01
 """Distance of a joint from the middle plane from which on it is in an arm or a leg, m."""
 
+LOWEST_ANKLE = 2e-3
+"""Height of the ankle over the sole below which the sole is taken for one that nobody placed, m: an error of rounding,
+far below the ankle of any robot."""
+
 ALIGNED = np.cos(np.radians(1.0))
 """Cosine of the tilt up to which a frame counts as aligned with the base."""
 
@@ -99,13 +103,14 @@ def complete_sole(
         placement = placement * pin.SE3(in_base.rotation.T, np.zeros(3))
         turned = True
         notes.append(f"{name}: axes of '{given}' are not those of the base; the sole takes those of the base")
-    sole = pin.Frame(frame, body.parentJoint, 0, body.placement * placement, pin.FrameType.OP_FRAME)
-    rectangle = sole_rectangle(shapes, model, sole, package_dirs)
-    centre, leg = np.zeros(3), float(np.linalg.norm(in_base.translation))
+    there = pin.Frame(frame, body.parentJoint, 0, body.placement * placement, pin.FrameType.OP_FRAME)
+    rectangle = sole_rectangle(shapes, model, there, package_dirs)
+    centre, leg, odd = np.zeros(3), float(np.linalg.norm(in_base.translation)), ""
     if rectangle is not None and not plausible(*rectangle[1:], leg):
-        notes.append(f"{name}: {no_sole(*rectangle[1:])}")
+        odd = no_sole(*rectangle[1:])
+        notes.append(f"{name}: {odd}")
         units = UNITS.values() if size is not None else ()  # the size says which one
-        scaled = (sole_rectangle(shapes, model, sole, package_dirs, factor) for factor in units)
+        scaled = (sole_rectangle(shapes, model, there, package_dirs, factor) for factor in units)
         rectangle = next((each for each in scaled if each is not None and plausible(*each[1:], leg)), None)
     if size is not None:
         length, width = size
@@ -128,7 +133,22 @@ def complete_sole(
         x, y, z = np.round(centre * 1e3) + 0.0
         notes.append(f"{name}: sole frame '{frame}' at ({x:.0f}, {y:.0f}, {z:.0f}) mm from '{given}'")
     place = frames.frame_at(frame, link, placement)
-    return Sole(place.frame, place.link, place.translation, place.rpy, name=name, length=length, width=width)
+    sole = Sole(place.frame, place.link, place.translation, place.rpy, name=name, length=length, width=width)
+    refuse_at_ankle(model, sole, odd)
+    return sole
+
+
+def refuse_at_ankle(model: pin.Model, sole: Sole, why: str = "") -> None:
+    """Refuse a sole at the last joint of its leg, where nobody placed it; `why` is known of its geometry."""
+    place = frames.body_frame(model, sole.link).placement * sole.placement
+    ankle = abs(float(place.inverse().translation[2]))
+    if ankle < LOWEST_ANKLE:
+        why = why or f"link '{sole.link}' has no geometry that says where the ground is"
+        raise ModelError(
+            f"{sole.name}: the sole would lie at the ankle, {1e3 * ankle:.1f} mm from the last joint of the leg; "
+            f"{why}: give a frame at the sole, a Sole, or package_dirs where its meshes are; sole_size tells geometry "
+            "in a wrong unit"
+        )
 
 
 def check_sides(model: pin.Model, soles: Soles) -> None:

@@ -40,9 +40,9 @@ def find_soles(
     tree: Tree,
     names: tuple[str | None, str | None],
     size: tuple[float, float] | None,
-    turn: float = 0.0,
-) -> tuple[Sole, Sole]:
-    """Return the soles; `tree` gets a note for each rule that was used.
+    turn: float,
+) -> tuple[tuple[Sole, Sole], list[str]]:
+    """Return the soles, and a note for each rule that was used.
 
     Feet are named by body, site or geom; None for the two lowest ends of limbs. `size` is length and width, m, from the
     geoms when None; `turn` the angle about z from the x axis of the root to where the robot looks, rad.
@@ -51,7 +51,7 @@ def find_soles(
     named = [None if name is None else finder.named(name) for name in names]
     found = finder.lowest([foot.body for foot in named if foot])
     left, right = (foot or found.pop(0) for foot in named)
-    return finder.sole("left_foot", left, size), finder.sole("right_foot", right, size)
+    return (finder.sole("left_foot", left, size), finder.sole("right_foot", right, size)), finder.notes
 
 
 class _Finder:
@@ -60,6 +60,7 @@ class _Finder:
     Attributes:
         base: Axes of the base, x to where the robot looks, shape (3, 3).
         touches: True for geoms that collide with a floor of contype and conaffinity 1, or with one of the file.
+        notes: Rules that were used, one line each.
     """
 
     def __init__(self, tree: Tree, turn: float) -> None:
@@ -74,6 +75,7 @@ class _Finder:
         mujoco.mj_kinematics(self.model, data)
         self.base = data.xmat[tree.root].reshape(3, 3) @ yaw_rotation(turn)
         self.touches = _touch_ground(self.model)
+        self.notes: list[str] = []
 
     def named(self, name: str) -> FootGeoms:
         """Return the foot of a body, a site or a geom."""
@@ -113,7 +115,7 @@ class _Finder:
             )
         feet.sort(key=lambda body: -float(places[body] @ self.base[:, 1]))
         for body in feet:
-            tree.notes.append(f"foot: body '{tree.body_name(body)}', the end of one of the two lowest limbs")
+            self.notes.append(f"foot: body '{tree.body_name(body)}', the end of one of the two lowest limbs")
         return [self._foot_of(body) for body in feet]
 
     def sole(self, name: SoleName, foot: FootGeoms, size: tuple[float, float] | None) -> Sole:
@@ -136,7 +138,7 @@ class _Finder:
             normal = found
         if normal @ up < FLAT:
             tilt = np.degrees(np.arccos(normal @ up))
-            tree.notes.append(
+            self.notes.append(
                 f"{name}: at qpos0 the foot is tilted by {tilt:.0f}°; the sole is its flat side"
             )
         forward = self.base[:, 0] - (self.base[:, 0] @ normal) * normal
@@ -157,7 +159,7 @@ class _Finder:
 
     def _sides(self, name: str, foot: FootGeoms, length: float, width: float) -> tuple[float, float]:
         """Return length and width of a sole, m, if they are those of one."""
-        tree, data, link = self.tree, self.data, self.tree.body_name(foot.body)
+        data, link = self.data, self.tree.body_name(foot.body)
         leg = float(np.linalg.norm(data.xpos[foot.body] - data.xpos[self.model.body_rootid[foot.body]]))
         if not plausible(length, width, leg):
             raise ModelError(
@@ -170,7 +172,7 @@ class _Finder:
             f"a {kind}" if count == 1 else f"{count} {plural.get(kind, f'{kind}s')}"
             for kind, count in kinds.items()
         )
-        tree.notes.append(f"{name}: {length * 1e3:.0f} x {width * 1e3:.0f} mm, from {said} of body '{link}'")
+        self.notes.append(f"{name}: {length * 1e3:.0f} x {width * 1e3:.0f} mm, from {said} of body '{link}'")
         return length, width
 
     def _foot_of(self, body: int) -> FootGeoms:
@@ -180,7 +182,7 @@ class _Finder:
             return FootGeoms(body, touching)
         third = [geom for geom in geoms if int(self.model.geom_group[geom]) == 3]
         if geoms:
-            self.tree.notes.append(
+            self.notes.append(
                 f"body '{self.tree.body_name(body)}': no geom can touch the ground (contype, conaffinity, pairs); "
                 f"the sole is from {'those of group 3' if third else 'all its geoms'}"
             )

@@ -14,7 +14,6 @@ from wbc.base.errors import ModelError
 from wbc.core.frames import FrameDescription, Sole
 from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
-from wbc.robots.mechanism import Mechanism
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import chains_mjcf, drives_mjcf, feet_mjcf, mechanism_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
@@ -50,7 +49,7 @@ def fields(
     if passive:
         tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
     if held := [*passive, *tree.balls()]:
-        tree.notes.append(
+        tree.doubts.append(
             f"{UNMODELLED}{len(held)} joints without an actuator, passive and taken as fixed: {listed(held)}"
         )
     chains = chains_mjcf.find_chains(tree)
@@ -78,31 +77,27 @@ def fields(
     if armature is None or isinstance(armature, Mapping):
         options["armature"] = {**drives.armature, **(armature or {})}
     found_imu, sensors = drives_mjcf.sensors(tree)
-    notes = list(tree.notes)
-    given = (left_sole, right_sole)
 
-    def find_soles(_: Mechanism, pinocchio: pin.Model, turn: float, remarks: list[str]) -> Soles:
-        tree.notes = remarks
-        described = [sole if isinstance(sole, FrameDescription) else None for sole in given]
-        names = tuple(sole if isinstance(sole, str) else None for sole in given)
-        if all(isinstance(sole, Sole) for sole in described):
-            return described[0], described[1]  # type: ignore[return-value]
-        if any(described):
+    def find_soles(_: pin.Model, turn: float) -> tuple[Soles, list[str]]:
+        if isinstance(left_sole, Sole) and isinstance(right_sole, Sole):
+            return (left_sole, right_sole), []
+        if isinstance(left_sole, FrameDescription) or isinstance(right_sole, FrameDescription):
             raise ModelError("give both soles as a Sole, or none")
-        return feet_mjcf.find_soles(tree, (names[0], names[1]), sole_size, turn)
+        return feet_mjcf.find_soles(tree, (left_sole, right_sole), sole_size, turn)
 
     where = "MjSpec"
     if isinstance(source, (str, Path)):
         where = "MJCF string" if str(source).lstrip().startswith("<") else str(source)
     if options.get("imu") is None and found_imu is not None:
         options["imu"] = found_imu
-        notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
+        tree.notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
     return complete(
         lambda turn: mechanism_mjcf.mechanism(tree, torque, chains, shapes, turn),
         find_soles if feet and not fixed else None,
         name=name,
         source=provenance or where,
-        notes=notes,
+        notes=tree.notes,
+        doubtful=tree.doubts,
         postures=drives_mjcf.keyframes(tree),
         fixed=fixed,
         feet_found=left_sole is None and right_sole is None,

@@ -23,7 +23,7 @@ SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "mesh": 3}
 """Kind of a shape → how many sizes it has; scales of a mesh."""
 
 
-def mesh_files(model: mujoco.MjModel, moved: Collection[str] = ()) -> dict[int, str]:
+def mesh_files(model: mujoco.MjModel, moved: Collection[str]) -> dict[int, str]:
     """Return the files of the meshes of a compiled model by their numbers; those without a file on disk are left out.
 
     So are those that the compiler has moved against their files, by name.
@@ -41,7 +41,7 @@ def mesh_files(model: mujoco.MjModel, moved: Collection[str] = ()) -> dict[int, 
     return found
 
 
-def shapes(tree: Tree, moved: Collection[str] = ()) -> tuple[Geometry, ...]:
+def shapes(tree: Tree, moved: Collection[str]) -> tuple[Geometry, ...]:
     """Return the shapes of a robot's bodies; `tree` gets notes; `moved` see `mesh_files`.
 
     What is drawn are the geoms of the groups that viewers show, collisions those that can touch anything; where none of

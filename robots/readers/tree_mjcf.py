@@ -32,6 +32,7 @@ class Tree:
     fixed: bool = False  # True for a robot that is bolted to the world
     ties: list[int] = field(default_factory=list)  # equalities by which they do
     notes: list[str] = field(default_factory=list)  # remarks on the reading
+    doubts: list[str] = field(default_factory=list)  # those that are doubtful
 
     def body_name(self, body: int) -> str:
         """Return the name of the link of a body; one that is called as Pinocchio's world is has another."""

@@ -210,7 +210,8 @@ def test_rods_at_the_ankles_take_their_share_of_the_torques_of_standing() -> Non
     description = RobotDescription.from_mjcf(
         parallel_ankles(BIPED), left_sole="left_foot", right_sole="right_foot"
     )
-    robot, shares = description.robot(), standing_torques(description)
+    robot = description.robot()
+    shares = standing_torques(robot)
     rows = [
         pin.computeFrameJacobian(robot.model, robot.data, robot.q, robot.frame_id(sole.frame), pin.LOCAL)
         for sole in robot.soles

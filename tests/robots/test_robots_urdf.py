@@ -428,7 +428,8 @@ def test_random_inertias_are_judged_as_mujoco_judges_them() -> None:
 def test_joints_that_only_stand_near_their_torque_limit_are_doubted() -> None:
     """Against the least contact wrenches that carry the floating base, by the pseudo-inverse."""
     fine = RobotDescription.from_urdf(biped(), **FEET)
-    robot, shares = fine.robot(), standing_torques(fine)
+    robot = fine.robot()
+    shares = standing_torques(robot)
     model, data, q = robot.model, robot.data, robot.q
     frames = [robot.frame_id(sole.frame) for sole in fine.soles]
     jacobian = np.vstack([pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL) for frame in frames])
