@@ -33,14 +33,14 @@ class Seen(TrialHook):
     def start(self, trial: Any) -> None:
         """Keep the plan."""
         self.walk = trial.control.source
-        self.plan, self.done = self.walk.plan, 0
+        self.plan, self.done = self.walk.phases.plan, 0
         self.chosen: Any = None
 
     def tick(self, tick: Any) -> None:
         """Keep the landing of the foot in the air, and the map when it has landed."""
         walk = self.walk
         if walk.swing is not None:
-            self.chosen = walk.plan.steps[walk.step]
+            self.chosen = walk.phases.landing
         if walk.steps_done > self.done:
             side = 0 if self.chosen.side == "left" else 1
             true = np.array(tick.plant.data.site_xpos[tick.plant.sole_sites[side]])

@@ -118,7 +118,7 @@ def test_soles_that_turn_on_the_ground_do_not_turn_the_way(kind: str) -> None:
         walk = stage.walk
         if walk.steps_done > landed:  # each turn was about the foot that stood
             landed = walk.steps_done
-            at = stage.references[-2].feet[1 - walk.stance].placement.translation
+            at = stage.references[-2].feet[1 - walk.phases.stance].placement.translation
             rotation = pin.rpy.rpyToMatrix(0.0, 0.0, -turn)
             place, turn = pin.SE3(rotation, at - rotation @ at) * place, 0.0
     middle, yaw = stage.middle
@@ -169,7 +169,7 @@ def test_a_steered_walk_goes_where_it_is_told_and_its_references_never_jump() ->
         if velocity is not None:
             assert stage.source.granted == pytest.approx(velocity, abs=0.05)
             walk = stage.walk
-            assert len(walk.plan) - walk.step >= 3, "two steps ahead and the one that closes up"
+            assert len(walk.phases.plan) - walk.phases.step >= 3, "two steps ahead and the one that closes up"
     assert stage.walk.finished
     for a, b in zip(stage.references, stage.references[1:], strict=False):
         p, q = a.pendulum, b.pendulum
@@ -195,16 +195,14 @@ def test_the_com_and_its_velocity_go_on_whatever_is_asked_for_and_wherever_a_pus
             walk.take(None)
             pushed = complex(rng.gauss(0.0, 0.04), rng.gauss(0.0, 0.04)) if rng.random() < 0.5 else 0j
         loads = [0.5 * weight, 0.5 * weight]
-        if walk.phase is GaitPhase.SINGLE:
-            lands = walk.duration - walk.elapsed < 1.5 * DT
-            loads = [(side == walk.stance or 0.3 * lands) * weight for side in (0, 1)]
-        elif walk.phase is GaitPhase.DOUBLE and walk.step < len(walk.plan):
-            loads = [
-                0.1 * weight if side == walk.plan.steps[walk.step].side else 0.9 * weight for side in SIDES
-            ]
-        now = walk._pattern.dcm_at(walk._since) + pushed
+        if walk.phases.phase is GaitPhase.SINGLE:
+            lands = walk.phases.duration - walk.phases.elapsed < 1.5 * DT
+            loads = [(side == walk.phases.stance or 0.3 * lands) * weight for side in (0, 1)]
+        elif walk.phases.phase is GaitPhase.DOUBLE and walk.phases.step < len(walk.phases.plan):
+            loads = [0.1 * weight if side == walk.phases.landing.side else 0.9 * weight for side in SIDES]
+        now = walk.course.pattern.dcm_at(walk.course.since) + pushed
         pendulum = walk.advance(loads, None, np.array((now.real, now.imag, 0.0))).pendulum
-        off = max(off, abs(walk._off.value))
+        off = max(off, abs(walk.course._off.value))
         if before is not None:
             mean = 0.5 * (pendulum.com_velocity + before.com_velocity)
             most = max(float(np.linalg.norm(each.com_acceleration)) for each in (before, pendulum))
@@ -243,10 +241,10 @@ def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(l
     stage.steer((0.3, 0.0, 0.0))
     stage.run(6.0)
     stage.steer(None)
-    while walk.phase is not GaitPhase.SINGLE or walk.step + 1 < len(walk.plan):
+    while walk.phases.phase is not GaitPhase.SINGLE or walk.phases.step + 1 < len(walk.phases.plan):
         stage.run(DT)
-    stage.run(walk.duration - walk.elapsed - left)
-    assert walk.phase is GaitPhase.SINGLE
+    stage.run(walk.phases.duration - walk.phases.elapsed - left)
+    assert walk.phases.phase is GaitPhase.SINGLE
     steps = stage.walk.steps_done
     stage.steer((0.3, 0.0, 0.0))
     stage.run(3.0)

@@ -32,13 +32,13 @@ Loads = Callable[[LipmWalk], tuple[float, float]]
 
 def ideal(w: LipmWalk) -> tuple[float, float]:
     """A robot that is where the plan says: the weight moves over linearly, and the ground is where it should be."""
-    if w.phase is GaitPhase.SINGLE:
-        landed = 0.1 if w.elapsed >= w.duration - DT else 0.0
+    if w.phases.phase is GaitPhase.SINGLE:
+        landed = 0.1 if w.phases.elapsed >= w.phases.duration - DT else 0.0
         return (landed, 1 - landed) if w.progress.air == 0 else (1 - landed, landed)
-    if w.phase is GaitPhase.STANDING or w.step >= len(w.plan):
+    if w.phases.phase is GaitPhase.STANDING or w.phases.step >= len(w.phases.plan):
         return 0.5, 0.5
-    staying = 0.5 + 0.5 * min(1.0, w.elapsed / w.duration)
-    return (1 - staying, staying) if w.plan.steps[w.step].side == "left" else (staying, 1 - staying)
+    staying = 0.5 + 0.5 * min(1.0, w.phases.elapsed / w.phases.duration)
+    return (1 - staying, staying) if w.phases.landing.side == "left" else (staying, 1 - staying)
 
 
 def run(w: LipmWalk, loads: Loads, seconds: float) -> list[tuple[float, Event]]:
@@ -66,7 +66,7 @@ def until(w: LipmWalk, loads: Loads, event: Event, limit: float = 10.0) -> float
 @pytest.mark.parametrize("dt", [0.005, 0.002])
 def test_an_ideal_walk_keeps_the_plans_time(dt: float) -> None:
     w = walking(dt=dt)
-    gait, n = w.plan.gait.full, len(w.plan)
+    gait, n = w.phases.gait, len(w.phases.plan)
     assert n == 4
     total = gait.initial_double_support + gait.final_double_support + n * 0.8 + (n - 1) * 0.3
     events = run(w, ideal, total + 0.5)
@@ -79,48 +79,50 @@ def test_an_ideal_walk_keeps_the_plans_time(dt: float) -> None:
 def test_contacts_and_schedule_follow_the_phase() -> None:
     w = walking()
     assert w.progress.air is None
-    total = sum(s.duration for s in w.supports())
+    total = sum(s.duration for s in w.phases.supports())
     until(w, ideal, Event.LIFT_OFF)
     assert w.progress.air == 0
-    now = w.supports()
+    now = w.phases.supports()
     assert now[0].single and now[0].feet == (START.right,) and now[0].duration == pytest.approx(0.8)
     run(w, ideal, 0.3)
-    assert w.supports()[0].duration == pytest.approx(0.5)
-    assert sum(s.duration for s in w.supports()) == pytest.approx(total - 0.8 - 0.3, abs=0.02)
+    assert w.phases.supports()[0].duration == pytest.approx(0.5)
+    assert sum(s.duration for s in w.phases.supports()) == pytest.approx(total - 0.8 - 0.3, abs=0.02)
     until(w, ideal, Event.TOUCH_DOWN)
-    now = w.supports()
-    assert not now[0].single and now[0].feet == (START.right, w.plan.steps[0])
+    now = w.phases.supports()
+    assert not now[0].single and now[0].feet == (START.right, w.phases.plan.steps[0])
 
 
 def test_lift_off_waits_for_the_load_and_is_forced_in_the_end() -> None:
     w = walking()
 
     def slow(w: LipmWalk) -> tuple[float, float]:
-        return (0.4, 0.6) if w.phase is GaitPhase.DOUBLE and w.elapsed < 0.9 else ideal(w)
+        return (0.4, 0.6) if w.phases.phase is GaitPhase.DOUBLE and w.phases.elapsed < 0.9 else ideal(w)
 
     assert until(w, slow, Event.LIFT_OFF) == pytest.approx(0.9, abs=0.02)
     w = walking()
     assert until(w, lambda w: (0.4, 0.6), Event.FORCED_LIFT_OFF) == pytest.approx(0.8 + 0.3, abs=0.015)
     w = walking()
     run(w, lambda w: (0.4, 0.6), 1.0)
-    assert w.phase is GaitPhase.DOUBLE and w.overdue and w.remaining == pytest.approx(0.05)
-    assert w.supports()[0].duration == pytest.approx(0.05)
+    assert (
+        w.phases.phase is GaitPhase.DOUBLE and w.phases.overdue and w.phases.remaining == pytest.approx(0.05)
+    )
+    assert w.phases.supports()[0].duration == pytest.approx(0.05)
 
 
 def test_lift_off_needs_the_other_foot_to_carry() -> None:
     w = walking()
     run(w, lambda w: (0.1, 0.3), 1.0)  # light on both feet: half in the air
-    assert w.phase is GaitPhase.DOUBLE
+    assert w.phases.phase is GaitPhase.DOUBLE
 
 
 def test_early_ground_ends_the_swing_but_a_stumble_does_not() -> None:
     w = walking()
     until(w, ideal, Event.LIFT_OFF)
     run(w, lambda w: (0.3, 0.7), 0.45)
-    assert w.phase is GaitPhase.SINGLE  # 56 % of the swing
+    assert w.phases.phase is GaitPhase.SINGLE  # 56 % of the swing
     assert until(w, lambda w: (0.3, 0.7), Event.EARLY_TOUCH_DOWN) == pytest.approx(0.03, abs=0.011)
-    assert w.phase is GaitPhase.DOUBLE and w.progress.air is None and w.step == 1
-    assert w.duration == pytest.approx(0.3 + 0.32, abs=0.011)  # the rhythm is kept
+    assert w.phases.phase is GaitPhase.DOUBLE and w.progress.air is None and w.phases.step == 1
+    assert w.phases.duration == pytest.approx(0.3 + 0.32, abs=0.011)  # the rhythm is kept
 
 
 def test_a_spike_is_no_touch_down() -> None:
@@ -128,18 +130,20 @@ def test_a_spike_is_no_touch_down() -> None:
     until(w, ideal, Event.LIFT_OFF)
     spikes = iter([(0.0, 1.0), (0.3, 0.7)] * 70)
     run(w, lambda w: next(spikes), 0.7)
-    assert w.phase is GaitPhase.SINGLE
+    assert w.phases.phase is GaitPhase.SINGLE
 
 
 def test_late_ground_is_waited_for() -> None:
     w = walking()
     until(w, ideal, Event.LIFT_OFF)
-    late = until(w, lambda w: (0.1, 0.9) if w.elapsed > 0.82 else (0.0, 1.0), Event.LATE_TOUCH_DOWN)
-    assert late == pytest.approx(0.83, abs=0.015) and w.phase is GaitPhase.DOUBLE and w.steps_done == 1
+    late = until(w, lambda w: (0.1, 0.9) if w.phases.elapsed > 0.82 else (0.0, 1.0), Event.LATE_TOUCH_DOWN)
+    assert late == pytest.approx(0.83, abs=0.015) and w.phases.phase is GaitPhase.DOUBLE and w.steps_done == 1
     w = walking()
     until(w, ideal, Event.LIFT_OFF)
     run(w, lambda w: (0.0, 1.0), 1.0)
-    assert w.phase is GaitPhase.SINGLE and w.overdue and w.remaining == pytest.approx(0.05)
+    assert (
+        w.phases.phase is GaitPhase.SINGLE and w.phases.overdue and w.phases.remaining == pytest.approx(0.05)
+    )
     assert until(w, lambda w: (0.0, 1.0), Event.NO_TOUCH_DOWN) == pytest.approx(0.3, abs=0.01)
 
 
@@ -153,15 +157,15 @@ def test_stopping_in_a_swing_puts_it_down_and_closes_up() -> None:
     w = walking(3.0)
     until(w, ideal, Event.TOUCH_DOWN)
     until(w, ideal, Event.LIFT_OFF)
-    landing = w.plan.steps[w.step]
+    landing = w.phases.landing
     w.take(None)  # as it is steered: to a stand
     run(w, ideal, DT)
     w.take(None)
     run(w, ideal, DT)
-    assert len(w.plan) == 2 and w.plan.steps[0] == landing
+    assert len(w.phases.plan) == 2 and w.phases.plan.steps[0] == landing
     kinds = [e for _, e in run(w, ideal, 5.0)]
     assert kinds[-1] is Event.STOPPED and w.finished and w.steps_done == 3
-    left, right = w.plan.final
+    left, right = w.phases.plan.final
     assert left.x == pytest.approx(right.x) and left.y - right.y == pytest.approx(0.175)
 
 
@@ -170,13 +174,13 @@ def test_stopping_on_both_feet() -> None:
     run(w, ideal, 0.3)
     w.take(None)
     run(w, ideal, DT)
-    assert len(w.plan) == 0
+    assert len(w.phases.plan) == 0
     assert Event.STOPPED in [e for _, e in run(w, ideal, 1.5)] and w.steps_done == 0
     w = walking(3.0)
     until(w, ideal, Event.TOUCH_DOWN)
     w.take(None)
     run(w, ideal, DT)
-    assert len(w.plan) == 1 and w.plan.final[0].x == pytest.approx(w.plan.final[1].x)
+    assert len(w.phases.plan) == 1 and w.phases.plan.final[0].x == pytest.approx(w.phases.plan.final[1].x)
     assert [e for _, e in run(w, ideal, 5.0)][-1] is Event.STOPPED
     w.take(None)
     assert w.finished
@@ -184,18 +188,20 @@ def test_stopping_on_both_feet() -> None:
 
 def test_landings_and_times_can_change_on_the_way() -> None:
     w = walking(1.0)
-    before = w.plan
+    before = w.phases.plan
     until(w, ideal, Event.LIFT_OFF)
     landing = before.steps[0]
-    w.set_landing(Footstep(landing.side, landing.x + 0.03, landing.y + 0.02, 0.01))
-    for a, b in zip(before.steps, w.plan.steps, strict=True):
+    w.phases.set_landing(Footstep(landing.side, landing.x + 0.03, landing.y + 0.02, 0.01))
+    for a, b in zip(before.steps, w.phases.plan.steps, strict=True):
         np.testing.assert_allclose(b.position - a.position, [0.03, 0.02, 0.01])
-    w.duration = w.elapsed + 0.4
-    assert w.remaining == pytest.approx(0.4)
+    w.phases.duration = w.phases.elapsed + 0.4
+    assert w.phases.remaining == pytest.approx(0.4)
     with pytest.raises(InputError, match="left foot"):
-        w.set_landing(Footstep("right", 0.0, 0.0))
-    w.set_landing(landing, carry=False)
-    assert w.plan.steps[0] == landing and w.plan.steps[1].x == pytest.approx(before.steps[1].x + 0.03)
+        w.phases.set_landing(Footstep("right", 0.0, 0.0))
+    w.phases.set_landing(landing, carry=False)
+    assert w.phases.plan.steps[0] == landing and w.phases.plan.steps[1].x == pytest.approx(
+        before.steps[1].x + 0.03
+    )
 
 
 def test_a_foot_without_ground_is_taken_to_stand_at_the_tick_that_the_settings_name() -> None:
@@ -207,11 +213,11 @@ def test_a_foot_without_ground_is_taken_to_stand_at_the_tick_that_the_settings_n
         reference, ticks = w.advance([0.0, WEIGHT]), ticks + 1
         if Event.NO_TOUCH_DOWN in reference.progress.events:
             break
-        if w.overdue:
+        if w.phases.overdue:
             assert abs(reference.pendulum.zmp[1] - START.right.y) < width
-            assert w.remaining == pytest.approx(0.05) and ticks >= 160
+            assert w.phases.remaining == pytest.approx(0.05) and ticks >= 160
     assert ticks == round(1.3 / DT)
-    assert w.duration == pytest.approx(w.plan.gait.full.double_support)
+    assert w.phases.duration == pytest.approx(w.phases.gait.double_support)
 
 
 def test_a_walk_is_steered_unless_it_follows_the_plan_that_it_began_with() -> None:
@@ -237,7 +243,7 @@ def test_the_velocity_of_a_walk_is_that_of_its_next_two_steps() -> None:
     for _ in range(2):
         place = moved(place, 0.1, 0.02, 0.1)
     right = moved(place, 0.0, -0.0875, 0.0)
-    two = 2.0 * w.plan.gait.full.cycle
+    two = 2.0 * w.phases.gait.cycle
     assert w.granted == pytest.approx((right[0] / two, (right[1] + 0.0875) / two, 0.2 / two))
 
 
@@ -246,9 +252,9 @@ def test_soles_that_turn_on_the_ground_turn_the_landings_back_about_the_foot_tha
     for turned, back in ((0.015, 0.0), (0.03, 0.03), (-0.1, -0.04)):
         w = walking()
         w.advance([0.5 * WEIGHT] * 2, turned=turned)
-        before = w.plan.steps[1]
+        before = w.phases.plan.steps[1]
         until(w, ideal, Event.LIFT_OFF)
-        step, c, s = w.plan.steps[1], np.cos(back), np.sin(back)
+        step, c, s = w.phases.plan.steps[1], np.cos(back), np.sin(back)
         x, y = before.x, before.y + 0.0875  # from the right foot
         assert step.yaw == pytest.approx(-back)
         assert (step.x, step.y) == pytest.approx((c * x + s * y, -s * x + c * y - 0.0875))
@@ -260,16 +266,16 @@ def test_the_reference_of_the_com_goes_over_to_a_new_pattern_as_quickly_as_the_d
     run(w, ideal, 0.1)
     falls = w.omega * DT * np.arange(1, 81)
     for start, speed in ((0.01 - 0.02j, 0j), (0j, 0.1 + 0.05j)):
-        w._off.value, w._off.velocity = start, speed
+        w.course._off.value, w.course._off.velocity = start, speed
         offs = []
         for _ in range(80):
-            pendulum, own = w._pendulum(), w._pattern.at(w._since)
+            pendulum, own = w.course.pendulum(), w.course.pattern.at(w.course.since)
             off = complex(*(pendulum.com_velocity - own.com_velocity)[:2])
-            assert off == pytest.approx(w._off.velocity, abs=1e-9)
+            assert off == pytest.approx(w.course._off.velocity, abs=1e-9)
             np.testing.assert_array_equal(pendulum.zmp, own.zmp)
-            w._since += w.dt
-            w._off.follow(-w._off.value, w.dt)
-            offs.append(complex(*(w._pendulum().com - w._pattern.at(w._since).com)[:2]))
+            w.course.since += w.dt
+            w.course._off.follow(-w.course._off.value, w.dt)
+            offs.append(complex(*(w.course.pendulum().com - w.course.pattern.at(w.course.since).com)[:2]))
         expected = (start * (1.0 + falls) + speed * falls / w.omega) * np.exp(-falls)
         np.testing.assert_allclose(offs, expected, atol=5e-4)
 
@@ -317,14 +323,14 @@ def test_a_step_is_adjusted_from_half_a_threshold_or_three_ticks_on(
     shift: float, ticks: float, moves: bool
 ) -> None:
     w = in_swing()
-    before, last = w.plan, w.duration
+    before, last = w.phases.plan, w.phases.duration
     w._adjust(np.zeros(3), Adjuster(shift, ticks), w.swing)  # type: ignore[arg-type]
-    way = w.plan.steps[0].position - before.steps[0].position
+    way = w.phases.plan.steps[0].position - before.steps[0].position
     np.testing.assert_allclose(way, np.array([0.6, 0.8, 0.0]) * shift * moves, atol=1e-12)
-    assert w.duration - last == pytest.approx(round(ticks) * DT * moves)
-    assert w.swing is not None and w.swing.landing == w.plan.steps[0]
-    np.testing.assert_allclose(w.plan.steps[1].position - before.steps[1].position, way, atol=1e-12)
-    assert w.plan.steps[0].y - before.steps[0].y == pytest.approx(0.8 * shift * moves)
+    assert w.phases.duration - last == pytest.approx(round(ticks) * DT * moves)
+    assert w.swing is not None and w.swing.landing == w.phases.plan.steps[0]
+    np.testing.assert_allclose(w.phases.plan.steps[1].position - before.steps[1].position, way, atol=1e-12)
+    assert w.phases.plan.steps[0].y - before.steps[0].y == pytest.approx(0.8 * shift * moves)
 
 
 @pytest.mark.parametrize("moment", ["early", "late"])
@@ -334,38 +340,38 @@ def test_a_landing_goes_to_the_height_that_is_seen_while_the_foot_can_follow(
 ) -> None:
     """From 3 mm on, and until 0.12 s before it."""
     w = in_swing()
-    run(w, lambda w: (0.0, 1.0), 0.0 if moment == "early" else w.remaining - 0.1)
-    before, height = w.plan.steps[0], w.ground.height
+    run(w, lambda w: (0.0, 1.0), 0.0 if moment == "early" else w.phases.remaining - 0.1)
+    before, height = w.phases.plan.steps[0], w.ground.height
     w.ground.under = lambda landing: replace(landing, z=before.z + change)  # type: ignore[method-assign]
     assert w.swing is not None
     w._look(w.swing)
     follows = moment == "early" and abs(change) > 0.003
-    assert w.plan.steps[0].z - before.z == pytest.approx(change if follows else 0.0)
+    assert w.phases.plan.steps[0].z - before.z == pytest.approx(change if follows else 0.0)
     assert w.ground.height - height == pytest.approx(change if follows else 0.0)
-    assert w.plan.steps[1].z == pytest.approx(0.0), "the others stay in the world"
+    assert w.phases.plan.steps[1].z == pytest.approx(0.0), "the others stay in the world"
 
 
 def test_a_landing_is_kept_as_it_was_found_and_the_ground_learns_from_it() -> None:
     """20 mm higher than expected and 35 mm above the other foot; half of it is expected next, a tenth as its rise."""
     w = in_swing()
-    planned = w.plan.steps[0]
+    planned = w.phases.plan.steps[0]
     here = Footstep("left", planned.x + 0.01, planned.y - 0.02, planned.z + 0.02, 0.1, 0.2, 0.3).placement
-    w._land([here, START.right.moved(pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.015]))).placement])
-    step = w.plan.steps[0]
+    w._land([here, START.right.moved(pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.015]))).placement], 0.0)
+    step = w.phases.plan.steps[0]
     assert (step.x - planned.x, step.y - planned.y, step.z - planned.z) == pytest.approx((0.01, -0.02, 0.02))
     assert (step.yaw, step.pitch, step.roll) == pytest.approx((0.1, 0.0, 0.0))
     assert (w.ground.height, w.ground.rise, w.ground.uneven) == pytest.approx((0.01, 0.002, 0.035))
-    assert w.plan.steps[1].x == pytest.approx(walk_distance(START, 1.0).steps[1].x)
+    assert w.phases.plan.steps[1].x == pytest.approx(walk_distance(START, 1.0).steps[1].x)
 
 
 def test_all_but_the_last_two_free_steps_may_be_put_on_better_ground_within_reach() -> None:
     w = walking(1.0)
-    count = len(w.plan)
-    for w.step, free in ((0, True), (count - 3, True), (count - 2, False), (count - 1, False)):
-        assert (w._near(w.plan.steps[w.step]) is not None) == free
-        assert w._near(replace(w.plan.steps[w.step], place="fixed")) is None
-    w.step = 0
-    near, step = w._near(w.plan.steps[0]), w.plan.steps[0]
+    count = len(w.phases.plan)
+    for w.phases.step, free in ((0, True), (count - 3, True), (count - 2, False), (count - 1, False)):
+        assert (w._near(w.phases.landing) is not None) == free
+        assert w._near(replace(w.phases.landing, place="fixed")) is None
+    w.phases.step = 0
+    near, step = w._near(w.phases.plan.steps[0]), w.phases.plan.steps[0]
     assert near is not None
     assert near(step.x, step.y) and not near(w.reach.max_length + 0.01, step.y)
     assert not near(step.x, w.reach.max_spacing - 0.0875 + 0.01)
@@ -373,10 +379,10 @@ def test_all_but_the_last_two_free_steps_may_be_put_on_better_ground_within_reac
 
 def test_a_walk_comes_to_rest_in_the_last_tenth_of_a_second_of_its_last_step() -> None:
     w = walking(0.1)
-    assert len(w.plan) == 2
-    for w.step, w.elapsed, rests in ((1, 0.71, True), (1, 0.69, False), (0, 0.71, False)):
-        w.duration = 0.8
-        assert w._comes_to_rest == rests
+    assert len(w.phases.plan) == 2
+    for w.phases.step, w.phases.elapsed, rests in ((1, 0.71, True), (1, 0.69, False), (0, 0.71, False)):
+        w.phases.duration = 0.8
+        assert w.phases.comes_to_rest == rests
 
 
 def test_a_robot_that_is_to_go_on_before_it_stands_shifts_its_weight_first() -> None:
@@ -384,8 +390,8 @@ def test_a_robot_that_is_to_go_on_before_it_stands_shifts_its_weight_first() -> 
     until(w, ideal, Event.TOUCH_DOWN)
     until(w, ideal, Event.TOUCH_DOWN)
     run(w, ideal, 0.2)
-    assert w.phase is GaitPhase.DOUBLE and w.step == len(w.plan)
-    w.take(PlanSource(walk_distance(w.plan.end, 0.3)))
+    assert w.phases.phase is GaitPhase.DOUBLE and w.phases.step == len(w.phases.plan)
+    w.take(PlanSource(walk_distance(w.phases.plan.end, 0.3)))
     w.plan_steps()
-    assert w.phase is GaitPhase.DOUBLE and w.step < len(w.plan)
-    assert w.duration - w.elapsed == pytest.approx(w.plan.gait.full.initial_double_support)
+    assert w.phases.phase is GaitPhase.DOUBLE and w.phases.step < len(w.phases.plan)
+    assert w.phases.duration - w.phases.elapsed == pytest.approx(w.phases.gait.initial_double_support)

@@ -59,17 +59,17 @@ def walk(
         before = walking.steps_done
         reference = walking.advance([weight * share for share in loads], soles)
         if walking.steps_done > before:
-            landed.append(walking.plan.steps[walking.step - 1])
+            landed.append(walking.phases.plan.steps[walking.phases.step - 1])
         if walking.finished:
             break
         # Feet are where they are told; a swing foot stops on its landing, the other one carries.
-        step = walking.plan.steps[min(walking.step, len(walking.plan) - 1)]
+        step = walking.phases.plan.steps[min(walking.phases.step, len(walking.phases.plan) - 1)]
         moving = 0 if step.side == "left" else 1
         loads = [0.5, 0.5]
         soles = [motion.placement.copy() for motion in reference.feet]
         level = step.z if true is None else true
         meets = walking.swing is not None and soles[moving].translation[2] <= level + 1e-5
-        if meets and walking.elapsed > 0.6 * walking.duration:
+        if meets and walking.phases.elapsed > 0.6 * walking.phases.duration:
             soles[moving].translation[2] = level
         else:
             loads[moving], loads[1 - moving] = 0.0, 1.0

@@ -89,14 +89,14 @@ def run(
         result.events += [(k * dt, e) for e in reference.progress.events]
         result.dcm_error.append(reference.pendulum.dcm[:2] - dcm)
         if any(event in TOUCH_DOWNS for event in reference.progress.events):
-            result.landed.append(walk.plan.steps[walk.step - 1])
+            result.landed.append(walk.phases.plan.steps[walk.phases.step - 1])
         touching = []
         for side in (0, 1):
             x, y, z = soles[side].translation
             level = (
                 ground(x, y)
                 if ground is not None
-                else walk.plan.steps[min(walk.step, len(walk.plan) - 1)].z
+                else walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)].z
                 if not reference.progress.contact[side]
                 else z
             )
@@ -165,11 +165,11 @@ def test_it_walks_its_plan_and_stands(metre: Result) -> None:
     assert walk.finished and walk.steps_done == len(metre.landed) == 6
     kinds = [e for _, e in metre.events]
     assert kinds == [Event.STARTED] + [Event.LIFT_OFF, Event.TOUCH_DOWN] * 6 + [Event.STOPPED]
-    for reference, motion in zip(walk.plan.final, metre.references[-1].feet, strict=True):
+    for reference, motion in zip(walk.phases.plan.final, metre.references[-1].feet, strict=True):
         np.testing.assert_allclose(motion.placement.translation, reference.position, atol=1e-9)
         assert abs(reference.x - 0.6 - START.left.x) < 1e-3
         # The foot sinks on while its landing is being noticed.
-        assert abs(reference.z - START.left.z) < 0.03 * walk.plan.gait.landing_speed
+        assert abs(reference.z - START.left.z) < 0.03 * walk.phases.plan.gait.landing_speed
 
 
 def test_references_are_continuous_and_consistent(metre: Result) -> None:
@@ -186,7 +186,7 @@ def test_references_are_continuous_and_consistent(metre: Result) -> None:
         places = np.array([r.feet[side].placement.translation for r in metre.references])
         speeds = np.array([r.feet[side].velocity[:3] for r in metre.references])
         # A foot that lands stops at once.
-        stop = 0.5 * metre.walk.plan.gait.landing_speed
+        stop = 0.5 * metre.walk.phases.plan.gait.landing_speed
         assert np.abs(np.diff(places, axis=0) / DT - 0.5 * (speeds[1:] + speeds[:-1])).max() < stop + 5e-3
 
 
@@ -219,7 +219,7 @@ def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool, metre: Result) 
 def test_it_walks_every_kind_of_plan(plan: FootstepPlan) -> None:
     result = run(plan, replace(STEADY, ground_memory=0.0, rise_memory=0.0))
     assert not result.fell and result.walk.finished and result.walk.steps_done == len(plan)
-    for end, wanted in zip(result.walk.plan.final, plan.final, strict=True):
+    for end, wanted in zip(result.walk.phases.plan.final, plan.final, strict=True):
         np.testing.assert_allclose(end.position, wanted.position, atol=3e-3)
         assert end.yaw == pytest.approx(wanted.yaw, abs=1e-6)
     assert result.references[-1].progress.heading == pytest.approx(plan.final[0].yaw, abs=1e-6)
@@ -265,8 +265,8 @@ def test_feet_land_in_time_on_ground_that_keeps_falling() -> None:
     wanted: dict[int, tuple[float, float]] = {}
 
     def note(walk: LipmWalk, time: float) -> None:
-        if walk.phase is GaitPhase.SINGLE and walk.elapsed <= 2 * DT:
-            step = walk.plan.steps[walk.step]
+        if walk.phases.phase is GaitPhase.SINGLE and walk.phases.elapsed <= 2 * DT:
+            step = walk.phases.landing
             wanted[walk.steps_done] = step.x, step.z
 
     def ground(x: float, y: float) -> float:
@@ -284,9 +284,9 @@ def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_t
     soles = [pin.SE3(START.left.placement), pin.SE3(START.right.placement)]
     landed: tuple[int, pin.SE3] | None = None
     while not walk.finished:
-        step = walk.plan.steps[min(walk.step, len(walk.plan) - 1)]
+        step = walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)]
         swing = SIDES.index(step.side)
-        share = 0.1 if walk.phase is GaitPhase.SINGLE and walk.remaining <= DT else 0.0
+        share = 0.1 if walk.phases.phase is GaitPhase.SINGLE and walk.phases.remaining <= DT else 0.0
         weight = [WEIGHT * (1.0 - share)] * 2
         weight[swing] = WEIGHT * share
         reference = walk.advance(weight, soles)
@@ -344,13 +344,17 @@ def test_the_constant_error_of_sensors_moves_no_step(robot: str, width: float) -
             reference = walk.advance(loads, None, dcm + (0.0, error))
             dcm, shares = reference.pendulum.dcm[:2], [0.5, 0.5]
             if any(event in TOUCH_DOWNS for event in reference.progress.events):
-                landed.append(walk.plan.steps[walk.step - 1])
+                landed.append(walk.phases.plan.steps[walk.phases.step - 1])
             if walk.finished:
                 break
-            step = walk.plan.steps[min(walk.step, len(walk.plan) - 1)]
+            step = walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)]
             side = SIDES.index(step.side)
             height_left = reference.feet[side].placement.translation[2] - step.z
-            if not (height_left <= 1e-5 and walk.swing is not None and walk.elapsed > 0.6 * walk.duration):
+            if not (
+                height_left <= 1e-5
+                and walk.swing is not None
+                and walk.phases.elapsed > 0.6 * walk.phases.duration
+            ):
                 shares[side], shares[1 - side] = 0.0, 1.0
         assert walk.finished
         for step, wanted in zip(landed, plan.steps, strict=True):

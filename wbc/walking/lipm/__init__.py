@@ -1,8 +1,10 @@
 """Planned steps: phases by contact and time, preview control of the ZMP, step adjustment.
 
-walk            walk: phases, footsteps and references of a tick; begin to read here
+walk            walk: who plans the footsteps, contacts, the swing foot, and references of a tick; begin to read here
+phases          plan as it is now, and the phase that it is in
 steered_steps   footsteps of a velocity or to a goal
 schedule        supports of a plan, with ZMP and height of the pendulum; pattern: motion of the pendulum over them
-preview         preview control, which plans a pattern; adjustment: place and time of a landing that catches the DCM
+preview         preview control, which plans a pattern; course: way over to it from the one before
+adjustment      place and time of a landing that catches the DCM
 settings        settings, and preview and adjustment of one robot
 """

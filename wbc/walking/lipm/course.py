@@ -1,0 +1,69 @@
+"""Planned motion of the pendulum while steps change: a pattern, and the way over to it from the one before."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from wbc.base.numbers import ROUNDING, Array
+from wbc.core.trajectories import Follower
+from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.walking.contact import GaitPhase
+from wbc.walking.lipm.pattern import Pattern
+from wbc.walking.lipm.phases import PlanPhases
+from wbc.walking.lipm.preview import PreviewController
+
+FELT = 30.0
+"""Time from which on the steps of a plan change the DCM now by less than rounding, 1/ω."""
+
+
+class PlannedCourse:
+    """Planned motion of the pendulum of one walk.
+
+    Attributes:
+        pattern: Pattern of the steps as they are.
+        since: Time since it was planned, s.
+    """
+
+    def __init__(
+        self, height: float, phases: PlanPhases, preview: PreviewController, start: Pendulum
+    ) -> None:
+        """Stand at rest, with a height of the CoM over the support, m."""
+        self._omega = natural_frequency(height)
+        self._off = Follower(1.0 / self._omega, 0j)  # of the reference of the CoM from the pattern, m
+        self.pattern: Pattern = preview.plan(phases.supports(), start)
+        self.since = 0.0
+
+    def advance(self, dt: float) -> None:
+        """Go on by a tick, s."""
+        self.since += dt
+        self._off.follow(-self._off.value, dt)
+
+    def plan(self, phases: PlanPhases, preview: PreviewController) -> None:
+        """Plan the pattern anew from the pendulum as planned; what is measured is left to the stabilizer."""
+        steps = math.ceil(FELT / (self._omega * phases.gait.cycle))
+        count = 2 * steps + (phases.phase is not GaitPhase.SINGLE)  # the last support is one on both feet
+        before = self.pattern.at(self.since)
+        self.pattern, self.since = preview.plan(phases.supports()[:count], before), 0.0
+        now = self.pattern.at(0.0)
+        self._off.value += _plane(before.com - now.com)
+        self._off.velocity += _plane(before.com_velocity - now.com_velocity)
+
+    def pendulum(self) -> Pendulum:
+        """Return the reference of the pendulum: the CoM goes over to a pattern that begins elsewhere.
+
+        A pattern begins elsewhere where no ZMP within the supports takes the DCM to the steps that are new, as after a
+        push. The reference of the CoM and its velocity go on, and come to the pattern as quickly as the DCM falls. The
+        ZMP is that of the pattern.
+        """
+        pendulum, off = self.pattern.at(self.since), self._off
+        if abs(off.value) + abs(off.velocity) / self._omega < ROUNDING:
+            return pendulum
+        ways = [np.array((each.real, each.imag, 0.0)) for each in (off.value, off.velocity, off.acceleration)]
+        return pendulum.moved(*ways)._replace(zmp=pendulum.zmp)
+
+
+def _plane(vector: Array) -> complex:
+    """Return the part of a vector over the ground, x + iy."""
+    return complex(*vector[:2].tolist())
