@@ -43,7 +43,7 @@ from wbc.base.numbers import plain
 from wbc.base.settings import to_json
 from wbc.sim.studies.outcomes import AnyTrialSpec, Status, trial_from_json
 from wbc.sim.studies.provenance import code_of, provenance
-from wbc.sim.walks.stiffness_policy import CONTENT, FILE
+from wbc.sim.trial.spec import CONTENT, FILE
 
 PACKED = ".xz"
 """Ending of a compressed journal."""
@@ -142,7 +142,7 @@ def _own_version() -> str:
 
 
 def _by_content(spec: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a spec without the name of a file whose hash it contains (`wbc.sim.walks.stiffness_policy`)."""
+    """Return a spec without the name of a file whose hash it contains."""
     parameters = spec.get("policy_params")
     if not isinstance(parameters, Mapping) or CONTENT not in parameters:
         return spec

@@ -32,11 +32,11 @@ from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.trial.spec import TrialSpec
+from wbc.sim.trial.spec import CONTENT, TrialSpec
 from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import Eyes, WalkTrialSettings, check_read, checked_changes, trial_settings
-from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
+from wbc.sim.walks.stiffness_policy import checked_policy
 from wbc.sim.walks.trained import check_trained, driven, sees, stamped_policy
 from wbc.walking.plans.gait import Gait
 

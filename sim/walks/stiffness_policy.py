@@ -17,6 +17,7 @@ from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.spec import Terrain
+from wbc.sim.trial.spec import CONTENT, FILE
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
@@ -31,9 +32,6 @@ ORACLE = "oracle"
 
 DEFAULT_POLICY = "model"
 """Default policy of a sole of variable stiffness: the model that comes with the library."""
-
-FILE, CONTENT = "path", "sha256"
-"""Parameters of a policy for a file and the hash of its content: a spec stays one walk, also if the file changes."""
 
 
 def checked_policy(

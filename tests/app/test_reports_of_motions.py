@@ -97,7 +97,7 @@ def test_a_clip_is_filtered_before_it_is_tracked_unless_it_is_feasible_and_stand
 ) -> None:
     clip: Any = SimpleNamespace(name="clip", standing=np.ones(3) if standing else None)
     robot, tracked = SimpleNamespace(), []
-    monkeypatch.setattr(motion_command.TrackOptions, "read", lambda self, file: (robot, clip))
+    monkeypatch.setattr(motion_command.ClipOptions, "read", lambda self, file, name: (robot, clip))
     monkeypatch.setattr(motion_command, "check_motion", lambda *_: SimpleNamespace(feasible=feasible))
     made = SimpleNamespace(
         clip="made", after=measures(), before=measures(), stretched=1.5, shortened=0.01, changes={"a": 0.1}
@@ -141,7 +141,7 @@ def test_a_filtered_clip_is_written_and_told_in_degrees_and_millimetres(
         clip="made", after=measures(), before=measures(), stretched=1.5, shortened=0.012, changes={"a": 0.1}
     )
     written: list[Any] = []
-    monkeypatch.setattr(motion_command.TrackOptions, "read", lambda self, file: (None, clip))
+    monkeypatch.setattr(motion_command.ClipOptions, "read", lambda self, file, name: (None, clip))
     monkeypatch.setattr(motion_command, "make_feasible", lambda *_: made)
     monkeypatch.setattr(motion_command, "write_motion", lambda *what: written.append(what))
     words = ["motion", "filter", str(tmp_path / "a.csv"), "-o", str(tmp_path / "b.npz")]
@@ -164,15 +164,15 @@ def test_the_joints_of_a_clip_are_those_that_are_given(
     monkeypatch.setattr(
         motion_command, "read_motion", lambda file, rate, joints: asked.append((rate, joints)) or clip
     )
-    options = motion_command.TrackOptions(robot="g1", joint=given, rate=30.0)
-    assert options.read(Path("a.csv"))[1] is clip and asked == [(30.0, taken)]
+    options = motion_command.ClipOptions(joint=given, rate=30.0)
+    assert options.read(Path("a.csv"), "g1")[1] is clip and asked == [(30.0, taken)]
     for option in ({"begin": 1.0}, {"end": 2.0}, {"up": "y"}):
         with pytest.raises(InputError, match="person"):
-            motion_command.TrackOptions(robot="g1", **option).read(Path("a.csv"))
+            motion_command.ClipOptions(**option).read(Path("a.csv"), "g1")
 
 
 def test_the_joints_of_a_person_are_named_by_their_parts() -> None:
-    options = motion_command.TrackOptions(robot="g1", joint=("left_knee=LKnee", "right_knee=R=Knee"))
+    options = motion_command.ClipOptions(joint=("left_knee=LKnee", "right_knee=R=Knee"))
     assert dict(options._joint_of_person()) == {"left_knee": "LKnee", "right_knee": "R=Knee"}
     with pytest.raises(InputError, match="LKnee"):
-        dict(motion_command.TrackOptions(robot="g1", joint=("LKnee",))._joint_of_person())
+        dict(motion_command.ClipOptions(joint=("LKnee",))._joint_of_person())

@@ -14,6 +14,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from wbc.app.output import progress_console
 from wbc.app.view import VIEWERS, Viewer
+from wbc.app.view.controls import END, intervention_text
 from wbc.base.errors import InputError
 from wbc.base.settings import settings
 from wbc.sim.trial.trial import TrialHook
@@ -122,8 +123,6 @@ def with_changes(
         change for hook in hooks if hook.controls is not None for change in hook.controls.interventions
     ]
     if changes:
-        from wbc.app.view.controls import intervention_text  # noqa: PLC0415 - most runs are not watched
-
         text += "".join(f"\n  CHANGED   from the page at {intervention_text(each)}" for each in changes)
     changes += ending(trial)
     return result | {"interactive": bool(changes)} | ({"interventions": changes} if changes else {}), text
@@ -131,7 +130,7 @@ def with_changes(
 
 def ending(trial: Trial) -> list[dict[str, Any]]:
     """Return the end of a run by Ctrl-C as an intervention; empty before, and for a run that ends by itself."""
-    return [] if trial.last is None else [{"time": trial.last, "what": "end"}]
+    return [] if trial.last is None else [{"time": trial.last, "what": END}]
 
 
 @contextmanager

@@ -16,9 +16,9 @@ from wbc.app.view.controls import END, INTERVENTIONS, LiveControls
 from wbc.base.errors import InputError, shown
 from wbc.base.files import check_hash, parsing
 from wbc.robots import load
+from wbc.sim.trial.spec import CONTENT, FILE
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.spec import SOURCE, WalkSpec
-from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 from wbc.sim.walks.trained import stamped_policy
 
 if TYPE_CHECKING:

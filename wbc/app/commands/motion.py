@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -36,8 +35,8 @@ CLIPS = (".npz", ".csv")
 
 
 @settings(kw_only=True)
-class TrackOptions(TrackSpec):
-    """Options of the clip, and of the simulation in which it is tracked.
+class ClipOptions:
+    """Options of the clip.
 
     Attributes:
         rate: Frames per second, Hz, of a file that does not say it.
@@ -56,9 +55,9 @@ class TrackOptions(TrackSpec):
     end: Annotated[Positive, "s"] | None = None
     out: Annotated[Path | None, Parameter(alias="-o")] = None
 
-    def read(self, file: Path) -> tuple[Robot, MotionClip]:
-        """Return robot and clip."""
-        robot = robots.load(self.robot).robot()
+    def read(self, file: Path, name: str) -> tuple[Robot, MotionClip]:
+        """Return a robot, by its name, and the clip for it."""
+        robot = robots.load(name).robot()
         if shows_person(file):
             person = read_skeleton(file, rate=self.rate, up=self.up).part(self.begin, self.end)
             return robot, retarget(person, robot, joints=dict(self._joint_of_person())).clip
@@ -89,7 +88,8 @@ def motion(
     clip: Annotated[Path, Parameter(help="Clip of the robot, .npz or .csv, or of a person, .bvh or .npz.")],
     /,
     *,
-    options: TrackOptions,
+    spec: TrackSpec,
+    options: ClipOptions,
     live: LiveView,
     output: Output,
 ) -> Report:
@@ -100,14 +100,16 @@ def motion(
     is filtered first. The clip of a person is retargeted to the robot first.
     """
     if do == "filter":
-        return _filter(clip, options, output)
+        return _filter(clip, spec.robot, options, output)
     if options.out is not None:
         raise InputError(f"--out is no option of 'motion {do}'")
-    return _check(clip, options, output) if do == "check" else _track(clip, options, live, output)
+    if do == "check":
+        return _check(clip, spec.robot, options, output)
+    return _track(clip, spec, options, live, output)
 
 
-def _check(file: Path, options: TrackOptions, output: Output) -> Report:
-    robot, clip = options.read(file)
+def _check(file: Path, name: str, options: ClipOptions, output: Output) -> Report:
+    robot, clip = options.read(file, name)
     measures = check_motion(robot, clip)
     verdict = (
         "feasible"
@@ -115,20 +117,20 @@ def _check(file: Path, options: TrackOptions, output: Output) -> Report:
         else "not feasible as it is: `wbc motion filter` changes what must change"
     )
     lines = [
-        f"{clip.name} on {options.robot}: {clip.duration:.2f} s at {clip.rate:g} Hz, {verdict}",
+        f"{clip.name} on {name}: {clip.duration:.2f} s at {clip.rate:g} Hz, {verdict}",
         *_table(measures),
     ]
-    return output.report({"motion": clip.name, "robot": options.robot} | measures.to_json(), "\n".join(lines))
+    return output.report({"motion": clip.name, "robot": name} | measures.to_json(), "\n".join(lines))
 
 
-def _filter(file: Path, options: TrackOptions, output: Output) -> Report:
+def _filter(file: Path, name: str, options: ClipOptions, output: Output) -> Report:
     target = options.target(file)
-    robot, given = options.read(file)
+    robot, given = options.read(file, name)
     result = make_feasible(robot, given)
     write_motion(result.clip, target)
     data = {
         "motion": given.name,
-        "robot": options.robot,
+        "robot": name,
         "file": str(target),
         "before": result.before.to_json(),
         "after": result.after.to_json(),
@@ -139,15 +141,14 @@ def _filter(file: Path, options: TrackOptions, output: Output) -> Report:
     return output.report(data, "\n".join(_changes(given, result)) + f"\nwritten to {target}")
 
 
-def _track(file: Path, options: TrackOptions, live: LiveView, output: Output) -> Report:
-    robot, given = options.read(file)
+def _track(file: Path, spec: TrackSpec, options: ClipOptions, live: LiveView, output: Output) -> Report:
+    robot, given = options.read(file, spec.robot)
     clip, lines = given, []
     data: dict[str, Any] = {"motion": given.name}
     if not (given.standing is not None and check_motion(robot, given).feasible):
         feasible = make_feasible(robot, given)
         clip, lines = feasible.clip, _changes(given, feasible)
         data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
-    spec = TrackSpec(**{each.name: getattr(options, each.name) for each in fields(TrackSpec)})
     result, trial, hooks = live.run(
         lambda: TrackTrial(clip, spec, visuals=live.viewer is not None),
         lambda trial, hooks: trial.run(hooks),
