@@ -8,9 +8,11 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
+from wbc.robots.mechanism import placed
 from wbc.sim.terrain.areas import Area
 from wbc.sim.terrain.ground import HeightField
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
@@ -137,24 +139,16 @@ def _colour(shape: Shape, floor: float, amplitude: float) -> tuple[float, ...]:
     return (*(_LOW_COLOUR + share**2 * (_HIGH_COLOUR - _LOW_COLOUR)).tolist(), 1.0)
 
 
-def _quaternion(rotation: Array) -> Array:
-    """Return the MuJoCo quaternion (wxyz) of a rotation matrix, shape (4,)."""
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
-    return quaternion
-
-
 def _geom(spec: mujoco.MjSpec, name: str, shape: Shape, origin: Array) -> dict[str, Any]:
     """Return the geom fields of a solid in a body at `origin` (m); a pyramid adds its mesh to the model."""
     match shape:
         case Sphere():
             return {"type": _T.mjGEOM_SPHERE, "size": [shape.radius, 0, 0], "pos": shape.position - origin}
-        case Ellipsoid():
-            place = {"pos": shape.position - origin, "quat": _quaternion(shape.rotation)}
+        case Ellipsoid() | Box():
+            place = placed(pin.SE3(shape.rotation, shape.position - origin))
+            if isinstance(shape, Box):
+                return {"type": _T.mjGEOM_BOX, "size": shape.half_size, **place}
             return {"type": _T.mjGEOM_ELLIPSOID, "size": shape.semi_axes, **place}
-        case Box():
-            place = {"pos": shape.position - origin, "quat": _quaternion(shape.rotation)}
-            return {"type": _T.mjGEOM_BOX, "size": shape.half_size, **place}
         case Capsule() | Cylinder():
             kind = _T.mjGEOM_CAPSULE if isinstance(shape, Capsule) else _T.mjGEOM_CYLINDER
             return {

@@ -311,12 +311,6 @@ def lowered(shape: Shape, drop: float) -> Shape:
     return replace(shape, **moved)  # type: ignore[type-var]  # its subclasses are dataclasses
 
 
-def yaw_rotation(yaw: float) -> Array:
-    """Return the rotation about the vertical, shape (3, 3), from an angle in rad."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 def tilted_rotation(slope_x: float, slope_y: float, yaw: float = 0.0) -> Array:
     """Return the axes of a plate whose face rises by `slope_x` along world x and `slope_y` along world y, shape (3, 3).
 

@@ -141,7 +141,7 @@ class WalkSpec(TrialSpec):
             raise InputError(
                 f"a seed must be below 2**63, got seed {self.seed} and noise_seed {self.noise_seed}"
             )
-        store("foot_changes", _foot_changes(self.foot, self.foot_changes))
+        store("foot_changes", foot_changes(self.foot, self.foot_changes))
         store("changes", checked_changes(self.gains, self.changes))
         trial = self.settings()
         check_read(self.changes, trial)
@@ -210,7 +210,7 @@ class WalkSpec(TrialSpec):
 
     def foot_design(self) -> Foot:
         """Return the foot."""
-        return _foot(self.foot, self.stiffness, self.foot_changes)
+        return changed_foot(self.foot, self.stiffness, self.foot_changes)
 
     def ground(self) -> Terrain:
         """Return the ground."""
@@ -281,16 +281,18 @@ class WalkSpec(TrialSpec):
 
 
 @lru_cache(maxsize=256)
-def _foot(name: str, stiffness: float | None, changes: Changes) -> Foot:
+def changed_foot(name: str, stiffness: float | None, changes: Changes) -> Foot:
+    """Return a foot by its name, with a stiffness of its hinges, Nm/rad, unless it is None, and other parameters."""
     design = foot_by_name(name)
     if stiffness is not None:
         if not hasattr(design, "stiffness"):
             raise InputError(f"a {name} foot has no stiffness; leave it out, or take a soft foot")
-        design = changed(design, {"stiffness": stiffness})
+        changes = (*changes, ("stiffness", stiffness))
     return changed(design, changes)
 
 
-def _foot_changes(name: str, changes: Changes) -> Changes:
+def foot_changes(name: str, changes: Changes) -> Changes:
+    """Return further parameters of a foot with full names; `InputError` for its stiffness."""
     normal = normal_changes(foot_by_name(name), changes)
     if any(path == "stiffness" for path, _ in normal):
         raise InputError("the stiffness of a foot is an option of its own, not one of its further parameters")

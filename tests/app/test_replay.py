@@ -385,7 +385,8 @@ OWN = '''
 import numpy as np
 
 from wbc.sim import FieldFamily, ShapeFamily, dome, family, param
-from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, yaw_rotation
+from wbc.core.frames import yaw_rotation
+from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid
 
 
 @family("own solids")

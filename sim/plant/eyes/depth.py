@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import mujoco
 import numpy as np
@@ -17,10 +17,13 @@ from wbc.base.numbers import Array
 from wbc.base.settings import Angle, NonNegative, Positive, Share, settings
 from wbc.core.robot import Robot
 from wbc.ground import PointCloud
-from wbc.sim.plant.eyes.carrier import Carrier
-from wbc.sim.plant.link_geoms import SHAPE_GROUP
+from wbc.robots.mechanism import placement_of
+from wbc.sim.plant.link_geoms import PLAIN, SHAPE_GROUP, add_visual
 from wbc.sim.plant.model import bare_spec, compiled, equip, surround
 from wbc.sim.plant.places import RobotPlaces, body_frame
+
+if TYPE_CHECKING:
+    from wbc.sim.plant.plant import Plant
 
 SOLE_HEIGHT = 0.02
 """Height of a sole as the camera sees it, m: that of the soft soles' phalanges, and a little more."""
@@ -80,7 +83,7 @@ class DepthCamera:
         if self.nearest >= self.furthest:
             raise InputError(f"furthest (m) must exceed nearest, {self.nearest:g}, got {self.furthest:g}")
 
-    def start(self, plant: Carrier) -> DepthView:
+    def start(self, plant: Plant) -> DepthView:
         """Return the camera mounted on the robot of a plant.
 
         Raises:
@@ -95,22 +98,16 @@ class DepthCamera:
         return view
 
 
-def visible_model(plant: Carrier) -> mujoco.MjModel:
+def visible_model(plant: Plant) -> mujoco.MjModel:
     """Return the model of a plant with the shapes of its links and soles, which hide the ground."""
     spec = bare_spec(plant.description)
     plant.physics.apply(spec)
     feet = equip(spec, plant.description, plant.robot, plant.foot, plant.machine, hands=False, shapes=True)
     for foot in feet:
         site, sole = spec.site(foot.wrench_site), foot.fit.sole
-        site.parent.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[0.5 * sole.length, 0.5 * sole.width, 0.5 * SOLE_HEIGHT],
-            pos=site.pos + [0.0, 0.0, 0.5 * SOLE_HEIGHT],
-            quat=site.quat,
-            mass=0.0,
-            contype=0,
-            conaffinity=0,
-        )
+        size = [0.5 * sole.length, 0.5 * sole.width, 0.5 * SOLE_HEIGHT]
+        place = placement_of(site.pos + [0.0, 0.0, 0.5 * SOLE_HEIGHT], site.quat)
+        add_visual(site.parent, mujoco.mjtGeom.mjGEOM_BOX, size, place, PLAIN)
     for geom in spec.geoms:
         if geom.group == SHAPE_GROUP:
             geom.rgba[3] = 1.0  # rays pass through what cannot be seen

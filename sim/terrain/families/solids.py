@@ -11,8 +11,9 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.numbers import Array
 from wbc.base.settings import Number, Positive
+from wbc.core.frames import yaw_rotation
 from wbc.sim.terrain.families.site import LONGEST_TRACK
-from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, Sphere, tilted_rotation, yaw_rotation
+from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, Sphere, tilted_rotation
 
 BURIED = 0.005
 """Depth of solids below the floor, m: no gap shows at a tilted base."""

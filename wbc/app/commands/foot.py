@@ -14,8 +14,16 @@ from wbc.app.arguments import Fields, attribute_docs
 from wbc.app.commands.terrain import ground_of
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.base.errors import InputError
-from wbc.base.settings import NonNegative, Positive, changed, read_changes, setting_names, settings, to_json
-from wbc.feet import Foot, SoftFoot
+from wbc.base.settings import (
+    NonNegative,
+    Positive,
+    as_changes,
+    read_changes,
+    setting_names,
+    settings,
+    to_json,
+)
+from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.sole import AnkleSole
@@ -25,6 +33,7 @@ from wbc.sim.plant.physics import PhysicsSettings
 from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain.spec import Terrain
+from wbc.sim.walks.spec import changed_foot, foot_changes
 
 Test = Literal["press"]
 
@@ -76,17 +85,8 @@ class FootOptions:
         )
 
     def _foot(self) -> Foot:
-        design = foot_by_name(self.foot)
-        values = read_changes(self.foot_param)
-        if self.stiffness is not None:
-            if not isinstance(design, SoftFoot):
-                raise InputError(
-                    f"a {self.foot} foot has no stiffness; leave --stiffness out, or take a soft foot"
-                )
-            if "stiffness" in values:
-                raise InputError("the stiffness is given twice, as --stiffness and as --foot-param")
-            values["stiffness"] = self.stiffness
-        return changed(design, values)
+        changes = foot_changes(self.foot, as_changes(read_changes(self.foot_param)))
+        return changed_foot(self.foot, self.stiffness, changes)
 
 
 @reports
