@@ -34,7 +34,7 @@ EFFORT = (
 
 PUBLISHED = (
     Published("gr00t_wbc", 85.2, 80, 17, 8, 82.9),
-    Published("decoupled_wbc", 83.8, 74, 10, 7, 81.9),
+    Published("decoupled_wbc", 83.9, 75, 10, 7, 81.5),
     Published("homie", 78.2, 55, 17, 32, 79.0),
     Published("amo", 75.9, 54, 24, 17, 79.5),
     Published("grove", 74.9, 49, 21, 7, 80.5),
