@@ -15,6 +15,7 @@ from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import Reach, check_plan
+from wbc.walking.source import StandSource
 
 DT = 0.005
 ROBOT = wbc.load_robot("hrp4_class").robot()
@@ -86,9 +87,13 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: walking().hands.press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)), "left_hand"),
     (lambda: walking().hands.press("left_hand", 500.0, DOWN, firm=True), "left_hand"),
     (lambda: WalkingControl(ROBOT.clone(), walk_distance(START, 3.0), DT, extent=(-1, 2, -1, 1)), "ground"),
+    (lambda: WalkingControl(ROBOT.clone(), None, DT, extent=(1.0, -1.0, -1.0, 1.0)), "smallest and largest x"),
+    (lambda: WalkingControl(ROBOT.clone(), StandSource(ROBOT), DT, extent=(-1.0, 1.0, -1.0, 1.0)), "leave it out"),
     (lambda: START.moved(np.eye(4)), "world of FootstepPlan.moved"),
     (lambda: START.foot("lft"), "left"),
     (lambda: START.stance("left"), "index of FootstepPlan.stance"),  # type: ignore[arg-type]
+    (lambda: START.stance(0), "the plan has no steps"),
+    (lambda: walk_distance(START, 0.3).stance(9), "its steps are 0 to"),
     (lambda: START.feet(-1), "count of FootstepPlan.feet"),
     (lambda: START.with_step(0, (0.1, 0.1)), "step of FootstepPlan.with_step"),  # type: ignore[arg-type]
     (lambda: START.with_step(0, Footstep("left", 0.1, 0.1)), "no step 0"),

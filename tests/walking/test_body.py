@@ -11,6 +11,7 @@ import pytest
 
 from wbc import load_robot
 from wbc.base.errors import InputError
+from wbc.core.drive.control import State
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
@@ -22,6 +23,7 @@ from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, wa
 from wbc.walking.body import ACCELERATION, SPEED, TURN_ACCELERATION, TURN_SPEED, lowest_com
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.reach import Leg
+from wbc.walking.source import Reference, StandSource, WholeBody
 from wbc.walking.stepping.gait import SteppingWalk
 
 DT, ROOT = 0.005, Path(__file__).resolve().parents[2]
@@ -72,6 +74,30 @@ def test_height_lean_turn_and_gaze_are_reached_with_bounded_speed(kind: str) -> 
         eye = real.placement("head")
         ahead = eye.actInv(np.array([3.0, 1.5, 1.0]))
         assert np.hypot(*ahead[1:]) / ahead[0] < 0.08
+
+
+class WholeBodyStand(StandSource):
+    """A stand that gives the motion of all joints: the posture at the start, and an upright trunk."""
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot)
+        still, upright = np.zeros(robot.na), (np.eye(3), np.zeros(3), np.zeros(3))
+        self.body = WholeBody(np.zeros(3), [upright, upright], robot.q[7:].copy(), still, still)
+
+    def update(self, state: State) -> Reference:
+        return super().update(state)._replace(body=self.body)
+
+
+def test_a_trunk_turns_and_leans_along_a_source_that_gives_all_joints_too() -> None:
+    plant = Plant(load_robot("hrp4_class"), control_period=DT)
+    robot = plant.description.robot()
+    walking = WalkingControl(robot, WholeBodyStand(robot), DT)
+    walking.body.turn, walking.body.lean = 0.2, (0.0, 0.1)
+    for _ in range(400):
+        plant.step(walking.command(plant.measure()))
+    assert walking.body.reached
+    turned = pin.rpy.matrixToRpy(robot.placement(robot.torso_frame).rotation)
+    np.testing.assert_allclose(turned, [0.0, 0.1, 0.2], atol=0.03)
 
 
 def test_what_the_body_adds_to_a_reference_moves_as_its_rates_say() -> None:

@@ -193,8 +193,8 @@ class WalkingControl(SteeredControl):
     ) -> None:
         """Begin anew from the state of the robot, on its way: to take over from a control on the same observer.
 
-        The gait begins in the phase that the contacts say, with free steps (`SteppingWalk.join`); all orders before are
-        forgotten, so that the robot comes to a stand.
+        The gait begins in the phase that the contacts say, with free steps (`SteppingWalk.join`); all orders to walk
+        are forgotten, so that the robot comes to a stand. Set-points of the body, arms and hands stay.
 
         Args:
             state: State of this tick.

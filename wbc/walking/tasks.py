@@ -213,18 +213,25 @@ class WalkTasks:
             self._turn_trunk(progress.heading, lean, twist)
         else:
             acceleration = body.com_acceleration
-            self._follow_body(body, lean)
+            self._follow_body(body, lean, twist)
         if self.stabilized is not None and output is not None:
             self.stabilized.follow(output, contact, [motion.placement for motion in reference.feet])
             acceleration = self.stabilized.com_acceleration(output, pendulum, acceleration)
         self.com.follow(pendulum.com, pendulum.com_velocity, acceleration)
 
-    def _follow_body(self, body: WholeBody, lean: LeanMotion) -> None:
-        """Set the targets of a source that gives the motion of all joints."""
-        for task, (rotation, velocity, acceleration) in zip(self._trunk, body.trunk, strict=True):
+    def _follow_body(self, body: WholeBody, lean: LeanMotion, twist: Twist) -> None:
+        """Set the targets of a source that gives the motion of all joints; its trunk is twisted, and leans."""
+        turns = UNTWISTED if twist.by_waist else twist, twist
+        for task, turn, (rotation, velocity, acceleration) in zip(
+            self._trunk, turns[: len(self._trunk)], body.trunk, strict=True
+        ):
             task.follow(
-                lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
+                lean.rotation.dot(yaw_rotation(turn.angle)).dot(rotation),
+                velocity + lean.velocity + turn.rate * UP,
+                acceleration + lean.acceleration + turn.acceleration * UP,
             )
+        if self._twist is not None:
+            self._turn_waist(self._twist, twist)
         self.posture.follow(body.position, body.velocity, body.acceleration)
 
     def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist) -> None:

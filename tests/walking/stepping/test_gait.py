@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 import math
 import re
 
@@ -116,6 +117,23 @@ def test_a_moved_and_turned_world_gives_moved_and_turned_references(
             expected = place.act(np.array([planned.x, planned.y, 0.0]))[:2]
             assert (landing.x, landing.y) == pytest.approx(tuple(expected), abs=1e-8)
             assert angle(landing.yaw, planned.yaw + yaw) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_step_takes_the_time_that_its_record_says() -> None:
+    """On soles that hold across their width steps are slow: the time between two lift-offs is that of the cycle."""
+    body, lift_offs = PointMass(), []
+    body.run(0.7)
+    body.gait.steering.command((0.1, 0.0, 0.0))
+
+    def hold(tick: Tick) -> None:
+        body.gait.steering.held = 1.0
+        if Event.LIFT_OFF in tick.reference.progress.events:
+            lift_offs.append((tick.time, body.ticks[-2].reference.progress.cycle))
+
+    body.run(6.0, hold)
+    for (before, _), (now, cycle) in itertools.pairwise(lift_offs[1:]):
+        assert now - before == pytest.approx(cycle, rel=0.05)
+        assert cycle > 1.5 * body.gait.settings.step_time
 
 
 @pytest.mark.parametrize("k", by_default([0.4, 2.5], 0.4))

@@ -173,8 +173,15 @@ class FootstepPlan:
 
     @checked
     def stance(self, index: Index) -> Footstep:
-        """Return the stance foot of step `index`."""
+        """Return the stance foot of step `index`; an `InputError` where the plan has no such step, nor one before it."""
+        self._check(max(index - 1, 0))
         return self.steps[index - 1] if index > 0 else self.foot(other(self.steps[0].side))
+
+    def _check(self, index: int) -> None:
+        """Refuse the index of a step that the plan does not have."""
+        if not 0 <= index < len(self):
+            steps = f"its steps are 0 to {len(self) - 1}" if self.steps else "the plan has no steps"
+            raise InputError(f"a plan has no step {index}: {steps}")
 
     @property
     def climbs(self) -> bool:
@@ -282,8 +289,7 @@ class FootstepPlan:
         Raises:
             InputError: The plan has no such step, or the landing is of the other foot.
         """
-        if not 0 <= index < len(self):
-            raise InputError(f"no step {index} in a plan of {len(self)}")
+        self._check(index)
         old = self.steps[index]
         if step.side != old.side:
             raise InputError(f"step {index} is of the {old.side} foot, got a landing of the {step.side} foot")

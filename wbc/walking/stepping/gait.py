@@ -246,7 +246,7 @@ class SteppingWalk(ReferenceSource):
         duration = 0.0
         if felt.phase is not GaitPhase.STANDING:
             duration = (self.stand if swing is None else step).duration
-        landings, cycle = (() if step.swing is None else (step.swing.landing,)), self.settings.step_time
+        landings, cycle = (() if step.swing is None else (step.swing.landing,)), self.steering.step_time
         return Progress(*now, duration, landings, cycle, events, step.met is not None, self.fast_share)
 
     # ---- from phase to phase ------------------------------------------------------------------------------------
