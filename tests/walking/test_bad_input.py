@@ -87,8 +87,14 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: walking().hands.press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)), "left_hand"),
     (lambda: walking().hands.press("left_hand", 500.0, DOWN, firm=True), "left_hand"),
     (lambda: WalkingControl(ROBOT.clone(), walk_distance(START, 3.0), DT, extent=(-1, 2, -1, 1)), "ground"),
-    (lambda: WalkingControl(ROBOT.clone(), None, DT, extent=(1.0, -1.0, -1.0, 1.0)), "smallest and largest x"),
-    (lambda: WalkingControl(ROBOT.clone(), StandSource(ROBOT), DT, extent=(-1.0, 1.0, -1.0, 1.0)), "leave it out"),
+    (
+        lambda: WalkingControl(ROBOT.clone(), None, DT, extent=(1.0, -1.0, -1.0, 1.0)),
+        "smallest and largest x",
+    ),
+    (
+        lambda: WalkingControl(ROBOT.clone(), StandSource(ROBOT), DT, extent=(-1.0, 1.0, -1.0, 1.0)),
+        "leave it out",
+    ),
     (lambda: START.moved(np.eye(4)), "world of FootstepPlan.moved"),
     (lambda: START.foot("lft"), "left"),
     (lambda: START.stance("left"), "index of FootstepPlan.stance"),  # type: ignore[arg-type]

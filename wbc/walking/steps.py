@@ -66,7 +66,9 @@ def source_of(
                 f"extent of the ground is smallest and largest x, smallest and largest y (m), got {tuple(extent)}"
             )
         if isinstance(source, ReferenceSource):
-            raise InputError(f"an extent of the ground is for footsteps, not for {shown(source)}: leave it out")
+            raise InputError(
+                f"an extent of the ground is for footsteps, not for {shown(source)}: leave it out"
+            )
     if isinstance(source, SteppingWalk) and not (s.free and source.dt == dt):
         raise InputError(
             f"free steps of {source.dt:g} s a period need torque or hybrid control of the same period, got {s.mode} "

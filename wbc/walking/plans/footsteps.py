@@ -173,7 +173,7 @@ class FootstepPlan:
 
     @checked
     def stance(self, index: Index) -> Footstep:
-        """Return the stance foot of step `index`; an `InputError` where the plan has no such step, nor one before it."""
+        """Return the stance foot of step `index`; an `InputError` where the plan has neither it nor the one before."""
         self._check(max(index - 1, 0))
         return self.steps[index - 1] if index > 0 else self.foot(other(self.steps[0].side))
 
