@@ -57,7 +57,7 @@ def test_a_map_of_ones_own_has_its_heights_in_its_cells(x: float, y: float, yaw:
         places = complex(x, y) + (u + 1j * v) * np.exp(1j * yaw)
         inside = (i >= 0) & (i < 7) & (j >= 0) & (j < 4)
         expected = np.where(inside, heights[np.clip(i, 0, 6), np.clip(j, 0, 3)], np.nan)
-        np.testing.assert_array_equal(known.at(places), expected)
+        np.testing.assert_array_equal(known.heights_at(places), expected)
 
 
 # --- heights --------------------------------------------------------------------------------------------------------

@@ -178,7 +178,7 @@ class ElevationMap:
         object.__setattr__(self, "unknown", not np.isfinite(heights).any())
         object.__setattr__(self, "_turn", np.exp(-1j * yaw) / self.cell)
 
-    def at(self, places: NDArray[np.complex128]) -> Array:
+    def heights_at(self, places: NDArray[np.complex128]) -> Array:
         """Return the heights at places x + iy, m, complex of any shape; NaN outside and where unknown."""
         grid = (places - complex(self.pose[0], self.pose[1])) * self._turn
         i, j = np.floor(grid.real), np.floor(grid.imag)

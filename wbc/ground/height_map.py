@@ -21,7 +21,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
-from wbc.base.settings import Count, NonNegative, Number, Numbers, Positive, settings
+from wbc.base.settings import Count, NonNegative, Number, Numbers, Positive, Share, settings
 
 Places = NDArray[np.complex128]
 """Places x + iy in the world, m."""
@@ -67,7 +67,7 @@ class HeightMapSettings:
     wander: Annotated[NonNegative, "m/√s"] = 0.002
     known: Annotated[Positive, "m"] = 0.015
     shared: Count = 100
-    follow: Annotated[NonNegative, ""] = 1.0
+    follow: Share = 1.0
 
 
 class HeightMap:
@@ -77,8 +77,6 @@ class HeightMap:
         settings: Settings.
         origin: Position (m) and heading (rad) of the grid in the world. They are those of the robot at the start, so
             that a walk in a rotated world has the same map.
-        heights: Height of each cell in the world, shape (n,), m; NaN where unknown.
-        std: Standard deviation of each height, shape (n,), m.
     """
 
     @checked
@@ -100,7 +98,7 @@ class HeightMap:
         self._z, self._seen = np.zeros(SIDE * SIDE), np.zeros(SIDE * SIDE)
         self._var = np.full(SIDE * SIDE, np.inf)
         self._code = np.full(SIDE * SIDE, NOBODY, np.int64)
-        self.heights, self.std = np.full(SIDE * SIDE, np.nan), np.full(SIDE * SIDE, np.inf)
+        self._heights, self._std = np.full(SIDE * SIDE, np.nan), np.full(SIDE * SIDE, np.inf)  # what is known
         self._refreshed = -math.inf  # time at which all cells were, s
         self._time = -math.inf  # of the newest frame, s
 
@@ -179,7 +177,7 @@ class HeightMap:
     def shift(self, height: Annotated[Number, "m"]) -> None:
         """Move all heights up by a height, m."""
         self._z += height
-        self.heights += height
+        self._heights += height
 
     @checked
     def rewind(self, time: Annotated[Number, "s"]) -> None:
@@ -191,15 +189,15 @@ class HeightMap:
         """Return heights (NaN where unknown) and standard deviations, m, at places x + iy, complex, shape (n,), m."""
         slot, code = self._cells(places)
         mine = self._code[slot] == code
-        return np.where(mine, self.heights[slot], np.nan), self.std[slot]
+        return np.where(mine, self._heights[slot], np.nan), self._std[slot]
 
     def known(self) -> tuple[Array, Array]:
         """Return the centres of all known cells in the world, shape (n, 3), m, and their standard deviations."""
-        slot = np.flatnonzero(~np.isnan(self.heights))
+        slot = np.flatnonzero(~np.isnan(self._heights))
         code = self._code[slot]
         i, j = (code >> STRIDE) - FAR + 0.5, (code & ((1 << STRIDE) - 1)) - FAR + 0.5
         place = (i + 1j * j) / self._turn + self._place
-        return np.stack([place.real, place.imag, self.heights[slot]], axis=1), self.std[slot]
+        return np.stack([place.real, place.imag, self._heights[slot]], axis=1), self._std[slot]
 
     def holds(self, places: Places, middle: complex) -> NDArray[np.bool_]:
         """Return True for each place x + iy, m, that is inside the grid around a middle, m.
@@ -244,9 +242,9 @@ class HeightMap:
         """Compute what is known now: of all cells when they have moved or grown old, else of those just seen."""
         if moved or time >= self._refreshed + REFRESH:
             self._refreshed = time
-            np.sqrt(self._var + self.settings.wander**2 * (time - self._seen), out=self.std)
-            np.copyto(self.heights, self._z)
-            self.heights[self.std >= self.settings.known] = np.nan
+            np.sqrt(self._var + self.settings.wander**2 * (time - self._seen), out=self._std)
+            np.copyto(self._heights, self._z)
+            self._heights[self._std >= self.settings.known] = np.nan
         else:
-            self.std[slot] = std = np.sqrt(self._var[slot])
-            self.heights[slot] = np.where(std < self.settings.known, self._z[slot], np.nan)
+            self._std[slot] = std = np.sqrt(self._var[slot])
+            self._heights[slot] = np.where(std < self.settings.known, self._z[slot], np.nan)

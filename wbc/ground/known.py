@@ -263,7 +263,7 @@ class KnownGround:
         unknown = np.isnan(z)
         std[unknown] = 0.0
         if self.elevation is not None and "map" not in self.doubts:
-            z[unknown] = self.elevation.at(places[unknown]) + self._raised
+            z[unknown] = self.elevation.heights_at(places[unknown]) + self._raised
         return z, std
 
     def _doubt(self, what: str, why: str) -> None:
