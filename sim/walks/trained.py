@@ -16,7 +16,7 @@ from wbc.base.files import decoding
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
-from wbc.policy.control import PolicyControl, joint_columns
+from wbc.policy.control import PolicyControl, policy_columns
 from wbc.policy.description import PolicyDescription
 from wbc.policy.guard import PolicyGuard
 from wbc.sim.walks.plan import STEP_TIME, WalkPlan
@@ -59,7 +59,7 @@ def described(name: str) -> PolicyDescription:
 
 def check_trained(name: str, robot: Robot) -> None:
     """Raise an `InputError` for a policy that moves joints that the robot has not."""
-    joint_columns(robot, described(name).joints)
+    policy_columns(robot, described(name).joints)
 
 
 def driven(plan: WalkPlan) -> WalkPlan:

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from made_policies import DT, G1, LEGS, Known, control, described, write_network, write_tracker
+from numpy.typing import NDArray
 
 import wbc
 from wbc.base.errors import InputError, UnknownNameError, WbcError
@@ -84,6 +85,15 @@ def test_torques_that_a_policy_asks_for_stay_within_the_limits() -> None:
         plant.step(command)
 
 
+class Scribbler(Known):
+    """A network that uses its observation as room for its own numbers."""
+
+    def __call__(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        action = super().__call__(observation)
+        observation[:] = -9.0
+        return action
+
+
 def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
     n = len(LEGS)
     description = described(
@@ -92,7 +102,7 @@ def test_a_policy_acts_once_in_its_period_and_sees_its_history() -> None:
             Term("last_action", clip=0.05, scale=2.0),
         ]
     )
-    network = Known(9 + n, n, 0.1)
+    network = Scribbler(9 + n, n, 0.1)
     plant, policy = control(network, description)
     speeds = [0.1, 0.2, 0.3, 0.4]
     for speed in speeds:
@@ -312,6 +322,10 @@ def test_descriptions_that_cannot_be_are_refused(values: dict[str, Any], named: 
         (lambda: control(Known(8 + 3 * N, N), described()), InputError),
         (lambda: control(Known(9 + 3 * N, N - 1), described()), InputError),
         (lambda: control(Known(9 + 3, 1), described(joints=("left_gripper",))), UnknownNameError),
+        (
+            lambda: control(Known(9 + 3 * 2, 2), described(joints=("left_knee", "left_knee_joint"))),
+            InputError,
+        ),
         (
             lambda: control(Known(3, N), described(observation=[Term("gravity", scale=(1.0, 2.0))])),
             InputError,

@@ -107,7 +107,7 @@ class PolicyArms:
         others = [name for name in robot.joint_names if name not in set(joints)]
         self._others = controller.add(ReleasedJoints(robot, others, commanded=True))
         self.failure = self.remark = ""
-        self.changed, self._feed = np.zeros((2, robot.na))
+        self.changed, self._feed, self._rest = np.zeros((3, robot.na))
 
     def follow(self, default: Array, damping: Array) -> PostureTask:
         """Return a new task that holds a posture of the arms, rad, within the limits of their joints.
@@ -133,7 +133,7 @@ class PolicyArms:
         velocity = measurement.joint_velocity[index]
         torque[index] = -self._damping * velocity if torques is None else torques
         target[index] = measurement.joint_position[index]
-        return torque, target, self.changed
+        return torque, target, self._rest
 
     def torques(self, measurement: Measurement) -> Array | None:
         """Return the torques of the arms, shape (number of joints,), Nm; None where the QP has no solution."""

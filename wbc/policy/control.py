@@ -29,7 +29,7 @@ from wbc.motion import MotionClip
 from wbc.policy.arms import PolicyArms
 from wbc.policy.contacts import FootContacts
 from wbc.policy.description import PolicyDescription
-from wbc.policy.filter import PolicyFilter
+from wbc.policy.filter import FilterController, PolicyFilter
 from wbc.policy.network import Network, OnnxNetwork
 from wbc.policy.observation import Observation
 from wbc.policy.references import Frames, ScannedGround, Tracked, clip_frames, network_frames
@@ -149,10 +149,10 @@ class PolicyControl(SteeredControl):
                 raise InputError("a network of your own needs a description: PolicyDescription(joints=…, …)")
         if arms and filter is not None:
             raise InputError("arms of a policy are those of the QP, or filtered: give arms or filter")
-        self.controller = Controller(robot, dt) if filter is None else filter.controller(robot, dt)
+        self.controller = Controller(robot, dt) if filter is None else FilterController(robot, dt)
         self.drives = TorqueControl(self.controller, observer, failure_policy, safety=safety)
         self.network, self.description = network, description
-        self._columns = columns = np.array(joint_columns(robot, description.joints))
+        self._columns = columns = policy_columns(robot, description.joints)
         n = len(columns)
         self._every = round(description.period / dt)
         if self._every < 1 or abs(self._every * dt - description.period) > ROUNDING:
@@ -422,11 +422,12 @@ class PolicyControl(SteeredControl):
         return said if status == "ok" else f"{said}; {status}"
 
 
-def joint_columns(robot: Robot, joints: Sequence[str]) -> list[int]:
+def policy_columns(robot: Robot, joints: Sequence[str]) -> NDArray[np.intp]:
     """Return the columns of joints by name, with or without the ending "_joint", in the order of a policy.
 
     Raises:
         UnknownNameError: A joint that the robot has not.
+        InputError: Two names of one joint.
     """
     names = list(robot.joint_names)
     short = [name.removesuffix("_joint").lower() for name in names]
@@ -438,4 +439,8 @@ def joint_columns(robot: Robot, joints: Sequence[str]) -> list[int]:
             columns.append(short.index(key))
         else:
             unknown_name("joint of the robot", joint, names)
-    return columns
+        if columns[-1] in columns[:-1]:
+            raise InputError(
+                f"joints of a policy must be different, '{joint}' is '{names[columns[-1]]}' again"
+            )
+    return np.array(columns, dtype=np.intp)

@@ -35,7 +35,6 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.task import Task
-from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.policy.arms import PolicyArms
 
@@ -94,12 +93,8 @@ class PolicyFilter:
         self.arms, self.limits = tuple(names_in("arms of a filter", arms)), tuple(limits)
         self._speed, self._margin, self._reaction = speed, margin, reaction
 
-    def controller(self, robot: Robot, dt: float) -> Controller:
-        """Return a new controller that holds the limits of the filter."""
-        return FilterController(robot, dt)
-
-    def bind(self, controller: Controller) -> FilteredArms:
-        """Add the filter to a controller."""
+    def bind(self, controller: FilterController) -> FilteredArms:
+        """Add the filter to a controller of its own."""
         joint_limits = JointLimits(velocity_ratio=self._speed, margin=self._margin, joints=self.arms)
         most = REACTION * controller.robot.mass if self._reaction is None else self._reaction
         return FilteredArms(controller, self.arms, (joint_limits, TorqueLimits(), *self.limits), most)

@@ -16,7 +16,7 @@ class Observation:
     """Observation of a policy: its terms, bounded and scaled, each with those of the last ticks of the policy.
 
     Attributes:
-        values: What the network sees, shape (width,).
+        values: Values of the last ticks, shape (width,).
     """
 
     def __init__(self, terms: Sequence[Term], observed: Observed) -> None:
@@ -49,7 +49,7 @@ class Observation:
         self._fresh = True
 
     def take(self) -> NDArray[np.float32]:
-        """Read all terms, and return the values."""
+        """Read all terms, and return a copy of the values."""
         for part, (term, scale, clip) in zip(self._parts, self._terms, strict=True):
             values = term(self._observed)
             if clip is not None:
@@ -61,4 +61,4 @@ class Observation:
                 part[:-1] = part[1:]
                 part[-1] = values
         self._fresh = False
-        return self.values
+        return self.values.copy()
