@@ -93,7 +93,7 @@ class PolicyFilter:
         self.arms, self.limits = tuple(names_in("arms of a filter", arms)), tuple(limits)
         self._speed, self._margin, self._reaction = speed, margin, reaction
 
-    def bind(self, controller: FilterController) -> FilteredArms:
+    def bind(self, controller: Controller) -> FilteredArms:
         """Add the filter to a controller of its own."""
         joint_limits = JointLimits(velocity_ratio=self._speed, margin=self._margin, joints=self.arms)
         most = REACTION * controller.robot.mass if self._reaction is None else self._reaction

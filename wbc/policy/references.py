@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.base.errors import choose
 from wbc.base.numbers import Array
@@ -72,7 +73,9 @@ class Tracked:
         self.step += self.playing
 
 
-def clip_frames(robot: Robot, clip: MotionClip, columns: Array, anchor: str, period: float) -> Frames:
+def clip_frames(
+    robot: Robot, clip: MotionClip, columns: NDArray[np.intp], anchor: str, period: float
+) -> Frames:
     """Return the frames of a clip of the robot, for joints by their columns and for a policy with a period, s."""
     times = np.arange(0.0, clip.duration + 0.5 * period, period).clip(max=clip.duration)
     q = clip.sampled(times, 1.0 / period).configurations(robot)
