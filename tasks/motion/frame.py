@@ -349,8 +349,9 @@ class LookAtTask(FrameTask):
     @target.setter
     def target(self, value: ArrayLike | str) -> None:
         if isinstance(value, str):
-            self._followed_id = None if self._robot is None else self._robot.frame_id(value)
-            self._followed = value
+            followed = None if self._robot is None else self._robot.frame_id(value)
+            self._take_over()
+            self._followed, self._followed_id = value, followed
             return
         if self._followed_id is not None and np.may_share_memory(value, self.target):
             return
@@ -366,7 +367,10 @@ class LookAtTask(FrameTask):
         return finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._target = target  # no feed-forward: it would need the distance, and a gaze moves slowly
+        self._followed = self._followed_id = None
+        self._target = np.array(
+            target
+        )  # no feed-forward: it would need the distance, and a gaze moves slowly
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

@@ -45,7 +45,7 @@ class StabilizerTask(CoMTask):
     the vertical row has stiffness and damping, since the feedback of the DCM gives the horizontal acceleration.
 
     Attributes:
-        output: Output of the stabilizer in the last tick; None before the first one.
+        output: Output of the stabilizer in the last tick; None before the first one, and while both contacts are off.
     """
 
     __slots__ = (
@@ -195,6 +195,10 @@ class StabilizerTask(CoMTask):
         stabilizer.mass = estimate.mass  # with what it carries
         pendulum, contact = self._pendulum(), (feet.contacts[0].active, feet.contacts[1].active)
         com, velocity, wrenches = estimate.com, estimate.com_velocity, measurement.wrenches
+        if not any(contact):  # no foot carries a wrench: the CoM follows its target without feedback
+            self.output = None
+            self.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
+            return
         output = stabilizer.update(pendulum, com, velocity, wrenches, self._soles, contact, self._yaw, dt)
         self.output = output
         feet.follow(output, contact, self._places)

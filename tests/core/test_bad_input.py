@@ -52,6 +52,14 @@ def pairs(*names: str, **options: object) -> wbc.CollisionLimit:
     return wbc.CollisionLimit([names], **options)  # type: ignore[arg-type, list-item]
 
 
+def boxed(sole: wbc.SoleContact, *box: Any, first: bool = False) -> None:
+    """Give a sole of a robot its box, or first the box."""
+    if not first:
+        sole.bind(g1())
+    sole.set_box(*box)
+    sole.bind(g1())
+
+
 def observer() -> wbc.Observer:
     return wbc.Observer(g1().clone())
 
@@ -85,7 +93,13 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
         InputError,
         "quaternion",
     ),
+    (lambda: g1().clone().carry(99999, 1.0), InputError, "99999"),
+    (lambda: g1().placement(99999), InputError, "99999"),
     (lambda: Sole("left_foot", min_force=-1.0), InputError, "min_force"),
+    (lambda: setattr(wbc.FixedContact("pelvis"), "friction", 0.3), InputError, "friction"),
+    (lambda: boxed(Sole("left_foot"), 0.1, 10.0), InputError, "within its sole"),
+    (lambda: boxed(Sole("left_foot", torsion=0.1), 0.1, 0.05, (0.06, 0.0)), InputError, "within its sole"),
+    (lambda: boxed(Sole("left_foot"), 10.0, 0.05, first=True), InputError, "within its sole"),
     (lambda: Sole("left_foot", min_force=10.0, max_force=5.0), InputError, "left_foot"),
     (lambda: Sole("left_foot", ramp=NAN), InputError, "ramp"),
     (lambda: Sole("left_foot", wrench_weight=[1.0, 2.0]), InputError, "left_foot"),
@@ -158,6 +172,12 @@ def released() -> Any:
     return controller().release(["left_elbow_joint"])
 
 
+def spares() -> wbc.PositionTask:
+    task = wbc.PositionTask("left_hand")
+    task.spared = np.arange(2)
+    return task
+
+
 def limit(kind: type[Any]) -> Any:
     return next(each for each in controller().limits if isinstance(each, kind))
 
@@ -201,6 +221,12 @@ ASSIGNED: dict[str, tuple[Callable[[], Any], tuple[str, ...], tuple[object, ...]
     "obstacle's parts": (lambda: Obstacle("box", BALL), ("name", "shape"), (BALL, "ball", None)),
     "released joints": (released, ("response",), (0.0, -1.0, NAN, math.inf, "quick", None)),
     "task": (lambda: controller().tasks[0], ("spared",), (NAN, -1, "12", [-1], [0.5], [[1]], None)),
+    "spared joints": (spares, ("spared_acceleration",), (NAN, [0.0], "fast", [0.0, NAN], None)),
+    "frame speed": (
+        lambda: wbc.FrameSpeedLimit("left_hand", linear=1.0),
+        ("speed",),
+        (NAN, 1.0, np.zeros(6)),
+    ),
     "target": (lambda: controller().tasks[0], ("held_by",), (NAN, True, ["arm"])),
     "control": (
         lambda: wbc.TorqueControl(controller()),
@@ -224,6 +250,16 @@ def test_an_attribute_takes_no_value_that_cannot_be_used(what: str) -> None:
         if isinstance(before, np.ndarray) and before.size and what != "robot":
             with pytest.raises(ValueError, match="read-only"):
                 before[0] = 0.0
+
+
+def test_a_state_that_is_refused_leaves_the_robot_as_it_is() -> None:
+    robot, before = g1().clone(), (g1().q.copy(), g1().v.copy())
+    for update in (robot.update, robot.update_kinematics):
+        for q in (turned(1.1), turned(NAN)):
+            with pytest.raises(InputError):
+                update(q + 0.1 * (np.arange(q.size) > 6), np.ones(robot.nv))
+            np.testing.assert_array_equal(robot.q, before[0])
+            np.testing.assert_array_equal(robot.v, before[1])
 
 
 def test_a_box_can_be_moved() -> None:

@@ -314,6 +314,13 @@ def test_a_lower_level_changes_nothing_of_those_before() -> None:
     assert jacobians[1] @ with_all == pytest.approx(jacobians[1] @ with_two, abs=1e-7)
     assert abs(jacobians[1] @ with_two - 10.0 * hand.evaluated()[1]).max() < 0.05  # and the hand goes
     assert abs(with_all - with_two).max() > 0.1  # what was left free is used
+    kept, velocity = ik.solution, hand.evaluated()[0] @ with_two
+    assert kept is not None
+    before = kept.residuals[hand.name].copy()
+    ik.update(near_half_sitting(robot, np.random.default_rng(1), 0.2)[0])
+    ik.solve()  # a solution is that of its own step
+    np.testing.assert_array_equal(kept.residuals[hand.name], before)
+    assert abs(velocity).max() > 0.0
 
 
 def test_a_search_with_levels_ends_exactly_at_the_first_ones() -> None:
@@ -451,6 +458,28 @@ def test_a_search_says_what_is_out_of_reach_and_what_a_limit_holds() -> None:
     found = ik.reach()
     assert found.held_by == ("limits of panda_joint1",)
     assert found.missed == {"panda_link1 orientation": "0.104 rad"}
+
+
+def test_a_search_leaves_errors_and_what_holds_tasks_back_as_of_the_last_step() -> None:
+    ik = solver("panda")
+    hand = ik.add(wbc.PositionTask("panda_hand"))
+    hand.target = hand.target + [0.1, 0.1, -0.1]
+    ik.reach()
+    np.testing.assert_array_equal(hand.error, 0.0)
+    ik.solve()
+    before = hand.error, ik.held_back(), ik.diagnose()
+    assert np.linalg.norm(before[0]) > 0.1 and ik.reach().reached
+    np.testing.assert_array_equal(hand.error, before[0])
+    assert (ik.held_back(), ik.diagnose()) == before[1:]
+
+
+def test_frames_beyond_their_bounds_are_missed_in_their_units() -> None:
+    ik = solver("panda")
+    ik.add(wbc.FramePositionLimit("panda_link1", lower=[-np.inf, -np.inf, 5.0], name="high"))
+    ik.add(wbc.AxisConeLimit("panda_link0", 0.1, axis=[0.0, np.sin(0.5), np.cos(0.5)], name="cup"))
+    found = ik.reach()
+    height = ik.robot.placement("panda_link1").translation[2]
+    assert found.missed == {"high": f"{5.0 - height:.3g} m", "cup": "0.4 rad"}
 
 
 def test_more_starts_find_what_one_does_not() -> None:

@@ -213,6 +213,20 @@ def test_a_task_that_is_removed_leaves_the_feet_at_rest_and_is_removed_before_th
     controller.remove(left, right)
 
 
+@pytest.mark.parametrize("drives", ["torque", "position"])
+def test_a_robot_whose_contacts_are_both_off_is_solved_without_feedback(drives: Any) -> None:
+    robot = load("hrp4_class").robot()
+    controller = wbc.Controller(robot, 0.005)
+    feet = controller.add(wbc.SoleContact("left_foot", ramp=0.0), wbc.SoleContact("right_foot", ramp=0.0))
+    task = controller.add(StabilizerTask(feet, drives=drives))  # type: ignore[arg-type]
+    controller.solve(weight_on_both(robot, 0.0))
+    for on in (False, True):
+        for contact in feet:
+            contact.active = on  # type: ignore[union-attr]
+        assert controller.solve(weight_on_both(robot, 0.005)).ok
+        assert (task.output is not None) == bool(task.wrenches) == on
+
+
 def test_it_needs_two_feet_and_a_controller() -> None:
     left = wbc.SoleContact("left_foot")
     robot = load("hrp4_class").robot()

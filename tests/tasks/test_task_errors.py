@@ -15,7 +15,7 @@ from task_factory import (
     standing,
 )
 
-from wbc.base.errors import UnknownNameError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.base.numbers import Array
 from wbc.tasks import (
     AdmittanceTask,
@@ -174,3 +174,22 @@ def test_a_gaze_follows_a_frame_that_moves() -> None:
     np.testing.assert_array_equal(gaze.target, robot.placement("right_hand").translation)
     with pytest.raises(UnknownNameError, match="did you mean 'left_hand'"):
         controller.add(LookAtTask(robot.torso_frame, "left_hant", name="other"))
+    # A move begins at the frame and ends at its target; another frame ends the move.
+    gaze.move_to([1.0, 0.5, 1.0], duration=0.01)
+    while gaze.moving:
+        controller.solve()
+    np.testing.assert_allclose(gaze.target, [1.0, 0.5, 1.0], atol=1e-12)
+    jacobian, error, _ = gaze.evaluated()
+    alone = LookAtTask(robot.torso_frame, [1.0, 0.5, 1.0])
+    alone.bind(robot)
+    np.testing.assert_allclose(error, alone.evaluated()[1], atol=1e-12)
+    np.testing.assert_allclose(jacobian, alone.evaluated()[0], atol=1e-12)
+    gaze.move_to([1.0, 0.0, 1.0])
+    gaze.target = "left_hand"
+    assert not gaze.moving
+    controller.solve()
+    np.testing.assert_array_equal(gaze.target, robot.placement("left_hand").translation)
+    gaze.held_by = "walking.head"
+    with pytest.raises(InputError, match="walking.head"):
+        gaze.target = "right_hand"
+    np.testing.assert_array_equal(gaze.target, robot.placement("left_hand").translation)

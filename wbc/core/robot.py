@@ -284,7 +284,6 @@ class Robot:
         self._base_rotation, self._gravity = data.oMi[1].rotation, np.array(model.gravity.linear)
         self._still = None if self.floating else model.createData()  # for `com_drift`
         self.q = np.array(self.half_sitting)
-        self._quaternion = self.q[3:7]
         self.v, self._no_acceleration = np.zeros(self.nv), np.zeros(self.nv)
         self.update(self.q, self.v)
         self.length_scale = min(1.0, self._com_height() / FULL_HEIGHT)
@@ -325,6 +324,8 @@ class Robot:
             point: Position of the mass in the frame, shape (3,), m.
         """
         index = frame if isinstance(frame, int) else self.frame_id(frame)
+        if not 0 <= index < self.model.nframes:
+            self._refuse_frame(index)
         carrier = self.model.frames[index]
         joint = int(carrier.parentJoint)
         if joint == 0:
@@ -437,17 +438,18 @@ class Robot:
         try:
             if len(q) != self.nq or len(v) != self.nv:
                 raise ValueError
-            self.q[:] = q
+            if self.floating:
+                x, y, z, w = np.asarray(q)[3:7].tolist()
+                if not abs(x * x + y * y + z * z + w * w - 1.0) <= 2.0 * UNIT:  # or NaN
+                    _refuse_quaternion("configuration", np.array((x, y, z, w)))
             self.v[:] = v
+            self.q[:] = q
+        except InputError:
+            raise
         except (TypeError, ValueError) as error:
             raise InputError(
                 f"configuration and velocity must have shapes ({self.nq},) and ({self.nv},), got {shown(q)}, {shown(v)}"
             ) from error
-        if not self.floating:
-            return
-        x, y, z, w = self._quaternion.tolist()
-        if not abs(x * x + y * y + z * z + w * w - 1.0) <= 2.0 * UNIT:  # or NaN
-            _refuse_quaternion("configuration", self._quaternion)
 
     def check_configuration(self, what: str, value: ArrayLike) -> Array:
         """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages."""
@@ -533,7 +535,15 @@ class Robot:
 
     def placement(self, frame: str | int) -> pin.SE3:
         """Return the placement of a frame in the world, a view that updates change; `pin.SE3(placement)` copies it."""
-        return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
+        try:
+            return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
+        except IndexError:
+            self._refuse_frame(frame)
+
+    def _refuse_frame(self, number: object) -> NoReturn:
+        raise InputError(
+            f"number of a frame of robot '{self.name}' must be from 0 to {self.model.nframes - 1}, got {number}"
+        )
 
     def joints_between(self, frame: str, trunk: str) -> list[int]:
         """Return the joints between a trunk and a frame, such as a hand, in order from the trunk outwards.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, overload
 
@@ -21,7 +21,6 @@ from wbc.core.qp.diagnosis import held_back, is_far
 from wbc.core.qp.items import Item, Items, ItemT
 from wbc.core.qp.solving.solution import holding
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
-from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import Task, VariableTask
 from wbc.core.robot import Robot
 
@@ -37,18 +36,18 @@ class VelocitySolution:
         status: Step of the solver's ladder that succeeded; `RELAXED` where limits, contacts and hard tasks could not
             all be kept. When `ok` is False the velocities are zero.
         velocities: Generalised velocities: base (in its own frame), then joints, shape (nv,), m/s and rad/s.
-        values: Velocities of the rows of the QP.
-        targets: Wanted velocities of all rows.
+        residual: Achieved minus wanted velocities of all rows; see `residuals`.
         multipliers: Multipliers of the inequalities, positive where the upper bound is active.
-        rows: Rows of tasks and limits, with their names.
+        places: Task name → its rows in `residual`.
+        names: Name of each inequality.
     """
 
     status: Status
     velocities: Array
-    values: Array
-    targets: Array
+    residual: Array
     multipliers: Array
-    rows: RowStore
+    places: Mapping[str, slice]
+    names: tuple[str, ...]
 
     def __repr__(self) -> str:
         return f"VelocitySolution({self.status.name.lower()}, {len(self.active_limits)} active limits)"
@@ -67,13 +66,12 @@ class VelocitySolution:
     @property
     def residuals(self) -> dict[str, Array]:
         """Task name → achieved minus wanted velocity, shape (dim,), unit of the task per second."""
-        residuals = self.rows.residuals(self.velocities, self.values, self.targets)
-        return {name: residuals[place] for name, place in self.rows.places.items()}
+        return {name: self.residual[place] for name, place in self.places.items()}
 
     @property
     def active_limits(self) -> tuple[str, ...]:
         """Names of the limits that are active, each once."""
-        return tuple(dict.fromkeys(holding(self.rows.names, self.multipliers)))
+        return tuple(dict.fromkeys(holding(self.names, self.multipliers)))
 
 
 class InverseKinematics(Items):
@@ -227,8 +225,9 @@ class InverseKinematics(Items):
         self._write()
         velocities, multipliers, status = self._solve()
         values = solver.values if not assembly.lower else assembly.problem.rows.dot(velocities)
+        residual = assembly.residuals(velocities, values, assembly.targets)
         self._solution = VelocitySolution(
-            status, velocities, values, assembly.targets.copy(), multipliers, assembly
+            status, velocities, residual, multipliers, assembly.places, assembly.names
         )
         return velocities
 
@@ -294,18 +293,17 @@ class InverseKinematics(Items):
         robot = self.robot
         before, velocity = robot.q.copy(), robot.v.copy()
         tasks = [task for task in self._tasks if not task.of_velocity]
+        own, dirty = (self._assembly, self._solver), self._dirty  # with the rows of the last step
         robot.v[:] = 0.0
-        if self._dirty or len(tasks) < len(self._tasks):
-            self._rebuild(tasks)
-        elif self._reads_all:
-            self._refresh()
+        self._rebuild(tasks)
         try:
             self._write()
             found = Search(robot, tasks, self._assembly, self._solve, self._move, tolerance)
             return found.run(iterations, starts, seed)
         finally:
-            robot.v[:], self._dirty = velocity, len(tasks) < len(self._tasks)
+            robot.v[:], (self._assembly, self._solver), self._dirty = velocity, own, False
             self._move(before)
+            self._dirty = dirty
 
     def held_back(self) -> dict[str, tuple[str, ...]]:
         """Return the tasks that others hold off their targets at the last step → names of what does; slow.

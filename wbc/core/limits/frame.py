@@ -10,13 +10,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.base.checked import checked
+from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, numbers, read_only, scalar
 from wbc.base.settings import Positive
 from wbc.base.vectors import add_cross, turned
 from wbc.core.frames import frame_jacobian, unit_vector
-from wbc.core.limits.base import RECOVERY, Barrier
+from wbc.core.limits.base import OPTIONS, RECOVERY, Barrier
 from wbc.core.robot import Robot
 
 FLAT = 0.1
@@ -66,6 +66,8 @@ class FramePositionLimit(FrameLimit):
     FramePositionLimit("hand", lower=(0.2, -0.5, 0.1))
     FramePositionLimit("hand", directions=[(0.0, 0.6, 0.8)], upper=[1.2])
     """
+
+    step_unit = "m"
 
     @checked
     def __init__(
@@ -154,7 +156,13 @@ class FramePositionLimit(FrameLimit):
 
 
 class FrameSpeedLimit(FrameLimit):
-    """Limit of the linear and of the angular velocity of a frame, for each component along the world axes."""
+    """Limit of the linear and of the angular velocity of a frame, for each component along the world axes.
+
+    Attributes:
+        speed: Greatest components, linear then angular, shape (6,), m/s and rad/s; read-only.
+    """
+
+    speed: Array = result("_speed", OPTIONS)
 
     @checked
     def __init__(
@@ -174,7 +182,7 @@ class FrameSpeedLimit(FrameLimit):
             name: Name of the limit.
         """
         super().__init__(frame, "speed", 6, name)
-        self.speed = np.repeat([linear, angular], 3)
+        self._speed = np.repeat([linear, angular], 3)
 
     def measure(self, rows: Array, below: Array, above: Array) -> None:
         """Fill a row for each component, which has room without end; see `Barrier.measure`."""
@@ -186,7 +194,7 @@ class FrameSpeedLimit(FrameLimit):
         return self._acceleration()
 
     def _final_speeds(self, room: Array, speed: Array, out: Array) -> Array:
-        out[:] = self.speed
+        out[:] = self._speed
         return out
 
     def _least_accelerations(self, room: Array, out: Array) -> Array:
@@ -244,6 +252,10 @@ class AxisConeLimit(FrameLimit):
         self._now = axis, cosine, turn, sine
         np.dot(turn, self._jacobian()[3:], out=rows[0])
         above[:] = np.inf
+
+    def violation(self, row: int, size: float) -> str:
+        """Return the angle beyond the cone; see `Limit.violation`: `size` is a difference of cosines near the cone."""
+        return f"{math.acos(max(-1.0, min(1.0, self._now[1]))) - self._angle:.3g} rad"
 
     def drift(self) -> Array:
         """Return the acceleration of the row; see `Barrier.drift`.

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
-from wbc.base.numbers import Array, finite_array, finite_scalar, read_only
+from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
 from wbc.core.frames import frame_jacobian, pose, unit_vector
@@ -134,12 +134,14 @@ class Contact(Motion):
 
     @property
     def friction(self) -> float:
-        """Coulomb coefficient."""
+        """Coulomb coefficient; a contact without a friction cone has none, and refuses one."""
         return self._friction
 
     @friction.setter
     @checked
     def friction(self, value: Positive) -> None:
+        if not hasattr(self, "_friction"):
+            raise InputError(f"contact '{self.name}' of class {type(self).__name__} has no friction")
         self._friction = value
         self.update_cone()
 
@@ -423,6 +425,8 @@ class SoleContact(HeldFrame):
         sole = robot.sole(self.name)
         self.name, self.frame = sole.name, sole.frame
         self._size = sole.length, sole.width
+        if self._box is not None:
+            self._check_box(self._box, self._centre[:2])
         self.update_cone()
         if not self._least_given:
             self._set_forces(LEAST_FORCE * robot.force_scale, self._max_force)
@@ -443,7 +447,7 @@ class SoleContact(HeldFrame):
                 centre.
         """
         least = 2.0 * self._margin
-        self._box = (
+        box = (
             finite_scalar(f"length of contact '{self.name}' (m)", length, above=least),
             finite_scalar(f"width of contact '{self.name}' (m)", width, above=least),
         )
@@ -452,8 +456,18 @@ class SoleContact(HeldFrame):
             raise InputError(
                 f"the box of contact '{self.name}' on flat ground is centred, got centre {centre}"
             )
+        self._check_box(box, place)
+        self._box = box
         self.centre_box(place)
         self.update_cone()
+
+    def _check_box(self, box: tuple[float, float], centre: Array) -> None:
+        """Refuse a box that is not within the robot's sole, where that is known."""
+        if self._size and (0.5 * np.subtract(self._size, box) + ROUNDING < np.abs(centre)).any():
+            raise InputError(
+                f"the box of contact '{self.name}' must lie within its sole, {self._size[0]} × {self._size[1]} m; got "
+                f"{box[0]} × {box[1]} m about {centre.tolist()}"
+            )
 
     def centre_box(self, centre: Sequence[float] | Array) -> None:
         """Move the box of the CoP to a centre in the sole frame, shape (2,), m; without a check, for code in the tick.

@@ -200,12 +200,13 @@ class Task(Motion):
 
     @property
     def spared_acceleration(self) -> Array:
-        """Expected accelerations of the coordinates in `spared`, shape (n,)."""
-        return self._choice.expected[: self._choice.spared.size]
+        """Expected accelerations of the coordinates in `spared`, shape (n,), read-only; assign an array."""
+        return read_only(self._choice.expected[: self._choice.spared.size])
 
     @spared_acceleration.setter
     def spared_acceleration(self, value: Array) -> None:
-        self._choice.expected[: self._choice.spared.size] = value
+        expected = self._choice.expected[: self._choice.spared.size]
+        expected[:] = finite_array(f"spared_acceleration of task '{self.name}'", value, expected.shape)
 
     def _critical_damping(self, stiffness: Array) -> Array:
         """Return none for a task on a velocity, whose error decays with its stiffness alone; see `Motion`."""
