@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import finite_array
-from wbc.base.settings import settings
+from wbc.base.settings import settings, to_json
 from wbc.sim.terrain.families.base import Family
 from wbc.sim.terrain.ground import Ground, HeightField
-from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
+from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Sphere
 
 SHAPES = {kind.__name__: kind for kind in (Box, Capsule, Cylinder, Ellipsoid, Pyramid, Sphere)}
 """Solids that are drawn, by name."""
+
+SIZES = {"rotation": (3, 3), "z": None}
+"""Shapes of arrays that are no points; None for any shape."""
 
 DIGITS = 6
 """Digits of a height behind the point: a ground that is shown has them to 1 µm."""
@@ -47,18 +50,13 @@ class Recorded(Family):
     @staticmethod
     def of(family: str, plain: Mapping[str, Any]) -> Recorded:
         """Return the ground that `plain_ground` has made plain; any error is one of the values."""
-        shapes, strips = ([_shape(each) for each in plain[name]] for name in ("shapes", "strips"))
-        boxes = tuple(strip for strip in strips if isinstance(strip, Box))
-        field, heights = plain["field"], None
-        if field is not None:
-            z = np.asarray(field["z"], dtype=np.float64)
-            if z.ndim != 2 or min(z.shape) < 2:  # noqa: PLR2004 - rows and columns
-                raise InputError(
-                    f"heights of a recorded ground must be rows and columns, got shape {z.shape}"
-                )
-            x0, x1, y0, y1 = finite_array("ends of a recorded ground", field["ends"], (4,)).tolist()
-            heights = HeightField(x0, x1, y0, y1, finite_array("heights of a recorded ground", z, z.shape))
-        return Recorded(family, Ground(float(plain["floor"]), tuple(shapes), boxes, heights))
+        kinds = [choose("solid of a recorded ground", each["kind"], SHAPES) for each in plain["shapes"]]
+        shapes = tuple(_made(SHAPES[kind], each) for kind, each in zip(kinds, plain["shapes"], strict=True))
+        strips = tuple(_made(Box, each) for each in plain["strips"])
+        field = None if plain["field"] is None else _made(HeightField, plain["field"])
+        if field is not None and (field.z.ndim != 2 or min(field.z.shape) < 2):
+            raise InputError(f"z of a recorded HeightField must have rows and columns, got {field.z.shape}")
+        return Recorded(family, Ground(float(plain["floor"]), shapes, strips, field))
 
 
 def plain_ground(ground: Ground) -> dict[str, Any]:
@@ -66,24 +64,17 @@ def plain_ground(ground: Ground) -> dict[str, Any]:
     field = ground.field
     return {
         "floor": ground.floor,
-        "shapes": [_plain(shape) for shape in ground.shapes],
-        "strips": [_plain(strip) for strip in ground.strips],
-        "field": None
-        if field is None
-        else {"ends": [field.x0, field.x1, field.y0, field.y1], "z": np.round(field.z, DIGITS).tolist()},
+        "shapes": [{"kind": type(shape).__name__, **to_json(shape)} for shape in ground.shapes],
+        "strips": to_json(ground.strips),
+        "field": None if field is None else to_json(replace(field, z=np.round(field.z, DIGITS))),
     }
 
 
-def _plain(shape: Any) -> dict[str, Any]:
-    values = {each.name: np.asarray(getattr(shape, each.name)).tolist() for each in fields(shape)}
-    return {"kind": type(shape).__name__, **values}
-
-
-def _shape(plain: Mapping[str, Any]) -> Shape:
-    kind: Any = SHAPES[choose("solid of a recorded ground", plain["kind"], SHAPES)]
-    values = {}
-    for each in fields(kind):
-        size = (3, 3) if each.name == "rotation" else () if each.type == "float" else (3,)
-        value = finite_array(f"{each.name} of a recorded {plain['kind']}", plain[each.name], size)
-        values[each.name] = value if size else float(value)
-    return kind(**values)  # type: ignore[no-any-return]
+def _made(kind: Any, plain: Mapping[str, Any]) -> Any:
+    """Return a solid or a field of heights of plain values, which are numbers, points or arrays."""
+    sizes = {each.name: () if each.type == "float" else SIZES.get(each.name, (3,)) for each in fields(kind)}
+    values = {
+        name: finite_array(f"{name} of a recorded {kind.__name__}", plain[name], size)
+        for name, size in sizes.items()
+    }
+    return kind(**{name: value if value.ndim else float(value) for name, value in values.items()})

@@ -55,7 +55,7 @@ def run(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
 def test_an_end_by_interrupt_is_recorded_and_repeated(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("wbc.app.live.LiveDrive.viewer", None)  # no page
+    monkeypatch.setattr("wbc.app.live.LiveDrive.__post_init__", lambda _: None)  # no page
     log, again = tmp_path / "log.arrow", tmp_path / "again.arrow"
     first = run(capsys, *words, *LEVEL, "--record", str(log))
     assert first["outcome"] == "stopped" and len(Log.open(log)) == 150

@@ -203,8 +203,8 @@ def test_more_is_logged_when_asked_for(words: Any, level: int, monkeypatch: pyte
 
 
 def test_a_run_is_shown_by_the_viewer_that_is_named_and_driven_from_the_workbench() -> None:
-    assert LiveView().viewer is None and LiveView(view="rerun").viewer == "rerun"
-    assert LiveDrive(drive=True).viewer == LiveDrive(drive=True, view="workbench").viewer == "workbench"
+    assert LiveView().view is None and LiveView(view="rerun").view == "rerun"
+    assert LiveDrive(drive=True).view == LiveDrive(drive=True, view="workbench").view == "workbench"
     assert LiveView(view="meshcat", port=7001).port == LiveDrive(drive=True, port=7001).port == 7001
     for options in (
         {"port": 7001},
@@ -374,7 +374,7 @@ def test_options_of_a_press_are_those_of_its_test(monkeypatch: pytest.MonkeyPatc
     assert pressed[1].robot_sole != foot_command.HRP4C_SOLE
     assert pressed[1].foot == foot_by_name("soft")
     assert main(["foot", "press", "--stiffness", "7", "--foot-param", "stiffness=8"]) == 2
-    assert "twice" in capsys.readouterr().err and len(pressed) == 2
+    assert "the stiffness of a foot" in capsys.readouterr().err and len(pressed) == 2
 
 
 def test_the_table_of_robots_has_four_figures_and_soles_in_millimetres(capsys: Said) -> None:

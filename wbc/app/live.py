@@ -49,16 +49,11 @@ class LiveView:
     view: Viewer | None = None
     port: Port | None = None
 
-    @property
-    def viewer(self) -> Viewer | None:
-        """Name of the viewer; None for a run that is not shown."""
-        return self.view
-
     def __post_init__(self) -> None:
-        if self.port is not None and self.viewer in (None, "mujoco"):
+        if self.port is not None and self.view in (None, "mujoco"):
             pages = ", ".join(name for name in get_args(Viewer) if name != "mujoco")
             raise InputError(
-                f"the port is that of a page: it needs --view with one of {pages}, got {self.viewer}"
+                f"the port is that of a page: it needs --view with one of {pages}, got {self.view}"
             )
 
     def run(
@@ -74,8 +69,8 @@ class LiveView:
         """
         with ExitStack() as stack:
             views: list[View] = []
-            if self.viewer is not None:
-                module, name = VIEWERS[self.viewer]  # most runs are not watched
+            if self.view is not None:
+                module, name = VIEWERS[self.view]  # most runs are not watched
                 view: View = getattr(import_module(module), name)(
                     port=self.port, speed=1.0, wait=BROWSER_TIME
                 )
@@ -102,16 +97,13 @@ class LiveDrive(LiveView):
 
     drive: bool = False
 
-    @property
-    def viewer(self) -> Viewer | None:
-        """Name of the viewer; None for a run that is not shown."""
-        return "workbench" if self.drive else self.view
-
     def __post_init__(self) -> None:
         if self.drive and self.view not in (None, "workbench"):
             raise InputError(
                 f"the page to drive from is the workbench: --drive needs no --view, got {self.view}"
             )
+        if self.drive:
+            object.__setattr__(self, "view", "workbench")
         super().__post_init__()
 
 

@@ -150,7 +150,7 @@ def _track(file: Path, spec: TrackSpec, options: ClipOptions, live: LiveView, ou
         clip, lines = feasible.clip, _changes(given, feasible)
         data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
     result, trial, hooks = live.run(
-        lambda: TrackTrial(clip, spec, visuals=live.viewer is not None),
+        lambda: TrackTrial(clip, spec, visuals=live.view is not None),
         lambda trial, hooks: trial.run(hooks),
         lambda ended: "tracked to its end" if ended.completed else f"fell after {ended.seconds:.2f} s",
     )

@@ -18,7 +18,7 @@ def stand(
 ) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
     result, trial, hooks = live.run(
-        lambda: StandTrial(options, visuals=live.viewer is not None),
+        lambda: StandTrial(options, visuals=live.view is not None),
         lambda trial, hooks: trial.run(hooks),
         lambda ended: f"{'stood' if ended.upright else 'fell after'} {ended.seconds:g} s",
     )

@@ -147,7 +147,7 @@ def walk(
         how = "fell" if ended.fall is not None else ended.outcome
         return f"{how} after {ended.steps_done} steps and {ended.seconds:.1f} s"
 
-    result, trial, _ = live.run(lambda: WalkTrial(spec, visuals=live.viewer is not None), simulate, outcome)
+    result, trial, _ = live.run(lambda: WalkTrial(spec, visuals=live.view is not None), simulate, outcome)
     data, text = with_changes(acting, trial, result.to_json(), walk_text(result, spec))
     data["spec"] = spec.to_json()
     lost = None if record is None else record.loss
