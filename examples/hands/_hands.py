@@ -16,7 +16,7 @@ from wbc.walking import FootstepPlan, HandSettings, SteppingSettings, WalkingCon
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import _common  # noqa: E402
 
-LENGTH = {"talos": 0.19}
+LENGTH = {"hrp4_class": 0.16, "talos": 0.19}
 """From the frame of a hand to its tip where it is not that of `HandSettings`, m."""
 
 LOW = SteppingSettings(swing_height=0.09)

@@ -16,7 +16,7 @@ from wbc.sim import make_scene
 from wbc.walking import FootstepPlan, turn_in_place, walk_distance
 
 ROBOTS = {
-    "hrp4_class": (0.383, 0.893, 15.0, 13.5, 4.4),
+    "hrp4_class": (0.403, 0.893, 15.0, 13.5, 4.4),
     "talos": (0.55, 0.95, 49.0, 30.0, 4.4),
     "g1": (0.365, 0.85, 15.0, 13.5, 2.2),
 }

@@ -66,9 +66,10 @@ slow one shifts the CoM for hands that grip, and is the feed-forward of their ar
 LEAST_WAY = 0.01
 """Length of the part of a way along a surface, or towards it, below which the hand goes straight, m."""
 
-WRENCH_WEIGHT, BOUNDED = 1.0, 1.0
-"""Cost of a force other than the asked one, per N² and (Nm)², beside 10⁻³ per (Nm)² of a sole; lack of force from
-which on an arm counts as too weak, N."""
+PRESS_WEIGHT, GRIP_WEIGHT, BOUNDED = 1.0, 100.0, 1.0
+"""Costs of a force other than the asked one of hands that press and that grip, per N² and (Nm)², beside 10⁻³ per (Nm)²
+of a sole; lack of force from which on an arm counts as too weak, N. What is gripped may roll: with a cost of 1 the QP
+takes 100 N from a cart that gives 17 N as soon as a step asks for it, and the arms throw themselves about."""
 
 ZERO = np.zeros(3)
 """No moment, or no turning."""
@@ -156,8 +157,8 @@ class Hand:
         self.contact = PointContact(frame, point=self.tip, **options)
         self.grasp = FixedContact(frame, **options)
         self.contact.name, self.grasp.name = f"{name} press", f"{name} grip"
-        self._force = WrenchTask(self.contact, weight=WRENCH_WEIGHT)
-        self._wrench = WrenchTask(self.grasp, weight=WRENCH_WEIGHT)
+        self._force = WrenchTask(self.contact, weight=PRESS_WEIGHT)
+        self._wrench = WrenchTask(self.grasp, weight=GRIP_WEIGHT)
         self.direction = np.zeros(3)
         self.reading, self.tare = np.zeros(6), np.zeros(6)
         self._then = HandState.APPROACH  # state after the way to where it presses or grips
