@@ -9,7 +9,6 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from wbc.base.checked import checked
-from wbc.base.files import check_hash, file_hash
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, settings
 from wbc.core.conventions import rotation_of
@@ -19,7 +18,7 @@ from wbc.core.robot import GRAVITY
 from wbc.motion import MotionClip, MotionSource, read_motion, tracking_settings
 from wbc.robots import load
 from wbc.sim.trial.falls import BodyLimits, FallSettings
-from wbc.sim.trial.spec import RobotName, TrialResult, TrialSpec
+from wbc.sim.trial.spec import RobotName, TrialResult, TrialSpec, file_of, stamped_file
 from wbc.sim.trial.trial import Trial, TrialHook, TrialTick
 from wbc.walking.control import WalkingControl
 
@@ -45,25 +44,22 @@ class MotionSpec(TrackSpec):
     """One tracked clip as a trial of a study: the fields of `TrackSpec`, and the file of the clip.
 
     Attributes:
-        motion: File of a feasible clip, which `wbc motion filter` writes.
-        content: Hash of its content; that of the file when None. A file that has changed since is refused.
+        motion: File of a feasible clip, which `wbc motion filter` writes; in a written spec with "#" and the hash of
+            its content behind it. A file that has changed since is refused.
     """
 
     kind: ClassVar[str] = "track"
 
     motion: str
-    content: str | None = None
 
     def __post_init__(self) -> None:
-        if self.content is None:
-            object.__setattr__(self, "content", file_hash(self.motion))
+        object.__setattr__(self, "motion", stamped_file(self.motion, "motion"))
         super().__post_init__()
         self.clip().configurations(load(self.robot).robot())  # refuses a clip of another robot
 
     def clip(self) -> MotionClip:
         """Return the clip."""
-        check_hash(self.motion, self.content)
-        return read_motion(self.motion)
+        return read_motion(file_of(stamped_file(self.motion, "motion")))
 
 
 @dataclass(frozen=True, kw_only=True)

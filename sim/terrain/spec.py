@@ -350,11 +350,7 @@ class Terrain:
             "parameters": {
                 f.name: _as_text(getattr(self.parameters, f.name)) for f in fields(self.parameters)
             },
-            "start_m": self.start,
-            "length_m": self.length,
-            "width_m": self.width,
-            "strip_m": self.strip,
-            "ramp_m": self.ramp,
+            **{f"{name}_m": getattr(self, name) for name in ("start", "length", "width", "strip", "ramp")},
             "floor_stiffness_n_per_m3": self.floor_stiffness,
             "floor_damping_ns_per_m3": None if self.floor_stiffness is None else self.own_damping,
             "unidirectional": self.parameters.unidirectional,

@@ -2,53 +2,29 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
-from pathlib import Path
 
 from wbc.base.errors import InputError
-from wbc.base.files import decoding
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.policy.control import PolicyControl, policy_columns
 from wbc.policy.description import PolicyDescription
 from wbc.policy.guard import PolicyGuard
+from wbc.sim.trial.spec import file_of, stamped_file
 from wbc.sim.walks.plan import STEP_TIME, WalkPlan
 
 SPEED, START = 0.3, 1.0
 """Velocity of a walk over a distance, m/s, and the time of the stand before a walk, s."""
 
-STAMPED = re.compile(r"(.+)#([0-9a-f]{16})", re.DOTALL)
-"""Name of a file with the hash of its content."""
-
 
 def stamped_policy(name: str) -> str:
-    """Return the name of a policy's file with the hash of its content, and of the description beside it.
-
-    Raises:
-        InputError: A file that cannot be read, or whose content is not that of a hash in the name.
-    """
-    given = STAMPED.fullmatch(name)
-    file, digest = given[1] if given else name, hashlib.sha256()
-    for each in (Path(file), Path(file).with_suffix(".toml")):
-        if each == Path(file) or each.is_file():
-            with decoding(each, "policy") as path:
-                digest.update(path.read_bytes())
-    found = digest.hexdigest()[:16]
-    if given and found != given[2]:
-        raise InputError(f"{file} has changed: its hash is {found}, the walk was specified with {given[2]}")
-    return f"{file}#{found}"
-
-
-def file_of(name: str) -> str:
-    """Return the file of a name with a hash."""
-    return name.rpartition("#")[0]
+    """Return the name of a policy's file with the hash of its content, and of the description beside it."""
+    return stamped_file(name, "policy", ".toml")
 
 
 @lru_cache(maxsize=16)

@@ -117,7 +117,8 @@ class WalkTrial(Trial):
         """
         self._begin = time.perf_counter()
         self.spec = spec
-        self._policy = spec.scheduling[0] if policy is None else _name(policy)
+        own = getattr(policy, "__name__", type(policy).__name__)
+        self._policy = spec.scheduling[0] if policy is None else own
         prepared = self._prepared = spec.prepare()
         with one_thread():
             robot = prepared.robot()
@@ -289,11 +290,6 @@ def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) 
     if any(spec.start) or any(shift):
         plant.reset(plant.on_ground(moved_configuration(moved_configuration(plant_q, shift), spec.start)))
     return plant
-
-
-def _name(policy: PolicyLike) -> str:
-    """Return the name of a policy that is not in the registry: that of its function or class."""
-    return str(getattr(policy, "__name__", type(policy).__name__))
 
 
 def _range_sensor(spec: WalkSpec, settings: WalkTrialSettings) -> RangeSensor | None:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from wbc.sim.trial.spec import file_of
 from wbc.sim.walks.result import Spread, WalkResult
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trained import file_of
 
 REASONS = {
     "height": "it dropped",

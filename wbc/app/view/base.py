@@ -141,7 +141,8 @@ class View(TrialHook, ABC):
         if opens := not self._opened:
             self._open(free_port(self._port))
             self._opened = True
-        self._begin()
+        self._build()
+        self._show_last()
         if opens and self.url:
             told = f"live view: {self.url} (of this machine alone; from another: ssh -L)"
             print(told, file=sys.stderr, flush=True)
@@ -203,11 +204,6 @@ class View(TrialHook, ABC):
                 "a view shows a plant or a MujocoLoop, or the description of a robot without a walk, whose states are "
                 f"given to update(robot); got {source!r}"
             )
-
-    def _begin(self) -> None:
-        """Show the scene, and the first picture of a simulation."""
-        self._build()
-        self._show_last()
 
     # ---- what a kind of page does -----------------------------------------------------------------------------------
 

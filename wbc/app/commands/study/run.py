@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.progress import Progress, TextColumn
 
 from wbc.app.commands.study.show import PartOptions, StudyFile, entries_of
-from wbc.app.output import Output, Report, progress_console, reports
+from wbc.app.output import Output, Report, facts_text, progress_console, reports
 from wbc.base.errors import InputError, one_line, unknown_name
 from wbc.base.files import check_target, write_text
 from wbc.base.registry import allow_code, code_of
@@ -166,12 +166,7 @@ def _rerun(options: RunOptions, key: str, output: Output) -> Report:
     if other:
         lines.append(f"  the journal's is of another version of the code: {', '.join(other)}")
     lines += [f"  {line}" for line in (outcome.error or "").splitlines()]
-    lines += [
-        f"  {name:<12} {value}"
-        for name, value in (outcome.result or {}).items()
-        if isinstance(value, (bool, int, float, str))
-    ]
-    return output.report(facts, "\n".join(lines))
+    return output.report(facts, "\n".join([*lines, facts_text(outcome.result or {})]))
 
 
 def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:
