@@ -13,11 +13,12 @@ interrupted program goes on where it stopped.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import random
 from pathlib import Path
 from typing import Any
+
+from _runs import Row, make_runs, register_runs, rows
 
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.studies.intervals import rate_interval
@@ -107,8 +108,8 @@ class RandomOrders(TrialHook):
         self.counts["plan"] += 1
 
 
-def drive(robot: str, seed: int, impulse: float) -> dict[str, Any]:
-    """Return the record of one drive."""
+def drive(robot: str, seed: int, impulse: float) -> Row:
+    """Drive, and return what became of it; the impulse of a push is in Ns/kg."""
     draw = random.Random(f"pushes of {seed}")
     times = [k * PUSH_PERIOD + draw.uniform(-3.0, 3.0) for k in range(1, int(SECONDS / PUSH_PERIOD))]
     pushes = tuple(
@@ -123,10 +124,12 @@ def drive(robot: str, seed: int, impulse: float) -> dict[str, Any]:
     trial.scenario.append(orders)
     result = trial.run()
     return {
-        "robot": robot, "seed": seed, "impulse": impulse, "outcome": result.outcome, "seconds": result.seconds,
-        "steps": result.steps_done, "failures": result.failures, "fall": result.fall_reason,
-        "orders": orders.counts,
+        "outcome": result.outcome, "seconds": result.seconds, "steps": result.steps_done,
+        "failures": result.failures, "fall": result.fall_reason, "orders": orders.counts,
     }  # fmt: skip
+
+
+register_runs("random drive", drive)
 
 
 def main() -> None:
@@ -138,20 +141,14 @@ def main() -> None:
     parser.add_argument("--impulse", type=float, default=PUSH, help="Ns/kg")
     parser.add_argument("--table", action="store_true", help="drive nothing")
     given = parser.parse_args()
-    lines = given.journal.read_text().splitlines() if given.journal.exists() else []
-    rows = [json.loads(line) for line in lines]
     count, robots = math.ceil(60.0 * given.minutes / SECONDS), given.robot or list(ROBOTS)
-    had = {(row["robot"], row["seed"], row["impulse"]) for row in rows}
-    for seed in range(FIRST_SEED, FIRST_SEED + (0 if given.table else count)):
-        for robot in robots:
-            if (robot, seed, given.impulse) in had:
-                continue
-            rows.append(drive(robot, seed, given.impulse))
-            with given.journal.open("a") as journal:
-                journal.write(json.dumps(rows[-1]) + "\n")
-            print(json.dumps(rows[-1]), flush=True)
+    seeds = range(FIRST_SEED, FIRST_SEED + (0 if given.table else count))
+    wanted = [{"robot": robot, "seed": seed, "impulse": given.impulse} for seed in seeds for robot in robots]
+    if wanted:
+        make_runs(given.journal, "random drive", wanted)
+    found = rows(given.journal, "random drive")
     for robot in robots:
-        own = [row for row in rows if row["robot"] == robot and row["impulse"] == given.impulse]
+        own = [row for row in found if row["robot"] == robot and row["impulse"] == given.impulse]
         if not own:
             continue
         hours = sum(row["seconds"] for row in own) / 3600.0

@@ -1,9 +1,9 @@
 """Tables of hands and loads: presses, carts, doors and carries by the examples, one run after another.
 
-Every run is a line of the journal, and a run that is there already is not made again.
+Every run is a line of the journal, and a run of the same code that is there already is not made again.
 
 Usage: python benchmarks/hand_trials.py press --journal runs.jsonl [--robot NAME ...] [--mode MODE] [--seeds N]
-           [--first SEED] [--most RUNS]
+           [--first SEED]
        python benchmarks/hand_trials.py press --journal runs.jsonl --table    (the journal may be an .xz)
 """
 
@@ -11,25 +11,19 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
-import logging
-import lzma
 import math
-import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from wbc.sim.trial.trial import StageError
+from _runs import EXAMPLES, Row, make_runs, register_runs, rows
 
-Row = dict[str, Any]
+from wbc.sim.trial.trial import StageError
 
 FIRST_SEED = 200
 ROBOTS = ("hrp4_class", "talos", "g1")
 MODES = ("position", "torque", "hybrid")
-EXAMPLES = Path(__file__).parents[1] / "examples" / "hands"
 
 KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "press": (
@@ -44,37 +38,29 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
 """Kind of runs → example of hands, and its options in each of them."""
 
 
-def trials(kind: str, robots: Iterable[str], seed: int, mode: str) -> Iterator[tuple[Row, Callable[[], Row]]]:
-    """Yield the spec of each run of a kind in a mode of control, and what runs it."""
-    name, runs = KINDS[kind]
-    for robot in robots:
-        for options in runs:
-            words = [*options.split(), "--robot", robot, "--seed", str(seed)]
-            words += [] if mode == MODES[0] else ["--mode", mode]
-            yield {"words": words}, partial(importlib.import_module(name).main, words)
+def run_example(what: str, words: list[str]) -> Row:
+    """Run the example of a kind of runs with options, and return its result, or where it ended."""
+    try:
+        result: Row = importlib.import_module(KINDS[what][0]).main(words)
+    except StageError as error:
+        return {"stage": str(error)}
+    return result
 
 
-def journal(path: Path) -> list[Row]:
-    """Return the runs of a journal; none of one that does not exist."""
-    if not path.exists():
-        return []
-    data = path.read_bytes()
-    text = (lzma.decompress(data) if path.suffix == ".xz" else data).decode()
-    return [json.loads(line) for line in text.splitlines()]
+register_runs("hands", run_example, (*EXAMPLES.glob("hands/*.py"), EXAMPLES / "_common.py"))
 
 
-def table(kind: str, rows: list[Row]) -> str:
+def table(kind: str, found: list[Row]) -> str:
     """Return the runs of one kind as a table, and below it those in which a stage did not come to its end."""
     cells: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     ended = []
-    for row in rows:
-        if row["kind"] == kind:
-            result = row["result"]
-            if "failures" not in result:
-                ended.append(f"{' '.join(row['spec']['words'])}: {result['stage']}")
+    for row in found:
+        if row["what"] == kind:
+            if "failures" not in row:
+                ended.append(f"{' '.join(row['words'])}: {row['stage']}")
                 continue
-            force = result["force_N"] if kind == "press" else None  # of a cart or a door it is a result
-            cells[result["robot"], result.get("on"), force].append(result)
+            force = row["force_N"] if kind == "press" else None  # of a cart or a door it is a result
+            cells[row["robot"], row.get("on"), force].append(row)
     head, line = TABLES[kind]
     width = head.count("|") - 1
     lines = [head, "|" + "---|" * width]
@@ -85,12 +71,12 @@ def table(kind: str, rows: list[Row]) -> str:
 
 def _most(results: list[Row], name: str, signed: bool = False) -> float:
     """Return the greatest size of a field."""
-    values = [row[name] for row in results if row[name] is not None and not math.isnan(row[name])]
+    values = [row[name] for row in results if row[name] is not None]
     return max((value if signed else abs(value) for value in values), default=math.nan)
 
 
 def _least(results: list[Row], name: str) -> float:
-    return min((row[name] for row in results if not math.isnan(row[name])), default=math.nan)
+    return min((row[name] for row in results if row[name] is not None), default=math.nan)
 
 
 def _seeds(results: list[Row]) -> str:
@@ -177,31 +163,18 @@ def main() -> None:
     parser.add_argument("--mode", default=MODES[0], choices=MODES, help="of the control")
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--first", type=int, default=FIRST_SEED)
-    parser.add_argument("--most", type=int, default=10_000, help="greatest number of runs")
     parser.add_argument("--table", action="store_true")
     options = parser.parse_args()
-    rows = journal(options.journal)
-    if options.table:
-        print(table(options.kind, rows))
-        return
-    logging.getLogger("wbc").setLevel(logging.CRITICAL)  # robots that fall are reported here
-    sys.path[:0] = [str(EXAMPLES)]
-    done = {json.dumps(row["spec"], sort_keys=True) for row in rows if row["kind"] == options.kind}
-    for seed in range(options.first, options.first + options.seeds):
-        for spec, run in trials(options.kind, options.robot or ROBOTS, seed, options.mode):
-            if json.dumps(spec, sort_keys=True) in done:
-                continue
-            if options.most <= 0:
-                return
-            options.most -= 1
-            try:
-                result = run()
-            except StageError as error:
-                result = {"stage": str(error)}
-            line = json.dumps({"kind": options.kind, "spec": spec, "result": result})
-            with options.journal.open("a") as file:
-                file.write(line + "\n")
-            print(line, flush=True)
+    if not options.table:
+        mode = [] if options.mode == MODES[0] else ["--mode", options.mode]
+        wanted = [
+            {"what": options.kind, "words": [*words.split(), "--robot", robot, "--seed", str(seed), *mode]}
+            for seed in range(options.first, options.first + options.seeds)
+            for robot in options.robot or ROBOTS
+            for words in KINDS[options.kind][1]
+        ]
+        make_runs(options.journal, "hands", wanted)
+    print(table(options.kind, rows(options.journal, "hands")))
 
 
 if __name__ == "__main__":

@@ -7,26 +7,29 @@ Usage:
     python benchmarks/policies.py taken walk.onnx --runs 0-66 --journal taken.jsonl
     python benchmarks/policies.py pushed walk.onnx --runs 0-63 --journal pushed.jsonl
 
-Every run is a JSON object of the journal; those that it has are not run again. Descriptions of the policies stand
-beside them (docs/policies.md). Arms, wild runs and pushes are for g1.
+Every run is a line of the journal; those of the same code that it has are not run again. Descriptions of the policies
+stand beside them (docs/policies.md). Arms, wild runs and pushes are for g1.
 """
 
 from __future__ import annotations
 
 import argparse
 import itertools
-import json
-import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from time import thread_time
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from _runs import Row, make_runs, register_runs
 
 import wbc
+from wbc.base.files import file_hash
+from wbc.core.drive.control import State
+from wbc.core.qp.controller import Controller
 from wbc.policy import PolicyControl, PolicyFilter, PolicyGuard
 from wbc.tasks import RelativeFrameTask
 
@@ -43,6 +46,50 @@ PAIRS += [(f"left_{one}", f"right_{other}") for one in HANDS for other in HANDS]
 """Pairs that a filter keeps apart."""
 
 
+ARMS = np.arange(15, 29)
+"""Columns of the arms of g1."""
+
+
+class WildPolicy(PolicyControl):
+    """Policy whose arms may get other targets than its own, and which sees them at rest, as arms that others move.
+
+    Attributes:
+        wild: Targets of the joints, of which those of the arms count, shape (na,), rad; None for the policy's own.
+    """
+
+    wild: np.ndarray | None = None
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """See `PolicyControl`."""
+        super().__init__(*arguments, **options)
+        self._masked = ARMS
+
+    def _step(self, state: State) -> None:
+        super()._step(state)
+        if self.wild is not None:
+            self._target[ARMS] = self.wild[ARMS]
+
+
+class TimedFilter(PolicyFilter):
+    """Filter with the processor time of each of its QPs, s."""
+
+    times: list[float]
+
+    def bind(self, controller: Controller) -> Any:
+        """See `PolicyFilter`."""
+        arms, self.times = super().bind(controller), []
+        near = arms.near
+
+        def timed(*arguments: Any) -> np.ndarray:
+            start = thread_time()
+            torques = near(*arguments)
+            self.times.append(thread_time() - start)
+            return torques
+
+        arms.near = timed  # type: ignore[method-assign]
+        return arms
+
+
 class Walk:
     """A policy that walks, with what a study does to it.
 
@@ -51,11 +98,19 @@ class Walk:
         policy: The control.
     """
 
-    def __init__(self, file: str, seed: int, robot: str = "g1", **options: Any) -> None:
-        """Let the robot stand; `options` are those of the control."""
+    def __init__(
+        self,
+        file: str,
+        seed: int,
+        robot: str = "g1",
+        *,
+        kind: type[PolicyControl] = PolicyControl,
+        **options: Any,
+    ) -> None:
+        """Let the robot stand; `options` are those of the control of this kind."""
         self.plant = wbc.Plant(wbc.load_robot(robot), control_period=DT, noise="realistic", seed=seed)
         self.robot = self.plant.description.robot()
-        self.policy = PolicyControl(self.robot, file, DT, **options)
+        self.policy = kind(self.robot, file, DT, **options)
         self._lies = 0.6 * float(self.robot.com[2])
 
     def push(self, impulse: float, angle: float) -> None:
@@ -88,60 +143,37 @@ def drawn(kind: str, robot: wbc.Robot, random: np.random.Generator) -> np.ndarra
     return wild
 
 
-def filtered(file: str, run: int, what: str, on: bool, impulse: float) -> dict[str, Any]:
+def filtered(what: str, policy: str, run: int, on: bool, impulse: float) -> Row:
     """Walk at 0.3 m/s with bad targets of the arms, or four pushes, with a filter or without."""
     description = wbc.load_robot("g1")
-    arms = description.joint_names[15:]
     shapes = description.collision_shapes()
     limit = wbc.CollisionLimit(PAIRS, shapes=shapes, recovery=100.0, influence=0.5)
-    walk = Walk(file, run, filter=PolicyFilter(arms, [limit]) if on else None)
-    plant, policy, robot = walk.plant, walk.policy, walk.robot
+    safe = TimedFilter(description.joint_names[15:], [limit]) if on else None
+    walk = Walk(policy, run, kind=WildPolicy if what == "wild" else PolicyControl, filter=safe)
+    plant, control, robot = walk.plant, walk.policy, walk.robot
     gauge = wbc.Controller(description.robot(), DT)
     near = gauge.add(wbc.CollisionLimit(PAIRS, shapes=shapes))
     random, kind = np.random.default_rng(run + 100), WILD[run % len(WILD)]
-    index = np.arange(15, 29)
-    wild: np.ndarray | None = None
-    step = policy._step
-
-    def mad(state: Any) -> None:
-        step(state)
-        if wild is not None:
-            policy._target[index] = wild[index]
-
-    policy._step = mad  # type: ignore[method-assign]
-    if what == "wild":
-        policy._masked = index  # as for arms that others move
-    times: list[float] = []
-    if on:
-        nearest = policy._arms.near  # type: ignore[union-attr]
-
-        def timed(*arguments: Any) -> np.ndarray:
-            start = thread_time()
-            torques = nearest(*arguments)
-            times.append(thread_time() - start)
-            return np.asarray(torques)
-
-        policy._arms.near = timed  # type: ignore[union-attr]
     beyond, least, changed, pushed, due = np.zeros(29), math.inf, list[np.ndarray](), 0, 3.0
     while plant.time < (12.0 if what == "wild" else 15.0) and not walk.down:
         time = plant.time
-        policy.velocity = (0.3, 0.0, 0.0) if time > 1.0 else None
-        if what == "wild" and time >= due:
-            due, wild = time + 0.4, drawn(kind, robot, random)
+        control.velocity = (0.3, 0.0, 0.0) if time > 1.0 else None
+        if isinstance(control, WildPolicy) and time >= due:
+            due, control.wild = time + 0.4, drawn(kind, robot, random)
         if what == "pushes" and pushed < 4 and time > 3.0 + 3.0 * pushed:
             walk.push(impulse, random.uniform(0.0, math.tau))
             pushed += 1
-        plant.step(policy.command(plant.measure()))
+        plant.step(control.command(plant.measure()))
         if time > 3.0:
             truth = plant.truth()
             q = np.array(truth.q[7:])
             beyond = np.maximum(beyond, np.maximum(robot.position_lower - q, q - robot.position_upper))
-            changed.append(policy.changed.copy())
+            changed.append(control.changed.copy())
             if round(time / DT) % 5 == 0:
                 gauge.update(np.array(truth.q), np.array(truth.v))
                 gauge.solve()
                 least = min(least, *near.distances.values())
-    change = np.square(np.array(changed))
+    change, times = np.square(np.array(changed)), [] if safe is None else safe.times
     return {
         "upright": not walk.down,
         "kind": kind if what == "wild" else impulse,
@@ -156,36 +188,34 @@ def filtered(file: str, run: int, what: str, on: bool, impulse: float) -> dict[s
     }
 
 
-def armed(
-    file: str, run: int, speed: float, swings: bool, sees: bool, load: float, regain: float
-) -> dict[str, Any]:
+def armed(policy: str, run: int, speed: float, swings: bool, sees: bool, load: float, regain: float) -> Row:
     """Walk for 8 s with both hands before the chest, held there or moved 0.3 m up and down, each in 0.5 s.
 
     A load in each hand, kg, grows in the first second, and the QP knows it.
     """
     names = wbc.load_robot("g1").joint_names[15:]
-    walk = Walk(file, run, arms=names, sees_arms=sees, regain=regain)
-    plant, policy, truth = walk.plant, walk.policy, walk.plant.description.robot()
+    walk = Walk(policy, run, arms=names, sees_arms=sees, regain=regain)
+    plant, control, truth = walk.plant, walk.policy, walk.plant.description.robot()
     places = {
         f"{side}_rubber_hand": np.array([0.3, y, 0.2]) for side, y in (("left", 0.13), ("right", -0.13))
     }
     hands = {}
     for frame, place in places.items():
         hands[frame] = RelativeFrameTask(frame, "pelvis", axes=("x", "y", "z"), weight=10.0, stiffness=400.0)
-        policy.controller.add(hands[frame])
+        control.controller.add(hands[frame])
         hands[frame].move_to(pin.SE3(hands[frame].target.rotation, place), duration=1.0)
         if load:
             plant.load(frame, load, over=1.0)
             walk.robot.carry(frame, load)
     errors, begin, moves = list[float](), 0.0, 0
     while plant.time < 8.0 and not walk.down:
-        policy.velocity = (speed, 0.0, 0.0) if speed and plant.time > 1.0 else None
+        control.velocity = (speed, 0.0, 0.0) if speed and plant.time > 1.0 else None
         if swings and plant.time >= 2.0 + 0.5 * moves:
             moves += 1
             for frame, hand in hands.items():
                 place = places[frame] + [0.0, 0.0, 0.15 * (-1.0) ** moves]
                 hand.move_to(pin.SE3(hand.target.rotation, place), duration=0.5)
-        plant.step(policy.command(plant.measure()))
+        plant.step(control.command(plant.measure()))
         if plant.time <= 3.0:
             begin = float(plant.truth().com[0])
             continue
@@ -202,10 +232,10 @@ def armed(
     }
 
 
-def taken(file: str, run: int, robot: str, impulse: float) -> dict[str, Any]:
+def taken(policy: str, run: int, robot: str, impulse: float) -> Row:
     """Take a policy over at a random instant of its walk, or 0 to 0.4 s after a push; the robot is to stand."""
     random = np.random.default_rng(run)
-    walk = Walk(file, run, robot)
+    walk = Walk(policy, run, robot)
     plant, guard = walk.plant, PolicyGuard(walk.policy)
     speed = 0.3 if impulse else (0.0, 0.3, 0.6)[run % 3]
     push, delay = random.uniform(3.0, 4.5), random.uniform(0.0, 0.4)
@@ -233,28 +263,46 @@ def taken(file: str, run: int, robot: str, impulse: float) -> dict[str, Any]:
     }
 
 
-def rows(options: argparse.Namespace) -> dict[str, Callable[[], dict[str, Any]]]:
-    """Return the name of each run, and what it does."""
+STUDIES: dict[str, Callable[..., Row]] = {
+    "arms": armed,
+    "wild": partial(filtered, "wild"),
+    "pushes": partial(filtered, "pushes"),
+    "taken": taken,
+    "pushed": taken,
+}
+"""Studies, and the functions that make their runs."""
+
+
+NAMED = ("run", "speed", "swings", "sees")
+"""Arguments that name a run of a study."""
+
+
+def make_run(study: str, content: str, **arguments: Any) -> Row:
+    """Make a run of a study; the content of the policy is in the journal by its hash."""
+    del content
+    return STUDIES[study](**arguments)
+
+
+register_runs("policy", make_run)
+
+
+def wanted(options: argparse.Namespace) -> Iterator[Row]:
+    """Yield the arguments of each run."""
     first, _, last = options.runs.partition("-")
-    found: dict[str, Callable[[], dict[str, Any]]] = {}
+    policy = {"study": options.study, "policy": options.policy, "content": file_hash(options.policy)}
     for run in range(int(first), int(last or first) + 1):
-        name = f"{options.study} {Path(options.policy).name} {options.robot} {run}"
+        each: Row = {**policy, "run": run}
         if options.study == "arms":
-            kinds = {"held": (False, False), "swung": (True, False), "seen": (False, True)}
-            load, regain = options.load, options.regain
-            for speed, (word, kind) in itertools.product((0.0, 0.3, 0.6), kinds.items()):
-                arguments = (options.policy, run, speed, *kind, load, regain)
-                words = f"{speed:g} m/s {word}{f' {load:g} kg' if load else ''}"
-                words += f" regain {regain:g}" if regain else ""
-                found[f"{name} {words}"] = lambda a=arguments: armed(*a)  # type: ignore[misc]
+            loaded = {"load": options.load, "regain": options.regain}
+            kinds = (False, False), (True, False), (False, True)
+            for speed, (swings, sees) in itertools.product((0.0, 0.3, 0.6), kinds):
+                yield {**each, "speed": speed, "swings": swings, "sees": sees, **loaded}
         elif options.study in ("wild", "pushes"):
             for on in (True, False):
-                arguments = (options.policy, run, options.study, on, options.impulse)
-                found[f"{name} {'filtered' if on else 'bare'}"] = lambda a=arguments: filtered(*a)  # type: ignore[misc]
+                yield {**each, "on": on, "impulse": options.impulse}
         else:
             impulse = options.impulse if options.study == "pushed" else 0.0
-            found[name] = lambda a=(options.policy, run, options.robot, impulse): taken(*a)  # type: ignore[misc]
-    return found
+            yield {**each, "robot": options.robot, "impulse": impulse}
 
 
 def main() -> None:
@@ -271,21 +319,13 @@ def main() -> None:
     parser.add_argument("--regain", type=float, default=0.0, help="of the study of arms, 1/s")
     parser.add_argument("--journal", type=Path, default=Path("policies.jsonl"))
     options = parser.parse_args()
-    logging.disable(logging.CRITICAL)
-    text = options.journal.read_text(encoding="utf-8") if options.journal.is_file() else ""
-    done = {row["name"]: row for row in map(json.loads, text.splitlines())}
-    wanted = rows(options)
-    for name, work in wanted.items():
-        if name not in done:
-            done[name] = {"name": name, **work()}
-            with options.journal.open("a", encoding="utf-8") as journal:
-                journal.write(json.dumps(done[name]) + "\n")
+    found = make_runs(options.journal, "policy", wanted(options))
     key = "stands" if options.study in ("taken", "pushed") else "upright"
-    for part in ("filtered", "bare") if options.study in ("wild", "pushes") else ("",):
-        found = [done[name] for name in wanted if name.endswith(part)]
-        good = sum(row[key] for row in found)
-        print(f"{options.study} {part}: {key} {good} of {len(found)}", flush=True)
-        bad = [row["name"] for row in found if not row[key]]
+    parts = {"filtered": True, "bare": False} if options.study in ("wild", "pushes") else {"": None}
+    for part, on in parts.items():
+        own = [row for row in found if row.get("on") is on]
+        print(f"{options.study} {part}: {key} {sum(row[key] for row in own)} of {len(own)}", flush=True)
+        bad = [", ".join(f"{n} {row[n]}" for n in NAMED if n in row) for row in own if not row[key]]
         print("  not:", "; ".join(bad) if bad else "none")
 
 

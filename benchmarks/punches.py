@@ -2,50 +2,45 @@
 
     python benchmarks/punches.py base --punches 0-119                          # the law as it is
     python benchmarks/punches.py patient --punches 0-119 --set patience=2.0    # with another constant
-    python benchmarks/punches.py softer --punches 0-119 --rule softer.py       # with a file that changes the package
+    python benchmarks/punches.py softer --punches 0-119                        # after a change of the package
     python benchmarks/punches.py --compare base softer                         # McNemar's test of the pairs
 
 A state is one of a walk of the tour without punches, drawn by a seed. The walk goes on from it with its own torques for
 0.05 s, in which the estimates settle, and then under a control that takes it over in its phase, 0.3 s before the punch,
 with the arms held. Two punches of each state hit random joints of arms and ankles in random directions. A trial ends
-when the robot is caught or has fallen, and is a line of the journal; what the journal has is not walked again. States
-are walked once, by the law as it is, and kept in a file of this machine, which other variants and other versions of the
-package read.
+when the robot is caught or has fallen, and is a line of the journal, with the state; what the journal has of this code
+is not walked again. States are walked once, by the law as it is, and kept in a journal of their own, which other
+variants and other versions of the package read.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import json
-import logging
 import math
-import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import _runs
+import model
 import numpy as np
 import pinocchio as pin
+import tour
+from _runs import Row
+from task import DURATION, MovingArms
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent / "examples" / "tour"))
-
-import model  # noqa: E402 - of the example
-import tour  # noqa: E402
-from task import DURATION, MovingArms  # noqa: E402
-
-import wbc  # noqa: E402
-from wbc.core.robot import SIDES  # noqa: E402
-from wbc.core.signals import Command  # noqa: E402
-from wbc.policy.contacts import FootContacts  # noqa: E402
-from wbc.sim import Machine, MujocoLoop  # noqa: E402
-from wbc.sim.studies.intervals import CONFIDENCE, share_interval  # noqa: E402
-from wbc.sim.studies.provenance import provenance  # noqa: E402
-from wbc.walking import WalkingControl, WalkingControlSettings  # noqa: E402
-from wbc.walking.stepping import gait  # noqa: E402
-from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings  # noqa: E402
-
-Row = dict[str, Any]
+import wbc
+from wbc.core.robot import SIDES
+from wbc.core.signals import Command
+from wbc.policy.contacts import FootContacts
+from wbc.sim import Machine, MujocoLoop
+from wbc.sim.studies.intervals import CONFIDENCE, share_interval
+from wbc.walking import WalkingControl, WalkingControlSettings
+from wbc.walking.stepping.gait import SteppingWalk
+from wbc.walking.stepping.settings import SteppingConstants, SteppingSettings
 
 FIRST_RUN, STATES, PUNCHES = 30000, 16, 2
 """First run of the tour whose walks are punched; states of a run, punches of a state."""
@@ -73,14 +68,10 @@ STANDS = "foot that stands"
 """In place of a joint: the ankle of that foot."""
 
 
-def states(place: Path, run: int) -> list[Row]:
-    """Return the states of a run; they are walked if the file has none."""
-    rows = [json.loads(line) for line in place.read_text().splitlines()] if place.is_file() else []
-    found = [row for row in rows if row["run"] == run]
-    if len(found) == STATES:
-        return found
-    walk = tour.Tour(run, tour.Setup(force_sensors=False, punched=False))
-    contacts, found = FootContacts(walk.loop.robot, tour.PERIOD), []
+def states(run: int) -> Row:
+    """Walk a tour without punches, and return the states that are punched."""
+    walk = tour.Tour(run, tour.Setup(force_sensors=False, punches=False))
+    contacts, found = FootContacts(walk.loop.robot, tour.PERIOD), list[Row]()
     begun: Row | None = None
     while len(found) < STATES and not walk.over:
         walk.step()
@@ -93,17 +84,15 @@ def states(place: Path, run: int) -> list[Row]:
                 found.append({**begun, **now, "air": [*contacts.air], "landed": [*contacts.landed]})
                 begun = None
         elif truth.time > BEGIN + EVERY * len(found):
-            begun = {"run": run, "q": truth.q.tolist(), "v": truth.v.tolist(), "torques": []}
-    with place.open("a", encoding="utf-8") as file:
-        file.writelines(json.dumps(row) + "\n" for row in found)
-    return found
+            begun = {"q": truth.q.tolist(), "v": truth.v.tolist(), "torques": []}
+    return {"states": found}
 
 
 class Harness:
     """The robot, its simulation and the servos of its arms, made once."""
 
-    def __init__(self, settings: SteppingSettings) -> None:
-        """Load the robot; the settings are those of its steps."""
+    def __init__(self, settings: SteppingSettings, constants: SteppingConstants) -> None:
+        """Load the robot; settings and constants are those of its steps."""
         simulated = model.load()
         self.description = wbc.RobotDescription.from_mjcf(simulated)
         machine = Machine(torque_sensors=True, force_sensors=False)
@@ -111,17 +100,17 @@ class Harness:
             self.description, simulated, control_period=tour.PERIOD, noise="none", seed=0, machine=machine
         )
         self.gauge = self.description.robot()
-        self.settings = WalkingControlSettings(mode="torque", stepping=settings)
+        self.settings, self.constants = WalkingControlSettings(mode="torque", stepping=settings), constants
 
     def punch(self, state: Row, joint: str, force: np.ndarray) -> Row:
         """Punch the robot in a state, and return what became of it."""
         loop, robot = self.loop, self.description.robot()
         q, v = np.array(state["q"]), np.array(state["v"])
-        arms = MovingArms(0, robot)
-        arms._left = np.array(state["arms"][:7])  # the harness's own target
+        arms = MovingArms(0, robot, state["arms"][:7])
         loop.reset(q, velocity=v)
         robot.update(q, v)
-        walking = WalkingControl(robot, None, tour.PERIOD, self.settings)
+        gait = SteppingWalk.of(robot, tour.PERIOD, self.settings.stepping, constants=self.constants)
+        walking = WalkingControl(robot, gait, tour.PERIOD, self.settings)
         walking.release(model.ARMS)
         for torque in state["torques"]:
             walking.drives.estimate(loop.measure())
@@ -174,25 +163,47 @@ def drawn(number: int, force: tuple[float, float], joint: str | None) -> tuple[s
     return joint or some, random.uniform(*force) * direction / np.linalg.norm(direction)
 
 
-def changed(given: list[str]) -> SteppingSettings:
-    """Set constants and settings of free steps by "name=value", in their units, and return the settings."""
-    values: dict[str, Any] = {
-        name: json.loads(value) for name, _, value in (each.partition("=") for each in given)
-    }
-    values = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
+def varied(changed: Mapping[str, Any]) -> tuple[SteppingSettings, SteppingConstants]:
+    """Return settings and constants of free steps, of which some have other values, in their units."""
+    values = {name: tuple(value) if isinstance(value, list) else value for name, value in changed.items()}
     names = {field.name for field in dataclasses.fields(SteppingConstants)}
-    constants = dataclasses.replace(SteppingConstants(), **{k: v for k, v in values.items() if k in names})
-    gait.SteppingConstants = lambda: constants  # type: ignore[misc, assignment]
-    return SteppingSettings(**{k: v for k, v in values.items() if k not in names})
+    return (
+        SteppingSettings(**{name: value for name, value in values.items() if name not in names}),
+        SteppingConstants(**{name: value for name, value in values.items() if name in names}),
+    )
+
+
+@functools.cache
+def harness(changed: str) -> Harness:
+    """Return the harness of a variant, by what is changed as JSON."""
+    return Harness(*varied(json.loads(changed)))
+
+
+def punched(variant: str, changed: Row, punch: int, joint: str, force: Sequence[float], state: Row) -> Row:
+    """Return what became of a punch, N, by a variant of the law, whatever its name and the number of the punch."""
+    del variant, punch
+    return harness(json.dumps(changed)).punch(state, joint, np.array(force))
+
+
+_runs.register_runs("states of the tour", states, (_runs.EXAMPLES / "tour").glob("*.py"))
+_runs.register_runs("punch", punched, (_runs.EXAMPLES / "tour").glob("*.py"))
 
 
 def compared(rows: list[Row], first: str, second: str) -> str:
     """Return McNemar's exact test of the pairs that both variants have, with the interval of the gain."""
     from scipy.stats import binomtest  # noqa: PLC0415 - slow to import
 
-    a, b = ({row["punch"]: row for row in rows if row["variant"] == name} for name in (first, second))
-    both = sorted(a.keys() & b.keys())
-    held = [(bool(a[k]["held"]), bool(b[k]["held"])) for k in both]
+    def of(variant: str) -> dict[str, bool]:
+        own = [row for row in rows if row["variant"] == variant]
+        if len({json.dumps(row["changed"]) for row in own}) > 1:
+            raise SystemExit(f"the journal has runs of '{variant}' by several constants: name them apart")
+        return {
+            json.dumps([row[k] for k in ("punch", "joint", "force", "state")]): row["held"] for row in own
+        }
+
+    a, b = of(first), of(second)
+    both = a.keys() & b.keys()
+    held = [(a[k], b[k]) for k in both]
     lost, gained = held.count((True, False)), held.count((False, True))
     differ, n = lost + gained, len(both)
     if not differ:
@@ -216,35 +227,31 @@ def main() -> None:
     parser.add_argument(
         "--set", nargs="*", default=[], help="constants and settings of free steps, name=value"
     )
-    parser.add_argument("--rule", type=Path, help="Python file that is run first")
     parser.add_argument("--force", type=float, nargs=2, default=FORCE, help="least and greatest force (N)")
     parser.add_argument("--joint", choices=(*HIT, STANDS), help="joint that is hit; default a random one")
     parser.add_argument("--compare", nargs=2, metavar="VARIANT", help="compare two variants")
     parser.add_argument("--journal", type=Path, default=Path("punches.jsonl"))
     parser.add_argument("--states", type=Path, default=Path("punches.states.jsonl"))
     given = parser.parse_args()
-    logging.disable(logging.CRITICAL)
-    lines = given.journal.read_text().splitlines() if given.journal.is_file() else []
-    rows = [json.loads(line) for line in lines]
     if given.compare:
-        print(compared(rows, *given.compare))
+        print(compared(_runs.rows(given.journal, "punch"), *given.compare))
         return
     first, _, last = given.punches.partition("-")
-    numbers, done = range(int(first), int(last or first) + 1), {(r["variant"], r["punch"]) for r in rows}
-    wanted = [number for number in numbers if (given.variant, number) not in done]
-    of_state = {run: states(given.states, run) for run in sorted({_run(number) for number in wanted})}
-    rule = given.rule.read_text(encoding="utf-8") if given.rule else ""
-    exec(rule, {"__name__": "rule"})
-    harness = Harness(changed(given.set))
-    for number in wanted:
-        state = of_state[_run(number)][number // PUNCHES % STATES]
+    try:
+        numbers = range(int(first), int(last or first) + 1)
+        changed = {name: json.loads(value) for name, _, value in (each.partition("=") for each in given.set)}
+        varied(changed)
+    except ValueError as error:  # of words, and of settings and constants that are none
+        parser.error(str(error))
+    runs = [{"run": run} for run in sorted({_run(number) for number in numbers})]
+    walked = _runs.make_runs(given.states, "states of the tour", runs, any_code=True)
+    of_run, wanted = {row["run"]: row["states"] for row in walked}, list[Row]()
+    for number in numbers:
+        state = of_run[_run(number)][number // PUNCHES % STATES]
         joint, force = drawn(number, tuple(given.force), given.joint)
-        row = {"variant": given.variant, "punch": number, "joint": joint, "force": force.round(1).tolist()}
-        row |= {"files": provenance()["files"], "changed": given.set, "rule": rule}
-        rows.append(row | harness.punch(state, joint, force))
-        with given.journal.open("a", encoding="utf-8") as journal:
-            journal.write(json.dumps(rows[-1]) + "\n")
-    found = [row for row in rows if row["variant"] == given.variant and row["punch"] in numbers]
+        hit = {"punch": number, "joint": joint, "force": force.tolist()}
+        wanted.append({"variant": given.variant, "changed": changed, **hit, "state": state})
+    found = _runs.make_runs(given.journal, "punch", wanted)
     print(f"{given.variant}: {sum(row['held'] for row in found)} of {len(found)} held")
 
 

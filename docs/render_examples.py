@@ -116,7 +116,7 @@ def main() -> None:
     sys.path[:0] = [str(EXAMPLES), str(EXAMPLES / "hands")]
     examples = (path for folder in (".", "hands") for path in (EXAMPLES / folder).glob("*.py"))
     found = {str(p.relative_to(EXAMPLES).with_suffix("")) for p in examples}
-    missing = found - {"_common", "hands/_arms", "hands/_hands", *NOT_DRAWN} - set(INSTANTS)
+    missing = found - {"_common", "hands/_common", "hands/_hands", *NOT_DRAWN} - set(INSTANTS)
     if missing:
         raise RuntimeError(f"no instant for {', '.join(sorted(missing))}")
     rows = -(-len(INSTANTS) // COLUMNS)

@@ -42,7 +42,7 @@ class Page:
         """Make the nodes."""
         import viser  # noqa: PLC0415 - an extra
 
-        self.server, self.links = viser.ViserServer(port=port or 7000), {}
+        self.server, self.links = viser.ViserServer("127.0.0.1", port or 7000), {}
         for link, shapes in description.collision_hulls().items():
             self.links[link] = self.server.scene.add_frame(f"/{link}", show_axes=False)
             for number, shape in enumerate(shapes):

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
+import _common
 import numpy as np
 
 import wbc
 from wbc.sim import Scene, Trial
 from wbc.walking import FootstepPlan, HandSettings, SteppingSettings, WalkingControl, WalkingControlSettings
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-import _common  # noqa: E402
 
 LENGTH = {"hrp4_class": 0.16, "talos": 0.19}
 """From the frame of a hand to its tip where it is not that of `HandSettings`, m."""

@@ -86,8 +86,8 @@ def punches(run: int) -> list[Punch]:
 class MovingArms:
     """Arms that somebody else moves: a random walk of their targets, and the servos that follow it."""
 
-    def __init__(self, run: int, robot: wbc.Robot) -> None:
-        """Begin with hanging arms."""
+    def __init__(self, run: int, robot: wbc.Robot, begin: Sequence[float] = HANGING) -> None:
+        """Begin with targets of the left arm, shape (7,), rad; with hanging arms by default."""
         self._draws = Generator(run, 4)
         self._model, self._data = robot.model, robot.model.createData()
         names = list(robot.joint_names)
@@ -99,9 +99,9 @@ class MovingArms:
         )
         self._hands = [robot.frame_id(f"{side}_wrist_yaw_link") for side in ("left", "right")]
         self._torso = robot.frame_id("torso_link")
-        self._left = self._from = self._to = np.array(HANGING)
+        self._left = self._from = self._to = np.array(begin)
         self._window = -1
-        self._front = min(float(place[0]) for place in self._places(self._left))
+        self._front = min(float(place[0]) for place in self._places(np.array(HANGING)))
         rotors = np.array([ARMATURE[joint] for joint in ARMS])
         self._stiffness, self._damping = rotors * FREQUENCY**2, 2.0 * RATIO * rotors * FREQUENCY
         self._limit = robot.torque_limit[self.columns]

@@ -17,15 +17,19 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal, get_args, get_type_hints
 
 import model
 import numpy as np
+from pydantic import Field
 from table import table
 from task import COMMANDS, DURATION, FLOOR, SECONDS, Effort, MovingArms, Teleoperator, punches, standing
 
 import wbc
 from wbc.app import Recorder
+from wbc.app.arguments import attribute_docs
+from wbc.base.errors import InputError
+from wbc.base.settings import Positive, from_json, settings, to_json
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.policy import PolicyControl, PolicyFilter, PolicyGuard
 from wbc.sim import Machine, MujocoLoop, Simulation, trial_loop
@@ -50,7 +54,7 @@ ENGINES = {"mujoco": "", "dart": f"{HERE.parent / 'other_engine.py'}:DartLoop"}
 DART_STEP = 0.001
 """Physics step in DART, s."""
 
-CONTROLS = ("policy", "guarded", "filtered")
+Control = Literal["policy", "guarded", "filtered"]
 """Controls of a policy: the policy alone, with the library's walk beside it, or with a filter of its arms."""
 
 KEPT_APART = [
@@ -65,22 +69,41 @@ LONGEST = 3600.0
 """Wall time after which a run is given up, s."""
 
 
-@dataclasses.dataclass(frozen=True)
+@settings
 class Setup:
-    """Settings of a run besides its number."""
+    """Settings of a run besides its number.
+
+    Attributes:
+        force_sensors: Feet with force sensors.
+        noise: Errors of all sensors.
+        mode: Control; in hybrid control with the machine's gains.
+        delay: Stated delay of sensors, and of commands, s.
+        own_arms: The walk has the arms, and holds them; nobody else moves them.
+        punches: Somebody punches the robot.
+        drop: Height over the ground at the start, m.
+        seconds: Time of a run, s.
+        engine: Physics engine.
+        policy: ONNX file of a trained policy that walks in place of the library.
+        control: Control of a policy: alone, guarded by the library's walk, or with a filter of its arms.
+    """
 
     force_sensors: bool = True
-    noise: str = "none"
-    mode: str = "torque"
-    delay: float = 0.0  # of measurements, and of commands, s
-    own_arms: bool = False  # the walk has the arms as well, and nobody else moves them
-    punched: bool = True
-    drop: float = 0.0  # height over the ground at the start, m
-    seconds: float = SECONDS
-    engine: str = "mujoco"
-    policy: str = ""  # ONNX file of a policy that walks in place of the library
-    control: str = "policy"  # one of CONTROLS, where there is a policy
-    settings: WalkingControlSettings | None = None
+    noise: Literal["none", "realistic"] = "none"
+    mode: Literal["torque", "hybrid"] = "torque"
+    delay: Annotated[float, Field(ge=0.0, le=0.1), "s"] = 0.0
+    own_arms: bool = False
+    punches: bool = True
+    drop: Annotated[float, Field(ge=0.0, le=1.0), "m"] = 0.0
+    seconds: Annotated[Positive, "s"] = SECONDS
+    engine: Literal["mujoco", "dart"] = "mujoco"
+    policy: str = ""
+    control: Control = "policy"
+
+    def __post_init__(self) -> None:
+        if self.control != "policy" and not self.policy:
+            raise InputError(f"the control '{self.control}' is that of a policy: name its file, too")
+        if self.control == "filtered" and not self.own_arms:
+            raise InputError("a filter is for the arms of the policy: it needs own_arms")
 
     @property
     def name(self) -> str:
@@ -92,7 +115,7 @@ class Setup:
         parts += ["hybrid, machine's gains"] if self.mode == "hybrid" else []
         parts += [f"delays {1e3 * self.delay:g} + {1e3 * self.delay:g} ms"] if self.delay > 0.0 else []
         parts += ["with arms (unranked)"] if self.own_arms else []
-        parts += [] if self.punched else ["no punches"]
+        parts += [] if self.punches else ["no punches"]
         parts += [f"dropped by {1e3 * self.drop:g} mm"] if self.drop > 0.0 else []
         parts += [f"{self.seconds:g} s"] if self.seconds != SECONDS else []
         return ", ".join(parts)
@@ -126,7 +149,7 @@ class Tour:
         self.loop.reset(start)
         robot.update(standing(robot), np.zeros(robot.nv))
         steps = SteppingSettings(swing_height=SWING)
-        settings = setup.settings or WalkingControlSettings(mode=setup.mode, stepping=steps)
+        walks = WalkingControlSettings(mode=setup.mode, stepping=steps)
         observer = None
         if setup.delay > 0.0:
             stated = ObserverSettings(measurement_delay=setup.delay, command_delay=setup.delay)
@@ -141,10 +164,10 @@ class Tour:
             policy = PolicyControl(robot, setup.policy, PERIOD, filter=arms, observer=observer)
             self.walking = PolicyGuard(policy) if setup.control == "guarded" else policy
         else:
-            self.walking = WalkingControl(robot, None, PERIOD, settings, observer=observer)
+            self.walking = WalkingControl(robot, None, PERIOD, walks, observer=observer)
         self.operator = Teleoperator(run, LIMITS)
         self.effort = Effort(robot.joint_names)
-        self.punches = punches(run) if setup.punched else []
+        self.punches = punches(run) if setup.punches else []
         self.changed = (
             0.0  # square of the torques that a filter has changed, summed over joints and ticks, (Nm)²
         )
@@ -258,14 +281,13 @@ class TourSpec:
 
     def to_json(self) -> dict[str, Any]:
         """Return the spec as plain values, with a hash of this program, so that a journal keeps its versions apart."""
-        setup = {k: v for k, v in dataclasses.asdict(self.setup).items() if k != "settings"}
-        return {"kind": self.kind, "program": program(), "run": self.run, **setup}
+        return {"kind": self.kind, "program": program(), "run": self.run, **to_json(self.setup)}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> TourSpec:
         """Return the spec that `to_json` wrote."""
         setup = {k: v for k, v in data.items() if k not in ("kind", "program", "run")}
-        return cls(int(data["run"]), Setup(**setup))
+        return cls(int(data["run"]), from_json(Setup, setup))
 
 
 def program() -> str:
@@ -337,7 +359,7 @@ def numbers(text: str) -> list[int]:
     """Return the run numbers of "7" or "0-127"."""
     first, _, last = text.partition("-") if "-" in text else (text, "", text)
     if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last)):
-        raise ValueError(f"runs are numbers such as 7 or 0-127, or a file of rows, got '{text}'")
+        raise InputError(f"runs are numbers such as 7 or 0-127, or a file of rows, got '{text}'")
     return list(range(int(first), int(last) + 1))
 
 
@@ -347,32 +369,13 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("runs", nargs="+", help="numbers such as 0-127, or files of rows")
-    parser.add_argument("--no-force-sensors", action="store_true", help="feet without force sensors")
-    parser.add_argument(
-        "--noise", default="none", choices=("none", "realistic"), help="errors of all sensors"
-    )
-    parser.add_argument(
-        "--mode", default="torque", choices=("torque", "hybrid"), help="hybrid: with the machine's gains"
-    )
-    parser.add_argument(
-        "--delay", type=float, default=0.0, help="stated delay of sensors, and of commands (s)"
-    )
-    parser.add_argument("--own-arms", action="store_true", help="the walk has the arms, and holds them")
-    parser.add_argument("--no-punches", action="store_true", help="nobody punches")
-    parser.add_argument(
-        "--drop", type=float, default=0.0, help="height at the start (m), default on the ground"
-    )
-    parser.add_argument("--policy", default="", help="ONNX file of a trained policy that walks in its place")
-    parser.add_argument(
-        "--control",
-        default="policy",
-        choices=CONTROLS,
-        help="with --policy: guarded by the library's walk, or filtered",
-    )
-    parser.add_argument("--engine", default="mujoco", choices=tuple(ENGINES), help="physics engine")
-    parser.add_argument(
-        "--seconds", type=float, default=SECONDS, help="time of a run (s), default %(default)s"
-    )
+    hints = get_type_hints(Setup)
+    for name, about in attribute_docs(Setup).items():
+        default, option = getattr(Setup, name), f"--{name.replace('_', '-')}"
+        kind: dict[str, Any] = {"type": type(default), "choices": get_args(hints[name]) or None}
+        if isinstance(default, bool):
+            kind = {"action": argparse.BooleanOptionalAction}
+        parser.add_argument(option, default=default, help=f"{about} Default: %(default)s.", **kind)
     parser.add_argument("--processes", type=int, default=1, help="runs at a time, default %(default)s")
     parser.add_argument("--journal", type=Path, help="file that keeps what has been walked, to go on from")
     parser.add_argument("--film", type=Path, help="film of one run (.mp4)")
@@ -382,41 +385,18 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     files = [Path(given) for given in options.runs if Path(given).is_file()]
     try:
         runs = [run for given in options.runs if Path(given) not in files for run in numbers(given)]
-    except ValueError as error:
-        parser.error(str(error))
-    for name, least in (("seconds", 0.0), ("processes", 0)):
-        if not getattr(options, name) > least:
-            parser.error(f"{name} must be above {least:g}, got {getattr(options, name):g}")
-    for name, most in (("drop", 1.0), ("delay", 0.1)):
-        if not 0.0 <= getattr(options, name) <= most:
-            parser.error(f"{name} must be from 0 to {most:g}, got {getattr(options, name):g}")
-    if options.film is not None and (len(runs) != 1 or files or options.journal is not None):
-        parser.error(f"a film shows one run, without a journal; got {len(runs)} runs and {len(files)} files")
-    setup = Setup(
-        force_sensors=not options.no_force_sensors,
-        noise=options.noise,
-        mode=options.mode,
-        delay=options.delay,
-        own_arms=options.own_arms,
-        punched=not options.no_punches,
-        drop=options.drop,
-        seconds=options.seconds,
-        engine=options.engine,
-        policy=options.policy,
-        control=options.control,
-    )
-    if setup.control != "policy" and not setup.policy:
-        parser.error(f"--control {setup.control} needs a policy: --policy FILE")
-    if setup.control == "filtered" and not setup.own_arms:
-        parser.error("a filter is for the arms of the policy: --own-arms")
-    try:
+        if options.film is not None and (len(runs) != 1 or files or options.journal is not None):
+            raise InputError(
+                f"a film shows one run, without a journal; got {len(runs)} runs and {len(files)} files"
+            )
+        setup = Setup(**{name: getattr(options, name) for name in hints})
         rows = [row for file in files for row in read(file)]
         if options.film is not None:
             rows.append(film(runs[0], setup, options.film))
             print(json.dumps(rows[-1]))
         elif runs:
-            if setup.engine != "mujoco":
-                trial_loop(ENGINES[setup.engine])
+            if place := ENGINES[setup.engine]:
+                trial_loop(place)
             rows += walked(runs, setup, options.processes, options.journal)
     except (wbc.WbcError, ValueError) as error:
         parser.error(str(error))

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import model
 import mujoco
@@ -219,7 +219,13 @@ def test_setups_are_rows_of_the_table_and_another_engine_is_its_column() -> None
     assert "no force sensors, 2 runs" in lines[1] and lines[1].endswith("| 50 (dart, 1 run) |")
     assert "realistic noise, hybrid, machine's gains, delays 2 + 2 ms" in lines[2]
     assert "unranked" in tour.Setup(own_arms=True).name
-    names = {tour.Setup().name, *(tour.Setup(policy="w", control=control).name for control in tour.CONTROLS)}
+    names = {
+        tour.Setup().name,
+        *(
+            tour.Setup(policy="w", control=control, own_arms=control == "filtered").name
+            for control in get_args(tour.Control)
+        ),
+    }
     assert len(names) == 4
 
 
@@ -235,7 +241,7 @@ def test_a_run_is_a_trial_that_a_journal_keeps(tmp_path: Path) -> None:
     assert tour.read(file) == [{"run": 1}]
 
 
-@pytest.mark.parametrize("control", tour.CONTROLS)
+@pytest.mark.parametrize("control", get_args(tour.Control))
 def test_a_policy_is_sent_through_the_tour(control: str, tmp_path: Path) -> None:
     """It asks for all torques once it is to walk: the library takes over under a guard, a filter saves no legs.
 
@@ -257,7 +263,7 @@ def test_a_policy_is_sent_through_the_tour(control: str, tmp_path: Path) -> None
     }
     file = write_network(tmp_path / "mad.onnx", weights, metadata)
     guarded, filtered = control == "guarded", control == "filtered"
-    setup = tour.Setup(policy=str(file), control=control, own_arms=filtered, punched=False, seconds=2.0)
+    setup = tour.Setup(policy=str(file), control=control, own_arms=filtered, punches=False, seconds=2.0)
     row = tour.walk((10_000, setup))
     assert row["survived"] > 1.0 or not guarded
     assert bool(row["relieved"]) == guarded and (row["changed"] > 0.0) == filtered
@@ -283,6 +289,9 @@ def test_the_machines_gains_are_those_of_its_servos() -> None:
         ["1", "--engine", "physx"],
         ["1", "--delay", "-0.001"],
         ["1", "--drop", "nan"],
+        ["1", "--noise", "some"],
+        ["1", "--control", "guarded"],
+        ["1", "--control", "filtered", "--policy", "w.onnx"],
         ["1-2", "--film", "tour.mp4"],
         ["1", "--film", "tour.txt"],
     ],
