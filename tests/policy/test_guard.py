@@ -12,7 +12,7 @@ from made_policies import DT, G1, REST, Known, bobbing, control
 
 import wbc
 from wbc.app import Log, Recorder
-from wbc.base.errors import InputError
+from wbc.base.errors import InputError, UnknownNameError
 from wbc.policy import PolicyControl, PolicyDescription, PolicyGuard, Term
 from wbc.walking import WalkingControl, WalkingControlSettings
 
@@ -131,6 +131,26 @@ def test_joints_that_somebody_else_moves_are_no_reason_to_relieve_a_policy() -> 
     assert guard.release([]) is guard.walking.drives.released is None
     run_guard(plant, guard, 0.05)
     assert "left_elbow_joint" in guard.relieved
+
+
+def test_joints_that_policy_or_walk_refuses_are_released_by_neither() -> None:
+    _, guard, _ = guarded()
+    right, left = (G1.joint_names.index(f"{side}_elbow_joint") for side in ("right", "left"))
+    both = guard.policy.drives, guard.walking.drives
+    guard.release([G1.joint_names[right]])
+    arm = guard.walking.arms["left_hand"]
+    arm.reach(guard.drives.observer.robot.placement(arm.name))
+    with pytest.raises(InputError, match="at work"):
+        guard.release([G1.joint_names[joint] for joint in arm.joints])
+    assert [drives.released.index.tolist() for drives in both] == [[right], [right]]
+    with pytest.raises(UnknownNameError):
+        guard.release([G1.joint_names[right], "left_elbow"])
+    assert [drives.released.index.tolist() for drives in both] == [[right], [right]]
+
+    shared = PolicyGuard(bobbing(arms=[G1.joint_names[left]])[1])
+    with pytest.raises(InputError, match="shared"):
+        shared.release([G1.joint_names[right]])
+    assert shared.walking.drives.released is None
 
 
 def test_a_robot_of_a_file_is_taken_over_and_walks_on() -> None:

@@ -111,10 +111,15 @@ class PolicyGuard(SteeredControl):
         """Leave joints to somebody else, whoever controls the robot; see `PolicyControl.release`.
 
         The joints that are returned are those of the one who controls the robot now. The other one goes by what is
-        measured of them.
+        measured of them. What one of them refuses changes nothing of the other.
         """
-        self.policy.release(joints)
+        before = self.walking.controller.released
         self.walking.release(joints)
+        try:
+            self.policy.release(joints)
+        except InputError:
+            self.walking.release(() if before is None else before.joints)
+            raise
         return self.drives.released
 
     def reset(self, q: Array | None = None) -> None:
