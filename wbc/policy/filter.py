@@ -185,7 +185,7 @@ class FilteredArms(PolicyArms):
         np.maximum(torques, self._slope * (robot.position_lower - ahead), out=torques)
         np.minimum(np.maximum(torques, least, out=torques), most, out=torques)
         if self._torque_limits is not None:
-            self._torque_limits.interval(self.controller.dt, self._made, least, most)
+            least[:], most[:] = self._torque_limits.interval(self.controller.dt, self._made)
         self._wish = torques[index]
         arms = self.torques(measurement)
         if arms is not None:

@@ -312,20 +312,17 @@ class TorqueLimits(Limit):
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the torque interval of every joint, Nm; the rows are the torque rows of the QP, and stay as they are."""
-        self.interval(dt, None, lower, upper)
+        lower[:], upper[:] = self.interval(dt, None)
 
-    def interval(self, dt: float, previous: Array | None, lower: Array, upper: Array) -> None:
-        """Fill the torque interval of every joint, Nm.
+    def interval(self, dt: float, previous: Array | None) -> tuple[Array, Array]:
+        """Return the least and the greatest torque of every joint, each of shape (na,), Nm; they must not be written.
 
         Args:
             dt: Control period, s.
             previous: Torques of the last tick, shape (na,), Nm; None before the first tick.
-            lower: To fill, shape (na,).
-            upper: To fill, shape (na,).
         """
-        upper[:] = self._most
-        lower[:] = self._least
-        if self._most_rate is not None and previous is not None:
-            before = np.clip(previous, lower, upper)
-            np.minimum(upper, before + self._most_rate * dt, out=upper)
-            np.maximum(lower, before - self._most_rate * dt, out=lower)
+        least, most = self._least, self._most
+        if self._most_rate is None or previous is None:
+            return least, most
+        before, change = np.clip(previous, least, most), self._most_rate * dt
+        return np.maximum(least, before - change), np.minimum(most, before + change)

@@ -92,12 +92,17 @@ class Assembly(RowStore):
             p.inequality[self._torques, nv:],
         )
         held = slice(self._start, self._start + rows_in(contacts))
-        self._contact_base_t, self._contact_joint_t = p.equality[held, :base].T, p.equality[held, base:nv].T
-        self._yielding = [
-            (block.jacobian, block.force.columns) for block in self._contacts if block.item._yields
+        # Jacobians of forces on base and joints, each with its place: of all contacts in the equalities at once, and of
+        # each one that may yield.
+        jacobians = [(p.equality[held, :nv], slice(None))]
+        yielding = [(block.jacobian, block.force.columns) for block in self._contacts if block.item._yields]
+        jacobians = yielding if len(yielding) == len(contacts) else jacobians + yielding
+        self._forces = [
+            (rows[:, part].T, force[:, columns])
+            for rows, columns in jacobians
+            for part, force in ((slice(0, base), self._base_force), (slice(base, nv), self._joint_force))
         ]
         self._torque_lower, self._torque_upper = p.lower[self._torques], p.upper[self._torques]
-        self._torque_bounds = np.zeros(robot.na), np.zeros(robot.na)
         self._single = [(p.lower[rows], p.upper[rows]) for rows in (self._torques, self._joints)]
         self._stored = slice(self._start, p.target.size)
         self._matrix, self._references = p.rows[self._stored, :nv], self.targets[self._start :]
@@ -192,11 +197,8 @@ class Assembly(RowStore):
         if outside is not None:
             p.target[:base] += outside[:base]
             p.torque_bias -= outside[base:]
-        np.negative(self._contact_base_t, out=self._base_force)
-        np.negative(self._contact_joint_t, out=self._joint_force)
-        for jacobian, columns in self._yielding:
-            np.negative(jacobian[:, :base].T, out=self._base_force[:, columns])
-            np.negative(jacobian[:, base:].T, out=self._joint_force[:, columns])
+        for jacobian_t, force in self._forces:
+            np.negative(jacobian_t, out=force)
         if self._passive.size:  # no torque: equalities, in place of bounds
             p.equality[self._passive_rows] = p.inequality[self._passive]
             p.target[self._passive_rows] = -p.torque_bias[self._passive]
@@ -224,8 +226,7 @@ class Assembly(RowStore):
         """Write the bounds of torques, of joints and of all other limits."""
         bias = self.problem.torque_bias
         if self._torque_limits is not None:
-            lower, upper = self._torque_bounds
-            self._torque_limits.interval(dt, torques, lower, upper)
+            lower, upper = self._torque_limits.interval(dt, torques)
             np.subtract(lower, bias, out=self._torque_lower)
             np.subtract(upper, bias, out=self._torque_upper)
         if self._passive.size:
@@ -245,11 +246,11 @@ class Assembly(RowStore):
         """Return torques within their limits, shape (na,), Nm, after those of the last tick; released have none."""
         if self._torque_limits is None:
             return torques
-        lower, upper = np.empty_like(torques), np.empty_like(torques)
-        self._torque_limits.interval(dt, previous, lower, upper)
+        lower, upper = self._torque_limits.interval(dt, previous)
+        kept = np.minimum(np.maximum(torques, lower), upper)  # in a third of the time of `np.clip`
         if released is not None:
-            lower[released.index], upper[released.index] = -np.inf, np.inf
-        return np.clip(torques, lower, upper)
+            kept[released.index] = torques[released.index]
+        return kept
 
     def error_gain(self, task: Task) -> Array:
         """Return the acceleration per error, 1/s², shape (dim,)."""

@@ -225,7 +225,7 @@ class Controller(Items):
             return solution.torques
         torques = self._with(solution, wrenches) if wrenches else solution.torques
         torques = self._assembly.kept(torques, self._dt, self._before, self.released)
-        self._commanded, self._differs = torques, bool((torques != solution.torques).any())
+        self._commanded, self._differs = torques, bool(wrenches) or bool((torques != solution.torques).any())
         return torques
 
     def _with(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:

@@ -177,7 +177,8 @@ class ActiveSet:
             force = self._force[self._n_linear :]
             forces = np.where(self._upper_side, -force, force)
             wrong = forces < 0.0
-            wrong &= p.upper[active] - p.lower[active] > ROUNDING
+            if wrong[wrong.argmax()]:  # bounds that are equal press in either direction
+                wrong &= p.upper[active] - p.lower[active] > ROUNDING
             if not (violated or wrong[wrong.argmax()]):
                 self.multipliers = np.zeros(p.lower.size)
                 self.multipliers[active] = -force
