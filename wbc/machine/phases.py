@@ -156,6 +156,10 @@ class Phases:
         """True while a control runs that has a policy of its own for measurements that cannot be used."""
         return self.phase is Phase.RUN and self._control.drives is not None
 
+    def alone(self, now: float) -> bool:
+        """Return True while such a control runs by itself, after the transition to it, at a time of the clock, s."""
+        return self.checks_itself and now - self._since >= self._settings.blend
+
     def stop(self, measurement: Measurement, now: float) -> None:
         """Let the robot sink from where a measurement has it."""
         if self.phase is not Phase.STOP:
@@ -239,9 +243,12 @@ class Phases:
         except Exception as error:  # whatever a controller does, the machine is damped
             logger.exception("the controller failed")
             raise Over(f"{type(error).__name__} of the controller: {error}") from error
+        drives = self._control.drives
+        if self.alone(now) and drives is not None and drives.measurement is not None:
+            measurement = drives.measurement
+            self._inlet.adopt(measurement)
         if not self._driver.leaves_released:
             command = self._parking.hold(command, measurement.joint_position)
-        drives = self._control.drives
         if drives is not None and drives.stopped:
             raise Over(f"the controller has stopped: {drives.reason}")
         if drives is None:  # else its observer knows, for a stop
