@@ -32,7 +32,7 @@ STILL = (0.0, 0.0, 0.0)
 def observed(**parts: Any) -> Any:
     """Return the estimate of a robot that stands upright, with some parts replaced."""
     inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
-    still: dict[str, Any] = {"share": [0.4, 0.6], "inertial": inertial}
+    still: dict[str, Any] = {"share": np.array([0.4, 0.6]), "inertial": inertial}
     still["foot_velocities"] = still["foot_rotations"] = [STILL] * 2
     still["load_shares"], still["slides"] = [0.5, 0.5], [False, False]
     return SimpleNamespace(**(still | parts))
