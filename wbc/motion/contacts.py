@@ -46,14 +46,15 @@ def find_contacts(
     """
     if known is not None and known.any():
         ground = float(np.percentile(motion.corners[..., 2].min(axis=2)[known], 5.0))
-        standing = known.copy()
+        standing = known
     else:
         ground, standing = touching(motion.corners, motion.rate)
     return ground, always_standing(standing, motion.rate, double_support)
 
 
 def always_standing(standing: Array, rate: float, double_support: float = 0.0) -> Array:
-    """Fill short times in which no sole stands; see `find_contacts`. `standing` (T, 2) is changed and returned."""
+    """Return where soles stand, shape (T, 2), with short times filled in which none does; see `find_contacts`."""
+    standing = standing.copy()
     for first, last in runs(~standing.any(axis=1)):
         begin, end = first / rate, last / rate
         if end - begin > FLIGHT + ROUNDING:

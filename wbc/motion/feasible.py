@@ -29,7 +29,7 @@ from wbc.base.settings import Positive, Ratio
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import on_ground
-from wbc.motion.footsteps import BLEND, footsteps
+from wbc.motion.footsteps import BLEND, footsteps, smoothstep
 from wbc.motion.inverse_kinematics import inverse_kinematics, planted
 from wbc.motion.kinematics import BodyMotion, corners_of
 from wbc.motion.measures import MotionMeasures, by_joint, check_motion, measure, nearest_inside, supports_of
@@ -187,8 +187,7 @@ def _retimed(clip: MotionClip, pace: Array) -> tuple[MotionClip, Array]:
     slowed = _integral(gaussian_filter1d(pace, 0.1 * RATE, mode="nearest")) / RATE
     # An eased start takes twice the time for the same way: x of a ramp is t²/(2 ease), so the total grows by ease.
     t = np.linspace(0.0, slowed[-1] + EASE, round((slowed[-1] + EASE) * RATE) + 1)
-    rise, fall = np.clip(t / EASE, 0.0, 1.0), np.clip((t[-1] - t) / EASE, 0.0, 1.0)
-    way = _integral((3.0 * rise**2 - 2.0 * rise**3) * (3.0 * fall**2 - 2.0 * fall**3))
+    way = _integral(smoothstep(t / EASE) * smoothstep((t[-1] - t) / EASE))
     inside = np.interp(way * (slowed[-1] / way[-1]), slowed, clip.times)
     source = np.pad(inside, round(HOLD * RATE), mode="edge")
     return clip.sampled(source, RATE), source

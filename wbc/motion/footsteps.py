@@ -11,6 +11,7 @@ import pinocchio as pin
 from wbc.base.numbers import Array
 from wbc.core.frames import heading
 from wbc.core.robot import Robot
+from wbc.core.trajectories import ValueT
 from wbc.motion.contacts import runs
 from wbc.motion.kinematics import Soles, corners_of
 from wbc.walking.plans.reach import STANDING, Leg, Reach
@@ -125,7 +126,7 @@ def _path(
         fits = [(stance.place * given[frame].inverse(), stance.move) for stance, frame in ends]
         first, last = -1 if before is None else before.last - 1, count if after is None else after.first
         for i in range(first + 1, last):
-            foot, share = given[i], _smoothstep((i - first) / (last - first))
+            foot, share = given[i], smoothstep((i - first) / (last - first))
             if fits:
                 fit, moves[i] = (
                     pin.SE3.Interpolate(*both, share) for both in zip(fits[0], fits[-1], strict=True)
@@ -134,15 +135,16 @@ def _path(
             height, clearance = float(foot.translation[2]), CLEARANCE
             for stance, frame in ends:
                 distance = abs(i - frame)
-                foot = pin.SE3.Interpolate(stance.place, foot, _smoothstep((distance - settle) / ramp))
-                height *= _smoothstep(distance / ramp)
-                clearance = min(clearance, CLEARANCE * _smoothstep(distance / settle))
+                foot = pin.SE3.Interpolate(stance.place, foot, smoothstep((distance - settle) / ramp))
+                height *= smoothstep(distance / ramp)
+                clearance = min(clearance, CLEARANCE * smoothstep(distance / settle))
             lowest = height + float((corners @ foot.rotation[2]).min())
             foot.translation[2] = height + max(0.0, clearance - lowest)
             path[i] = foot
     return path, moves
 
 
-def _smoothstep(x: float) -> float:
-    x = min(max(x, 0.0), 1.0)
-    return 3.0 * x**2 - 2.0 * x**3
+def smoothstep(share: ValueT) -> ValueT:
+    """Return the share of a way from rest to rest at a share of the time, which counts from 0 to 1, by a cubic."""
+    x = np.clip(share, 0.0, 1.0)
+    return x * x * (3.0 - 2.0 * x)  # type: ignore[no-any-return]

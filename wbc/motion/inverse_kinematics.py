@@ -11,6 +11,7 @@ from wbc.base.numbers import Array
 from wbc.core.kinematics.inverse import InverseKinematics
 from wbc.core.limits.joint import JointLimits
 from wbc.core.robot import Robot
+from wbc.core.trajectories import minimum_jerk
 from wbc.motion.kinematics import Soles
 from wbc.tasks import CoMTask, OrientationTask, PoseTask, PostureTask
 
@@ -119,5 +120,5 @@ def _fade(corrections: Array, stands: Array, fade: int) -> None:
             ):
                 speed = 1.5 * corrections[contact] - 2.0 * corrections[first] + 0.5 * corrections[second]
             x = min(1.0, abs(i - contact) / fade)
-            corrections[i] += (1.0 - x**3 * (10.0 - 15.0 * x + 6.0 * x**2)) * corrections[contact]
+            corrections[i] += (1.0 - minimum_jerk(x)[0]) * corrections[contact]
             corrections[i] += fade * x * (1.0 - x**2 * (6.0 - 8.0 * x + 3.0 * x**2)) * speed

@@ -31,10 +31,12 @@ from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array
 from wbc.base.settings import Period
 from wbc.core.drive.control import State
+from wbc.core.estimation.wrenches import TOUCH_DOWN
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
+from wbc.motion.footsteps import smoothstep
 from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -50,9 +52,9 @@ from wbc.walking.table import TaskGains
 START = 0.1
 """Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""
 
-FADE, TOUCH_DOWN, EARLY = 0.2, 0.08, 0.1
-"""Time in which a foot that is lifted goes over to the path of the clip, s; load, as a share of the weight, at which a
-foot has met the ground before its time, and from how long before, s."""
+FADE, EARLY = 0.2, 0.1
+"""Time in which a foot that is lifted goes over to the path of the clip, s, and time before its landing from which on a
+foot that bears a load has met the ground, s."""
 
 ZMP_SMOOTHING = 0.02
 """Standard deviation with which the reference of the ZMP is smoothed, s: splines have kinks in their accelerations."""
@@ -180,7 +182,7 @@ class MotionSource(ReferenceSource):
         x = (i - begin) * self._dt / FADE
         if x >= 1.0:
             return given
-        share, rate = 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / FADE
+        share, rate = 1.0 - smoothstep(x), -6.0 * x * (1.0 - x) / FADE
         placement, turn = given.placement, pin.exp3(share * offset[3:])
         placement = pin.SE3(turn @ placement.rotation, placement.translation + share * offset[:3])
         return FootMotion(placement, given.velocity + rate * offset, given.acceleration)
