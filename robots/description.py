@@ -377,11 +377,8 @@ class RobotDescription:
     @cached_property
     def digest(self) -> str:
         """Hash of all data that models are made from, 12 hexadecimal digits."""
-        names = (
-            *("half_sitting", "armature", "hands", "gains", "damping", "frictionloss", "springs"),
-            *("torque_ranges", "foot_inertia"),
-        )
-        values = [sorted(getattr(self, name).items()) for name in names]
+        names = "half_sitting armature hands gains damping frictionloss springs torque_ranges foot_inertia"
+        values = [sorted(getattr(self, name).items()) for name in names.split()]
         content = (
             write_urdf.write(self.mechanism, "", {}, shapes=True),
             self.soles,
@@ -390,8 +387,9 @@ class RobotDescription:
             self.servo,
             self.base,
             *values,
+            self.closures,
+            self.passive,
         )
-        content = (*content, self.closures, self.passive)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
     @cached_property

@@ -66,7 +66,8 @@ class RigidFoot(Foot):
             ankle_height=self.ankle_height,
             min_height=self.thickness,
         )
-        plate = box_inertia(self.mass, self._plate(), (0.0, 0.0, self.thickness / 2.0))
+        size = self.length, self.width, self.thickness
+        plate = box_inertia(self.mass, size, (0.0, 0.0, self.thickness / 2.0))
         return FootFit(
             fitted, fitted.placement.act(plate), self.mass, float(fitted.ankle[2]) - float(sole.ankle[2])
         )
@@ -78,6 +79,3 @@ class RigidFoot(Foot):
         return build_rigid(
             spec, ankle_body, side, self.fit(sole), self.contact, plate=(self.mass, self.thickness)
         )
-
-    def _plate(self) -> tuple[float, float, float]:
-        return (self.length, self.width, self.thickness)

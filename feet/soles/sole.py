@@ -86,20 +86,13 @@ class AnkleSole:
         length: float,
         width: float,
         *,
-        ankle_link: str = "ankle",
         ankle_behind: float = 0.0,
         spacing: float | None = None,
     ) -> AnkleSole:
-        """Return a level sole below an upright ankle link, its centre `ankle_behind` ahead of it; all in m."""
+        """Return a level sole below an upright link "ankle", its centre `ankle_behind` ahead of it; all in m."""
         finite_scalar("ankle height over the sole (m)", ankle_height, above=0.0)
-        return cls(
-            ankle_link,
-            (ankle_behind, 0.0, -ankle_height),
-            (0.0, 0.0, 0.0, 1.0),
-            length,
-            width,
-            spacing=spacing,
-        )
+        place = ankle_behind, 0.0, -ankle_height
+        return cls("ankle", place, (0.0, 0.0, 0.0, 1.0), length, width, spacing=spacing)
 
 
 TOE_HEIGHT = 0.02

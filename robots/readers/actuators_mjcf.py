@@ -147,10 +147,8 @@ def stiffness(model: mujoco.MjModel) -> Array:
 
 def _gain(model: mujoco.MjModel, actuator: int) -> tuple[float | None, str]:
     """Return the force by control of an actuator, and "motor"; None and what it is for another kind."""
-    gain, bias = (
-        mujoco.mjtGain(int(model.actuator_gaintype[actuator])),
-        mujoco.mjtBias(int(model.actuator_biastype[actuator])),
-    )
+    gain = mujoco.mjtGain(int(model.actuator_gaintype[actuator]))
+    bias = mujoco.mjtBias(int(model.actuator_biastype[actuator]))
     dynamics = mujoco.mjtDyn(int(model.actuator_dyntype[actuator]))
     words = {each.name.split("_", 1)[1].lower() for each in (gain, bias, dynamics)}
     odd = words - {"fixed", "none", "affine", "filter", "filterexact"}

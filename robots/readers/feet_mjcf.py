@@ -127,9 +127,7 @@ class _Finder:
                 f"{name}: body '{link}' has no geom that says where its sole is; give a site at the sole and sole_size"
             )
         normal, points = up, np.zeros((0, 3))
-        for _ in range(
-            3
-        ):  # the lowest points of round geoms depend on the normal, and the normal on the points
+        for _ in range(3):  # lowest points of round geoms depend on the normal, and the normal on the points
             points = self._points(foot.geoms, normal)
             found = _flat_side(points, up)
             if found is None or found @ up > FLAT:

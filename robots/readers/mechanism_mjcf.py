@@ -49,9 +49,8 @@ def mechanism(
     this angle.
     """
     compiled, model = tree.model, pin.Model()
-    at = {
-        0: (0, pin.SE3.Identity(), 0)
-    }  # body → joint that moves it, its place in that joint's frame, its own frame
+    # Body → joint that moves it, its place in that joint's frame, its own frame.
+    at = {0: (0, pin.SE3.Identity(), 0)}
     inertias: dict[str, pin.Inertia] = {}
     if tree.fixed:
         at[0] = 0, pin.SE3.Identity(), model.addBodyFrame(WORLD_LINK, 0, pin.SE3.Identity(), 0)
@@ -60,10 +59,7 @@ def mechanism(
         parent, place, frame = at[int(compiled.body_parentid[body])]
         if body == tree.root and not tree.fixed:
             parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), free_name(tree.joints))
-            frame, own = (
-                model.addJointFrame(parent, 0),
-                pin.SE3(yaw_rotation(-turn), np.zeros(3)),
-            )
+            frame, own = model.addJointFrame(parent, 0), pin.SE3(yaw_rotation(-turn), np.zeros(3))
             if turn:
                 frame = model.addBodyFrame(f"{link}{TURNED}", parent, pin.SE3.Identity(), frame)
             moving: list[tuple[int, Array, Array]] = []
@@ -79,9 +75,7 @@ def mechanism(
             limits = torque.get(name, 0.0), SLIDE_SPEED if slides else SPEED, low, high
             parent = add_joint(model, parent, place * inside, name, slides, axis, limits)
             frame, place = model.addJointFrame(parent, frame), along(-anchor)
-        if (
-            moving and moving[-1][1].any()
-        ):  # a link has the frame of its joint: the body is fixed to one that has it
+        if moving and moving[-1][1].any():  # a link has the frame of its joint: the body is fixed to one
             behind = f"{link}_{tree.joint_name(moving[-1][0])}"
             frame = model.addBodyFrame(behind, parent, pin.SE3.Identity(), frame)
         at[body] = parent, place, model.addBodyFrame(link, parent, place, frame)

@@ -228,7 +228,7 @@ def test_the_toe_sensor_is_where_the_model_has_it(phalanges: int) -> None:
     ankle.add_freejoint()
     ankle.mass, ankle.inertia = 1.0, [0.01] * 3
     design = foot("variable", phalanges=phalanges)
-    built = design.build(spec, ankle, "left", AnkleSole.under_ankle(0.093, 0.16, 0.076, ankle_link="ankle"))  # type: ignore[arg-type]
+    built = design.build(spec, ankle, "left", AnkleSole.under_ankle(0.093, 0.16, 0.076))  # type: ignore[arg-type]
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

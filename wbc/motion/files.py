@@ -42,19 +42,8 @@ BODY_MODEL = frozenset(
 with the surfaces of the model alone."""
 
 USED = frozenset(
-    (
-        "rate",
-        "fps",
-        "joint_names",
-        "body_names",
-        "base",
-        "joints",
-        "standing",
-        "root_pos",
-        "root_rot",
-        "dof_pos",
-    )
-    + ("joint_pos", "body_pos_w", "body_quat_w", "positions")
+    ("rate", "fps", "joint_names", "body_names", "standing", "base", "joints", "positions")
+    + ("root_pos", "root_rot", "dof_pos", "joint_pos", "body_pos_w", "body_quat_w")
 )
 """Arrays that are read; others, which may be pickles, stay closed."""
 
@@ -277,15 +266,10 @@ def _placed(data: Mapping[str, Any]) -> tuple[Array, Array]:
         _need(data, "a motion of GMR", "root_pos", "root_rot", "dof_pos")
         return np.hstack([data["root_pos"], data["root_rot"]]), data["dof_pos"]
     if "joint_pos" not in data:
-        _need(
-            data,
-            "a motion of a robot",
-            "base and joints, or joint_pos and body_pos_w, or dof_pos and root_pos",
-        )
+        arrays = "base and joints, or joint_pos and body_pos_w, or dof_pos and root_pos"
+        _need(data, "a motion of a robot", arrays)
     joints = np.atleast_2d(data["joint_pos"])
-    if (
-        "joint_names" in data and joints.shape[1] == data["joint_names"].size + 7
-    ):  # positions of MuJoCo, base first
+    if "joint_names" in data and joints.shape[1] == data["joint_names"].size + 7:  # of MuJoCo, base first
         return joints[:, [0, 1, 2, 4, 5, 6, 3]], joints[:, 7:]
     _need(data, "a motion of BeyondMimic", "joint_pos", "body_pos_w", "body_quat_w")
     root = 1 if _texts(data.get("body_names", np.array([], dtype=str)))[:1] == ("world",) else 0
@@ -296,9 +280,7 @@ def _placed(data: Mapping[str, Any]) -> tuple[Array, Array]:
 def _texts(names: Any) -> tuple[str, ...]:
     """Return names of an array of texts: of bytes, padded ones and rows of single letters, as MATLAB has them, too."""
     names = np.asarray(names)
-    if names.dtype.kind == "V" or (
-        names.dtype == np.uint8 and names.ndim == 2
-    ):  # opaque bytes, and letters of C
+    if names.dtype.kind == "V" or (names.dtype == np.uint8 and names.ndim == 2):  # bytes, and letters of C
         width = names.dtype.itemsize * (names.shape[1] if names.dtype == np.uint8 else 1)
         names = np.ascontiguousarray(names).view(f"S{width}")
     if names.dtype.kind not in "SU":

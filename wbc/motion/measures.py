@@ -34,9 +34,7 @@ def nearest_inside(areas: Sequence[Array], points: Array) -> Array:
     nearest = points.copy()
     for i, (corners, point) in enumerate(zip(areas, points, strict=True)):
         edges, away = np.roll(corners, -1, axis=0) - corners, point - corners
-        if (
-            edges[:, 0] * away[:, 1] < edges[:, 1] * away[:, 0]
-        ).any():  # it is on the right of an edge: outside
+        if (edges[:, 0] * away[:, 1] < edges[:, 1] * away[:, 0]).any():  # on the right of an edge: outside
             along = (away * edges).sum(axis=1) / np.maximum((edges**2).sum(axis=1), 1e-18)
             on_edges = corners + np.clip(along, 0.0, 1.0)[:, None] * edges
             nearest[i] = on_edges[((on_edges - point) ** 2).sum(axis=1).argmin()]

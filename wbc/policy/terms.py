@@ -125,6 +125,3 @@ class GaitClock:
         else:
             self.phase[:] = np.mod(self.phase + self._step + math.pi, 2.0 * math.pi) - math.pi
         self._stood = stands
-
-
-__all__ = ["TERMS", "GaitClock", "Observed"]
