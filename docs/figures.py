@@ -20,7 +20,6 @@ from wbc.app.view.marks import DCM_COLOUR as DCM
 from wbc.app.view.marks import ZMP_COLOUR as ZMP
 from wbc.base.numbers import Array
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS, RoughnessSettings, low_pass, roughness
-from wbc.feet.sensing.scan import resample
 from wbc.sim.terrain.plot import _number
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -102,16 +101,10 @@ def draw_roughness(path: Path) -> None:
     for axis, cutoff in zip(axes, (0.01, 0.1), strict=True):
         ground = terrain("random", amplitude=0.03, seed=4, cutoff=cutoff)
         z = np.array([float(ground.height(value, 0.0)) for value in x + 0.5 * ground.length])
-        profile = resample(x, z)
-        found = roughness(profile.x, profile.z, settings)
+        found = roughness(x, z, settings)
         axis.plot(x, 1e3 * z, color=FOOT, lw=1.2, label="ground")
-        axis.plot(
-            profile.x,
-            1e3 * low_pass(profile.z, profile.step, settings.corner),
-            color=COM,
-            lw=1.6,
-            label="as a long foot feels it",
-        )
+        felt = 1e3 * low_pass(z, 0.002, settings.corner)
+        axis.plot(x, felt, color=COM, lw=1.6, label="as a long foot feels it")
         each = zip(PARAMETERS, UNITS, found.values, strict=True)
         values = ", ".join(_number(*one) for one in each if one[0] in ("Sq", "Sku", "P", "K"))
         length = ground.describe()["cutoff_wavelength_m"]

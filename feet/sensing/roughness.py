@@ -104,8 +104,8 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
     step = float(places[-1] - places[0]) / gaps.size
     if step <= 0.0 or np.abs(gaps - step).max() > 1e-4 * step:
         raise InputError(
-            f"places of a profile must ascend evenly, got gaps from {gaps.min():g} to {gaps.max():g} m; "
-            "`wbc.feet.sensing.scan.resample` puts them on a grid"
+            f"places of a profile must ascend evenly, got gaps from {gaps.min():g} to {gaps.max():g} m; np.interp puts "
+            "heights on a grid"
         )
     z = about_line(z)
     if corner is not None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from wbc.base.errors import InputError, shown
+from wbc.base.errors import InputError
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.base.settings import Positive, settings
 
@@ -182,59 +182,24 @@ class GroundScan:
                 "out of reach); hits in two cells are needed"
             )
         assert self._first is not None, "there are hits"
-        cell = filled + self._first
+        step, cell = self.settings.step, filled + self._first
         mean = self._sums[1:, filled] / self._sums[0, filled]
-        return _broken_line(cell, mean, np.array([self._c, self._s]), self.settings)
-
-
-def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: ScanSettings) -> Profile:
-    """Return the profile through the centroids of cells.
-
-    Numbers of the cells with hits ascend, shape (m,); rows of their means are x from the cell's centre, z, lateral,
-    shape (3, m), m.
-    """
-    step = settings.step
-    x = cell * step + mean[0]
-    cuts = np.flatnonzero(np.diff(x) > settings.max_gap + ROUNDING) + 1
-    begins, ends = np.append(0, cuts), np.append(cuts, x.size)
-    lengths = cell[ends - 1] - cell[begins]  # in cells, to compare without rounding
-    best = lengths.size - 1 - int(np.argmax(lengths[::-1]))
-    piece = slice(int(begins[best]), int(ends[best]))
-    x, cell = x[piece], cell[piece]
-    nodes = np.arange(math.ceil(x[0] / step - ROUNDING), math.floor(x[-1] / step + ROUNDING) + 1)
-    if nodes.size < 2:
-        raise InputError(f"no profile: the longest piece without a gap is {x[-1] - x[0]:.4f} m long")
-    at = nodes * step
-    return Profile(
-        x=at,
-        z=np.interp(at, x, mean[1, piece]),
-        lateral=np.interp(at, x, mean[2, piece]),
-        seen=np.isin(nodes, cell, assume_unique=True),
-        forward=forward,
-        step=step,
-    )
-
-
-def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -> Profile:
-    """Return the profile of given points on a uniform grid, as `GroundScan` computes it from hits.
-
-    Places along the walking direction, in any order, and heights, NaN where unknown, have shape (n,), m.
-    """
-    given = ScanSettings() if settings is None else settings
-    places = finite_array("places of a profile (m)", x)
-    try:
-        heights = np.asarray(z, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"heights of a profile (m) must be numbers, got {shown(z)}") from error
-    if places.ndim != 1 or heights.shape != places.shape:
-        raise InputError(f"x and z must have the same shape (n,), got {places.shape} and {heights.shape}")
-    seen = np.isfinite(heights)
-    places, heights = places[seen], heights[seen]
-    every = np.floor(places / given.step + 0.5).astype(np.intp)
-    cell, inverse, count = np.unique(every, return_inverse=True, return_counts=True)
-    if cell.size < 2:
-        raise InputError(f"no profile: {places.size} points in {cell.size} cells; two cells are needed")
-    offset = np.bincount(inverse, places - every * given.step) / count
-    height = np.bincount(inverse, heights) / count
-    mean = np.stack([offset, height, np.zeros(cell.size)])
-    return _broken_line(cell, mean, np.array([1.0, 0.0]), given)
+        x = cell * step + mean[0]
+        cuts = np.flatnonzero(np.diff(x) > self.settings.max_gap + ROUNDING) + 1
+        begins, ends = np.append(0, cuts), np.append(cuts, x.size)
+        lengths = cell[ends - 1] - cell[begins]  # in cells, to compare without rounding
+        best = lengths.size - 1 - int(np.argmax(lengths[::-1]))
+        piece = slice(int(begins[best]), int(ends[best]))
+        x, cell = x[piece], cell[piece]
+        nodes = np.arange(math.ceil(x[0] / step - ROUNDING), math.floor(x[-1] / step + ROUNDING) + 1)
+        if nodes.size < 2:
+            raise InputError(f"no profile: the longest piece without a gap is {x[-1] - x[0]:.4f} m long")
+        at = nodes * step
+        return Profile(
+            x=at,
+            z=np.interp(at, x, mean[1, piece]),
+            lateral=np.interp(at, x, mean[2, piece]),
+            seen=np.isin(nodes, cell, assume_unique=True),
+            forward=np.array([self._c, self._s]),
+            step=step,
+        )

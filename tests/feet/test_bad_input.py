@@ -11,7 +11,7 @@ import pytest
 from wbc.base.errors import InputError
 from wbc.feet import SoftFoot, StiffnessModel, VariableStiffnessFoot, foot, register_foot
 from wbc.feet.sensing.roughness import roughness
-from wbc.feet.sensing.scan import GroundScan, ScanSettings, resample
+from wbc.feet.sensing.scan import GroundScan, ScanSettings
 from wbc.feet.soles.sole import AnkleSole, FootFit
 
 OWN = AnkleSole.under_ankle(0.093, 0.16, 0.076)
@@ -34,7 +34,6 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: ScanSettings(max_gap=0.001), "max_gap"),
     (lambda: GroundScan().start((0.0, 0.0)), "direction"),
     (lambda: GroundScan().profile(), "hits"),
-    (lambda: resample([0.0, 1.0], [0.0]), "shape"),
     (lambda: roughness(GRID**2, FLAT), "even"),
     (lambda: roughness(GRID, FLAT[1:]), "shape"),
     (lambda: foot("flat").fit("left_foot"), "sole of FlatFoot.fit"),  # type: ignore[arg-type]

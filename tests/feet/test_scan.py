@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -13,7 +14,7 @@ from properties import examples
 
 from wbc.base.errors import InputError
 from wbc.feet import foot
-from wbc.feet.sensing.scan import PROFILE_STEP, GroundScan, ScanSettings, resample
+from wbc.feet.sensing.scan import PROFILE_STEP, GroundScan, Profile, ScanSettings
 from wbc.feet.soles.soft import toe_sensor
 from wbc.feet.soles.sole import AnkleSole
 
@@ -45,6 +46,14 @@ def scan_plane(a: float, b: float, forward: tuple[float, float] = (1.0, 0.0), **
     for p, d in zip(places, rays(pitch), strict=True):
         scan.add(turn @ p, turn @ d, (a + b * p[0] - p[2]) / (d[2] - b * d[0]))
     return scan
+
+
+def profile_of(x: Sequence[float] | np.ndarray, z: Sequence[float] | np.ndarray, **options: float) -> Profile:
+    """Profile of ground that is seen from above at some places, with heights, NaN where the reading is lost."""
+    scan = GroundScan(ScanSettings(**options))  # type: ignore[arg-type]
+    for place, height in zip(x, z, strict=True):
+        scan.add((place, 0.0, 1.0), DOWN, 1.0 - height)
+    return scan.profile()
 
 
 @given(
@@ -104,11 +113,8 @@ def test_readings_count_the_same_in_any_order() -> None:
     assert one.lost == int((~np.isfinite(ranges)).sum()) > 5
     order = rng.permutation(ranges.size)
     add_all(shuffled, places[order], d[order], ranges[order])
-    seen = np.isfinite(ranges)
-    by_points = resample(*(places[seen] + ranges[seen, None] * d[seen])[:, [0, 2]].T)
-    for other in (shuffled.profile(), by_points):
-        np.testing.assert_allclose(other.z, one.profile().z, atol=1e-12)
-        np.testing.assert_array_equal(other.seen, one.profile().seen)
+    np.testing.assert_allclose(shuffled.profile().z, one.profile().z, atol=1e-12)
+    np.testing.assert_array_equal(shuffled.profile().seen, one.profile().seen)
 
 
 @given(
@@ -174,7 +180,7 @@ def test_the_widest_gap_is_at_least_a_step() -> None:
         ScanSettings(step=0.01, max_gap=0.0099)
     for hits in ([0.0], [0.0, 1.0]):
         with pytest.raises(InputError):
-            resample(hits, hits)  # one cell, and two too far apart
+            profile_of(hits, hits)  # one cell, and two too far apart
 
 
 def test_noise_is_averaged_where_the_foot_is_slow() -> None:
@@ -192,21 +198,21 @@ def test_noise_is_averaged_where_the_foot_is_slow() -> None:
 
 def test_gaps_are_bridged_up_to_a_width_and_cut_beyond() -> None:
     x = np.arange(0.0, 0.4, 0.001)
-    bridged = resample(x, np.where((x > 0.1) & (x < 0.12), np.nan, 0.5 * x))
+    bridged = profile_of(x, np.where((x > 0.1) & (x < 0.12), np.nan, 0.5 * x))
     np.testing.assert_allclose(bridged.z, 0.5 * bridged.x, atol=1e-12)
     assert 0.9 < bridged.coverage < 1.0
     assert bridged.length > 0.38
     hole = np.where((x > 0.1) & (x < 0.2), np.nan, 0.5 * x)
-    cut = resample(x, hole)
+    cut = profile_of(x, hole)
     assert 0.19 < cut.x[0] <= cut.x[-1] < 0.401, "the longer piece stays"
     equal = PROFILE_STEP * np.r_[0:20, 40:60, 80:90]
-    assert resample(equal, equal).x[0] == pytest.approx(40 * PROFILE_STEP), (
+    assert profile_of(equal, equal).x[0] == pytest.approx(40 * PROFILE_STEP), (
         "of equal pieces the later one stays"
     )
     for gap, samples in ((4 * PROFILE_STEP, 43), (4.1 * PROFILE_STEP, 19)):
         places = np.r_[PROFILE_STEP * np.arange(20), 19 * PROFILE_STEP + gap + PROFILE_STEP * np.arange(20)]
-        assert resample(places, places).x.size == samples, "28 mm are bridged, 28.7 mm are not"
-    whole = resample(x, hole, ScanSettings(max_gap=0.5))
+        assert profile_of(places, places).x.size == samples, "28 mm are bridged, 28.7 mm are not"
+    whole = profile_of(x, hole, max_gap=0.5)
     assert whole.length > 0.38
     np.testing.assert_allclose(whole.z, 0.5 * whole.x, atol=1e-12)
 
