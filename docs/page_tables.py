@@ -45,8 +45,8 @@ from wbc.walking.steps import ON_POINTS
 DOCS = Path(__file__).parent
 
 MADE = re.compile(
-    r"^<!-- (?P<what>(?:settings|fields) of (?P<kind>[\w.]+)(?: as (?P<path>\w+))?|index of settings|gait by speed"
-    r"|terms of policies|commands|grounds|studies) -->\n.*?^<!-- end -->$",
+    r"^<!-- (?P<what>(?:settings|fields|names) of (?P<kind>[\w.]+)(?: as (?P<path>\w+))?|index of settings"
+    r"|gait by speed|terms of policies|commands|grounds|studies) -->\n.*?^<!-- end -->$",
     re.MULTILINE | re.DOTALL,
 )
 """Marks of a table in a page, with the table between them."""
@@ -77,6 +77,8 @@ def _made(match: re.Match[str], page: str) -> str:
         rows = index_rows(page)
     elif match["kind"] is None:
         rows = TABLES[match["what"]]()
+    elif match["what"].startswith("names"):
+        rows = name_rows(match["kind"])
     elif match["what"].startswith("fields"):
         rows = field_rows(_kind(match["kind"]))
     else:
@@ -179,6 +181,15 @@ def field_rows(kind: type) -> Iterator[str]:
             values = default if isinstance(default, tuple) else (default,)
             text = ", ".join("–" if value is None else f"{value:g}" for value in values)
         yield f"| `{field.name}` | {text} | {range_of(hint)} | {escaped(about[field.name])} |"
+
+
+def name_rows(package: str) -> Iterator[str]:
+    """Public classes and functions of a package with the first line of their docstrings."""
+    yield from ("| Name | What it is |", "|---|---|")
+    module = import_module(package)
+    for name in module.__all__:
+        if callable(found := getattr(module, name)):
+            yield f"| `{package}.{name}` | {escaped((inspect.getdoc(found) or '').partition(chr(10))[0])} |"
 
 
 def term_rows() -> Iterator[str]:
@@ -294,7 +305,7 @@ TABLES = {
 def main() -> None:
     """Fill all pages."""
     argparse.ArgumentParser(description=__doc__).parse_args()
-    for page in sorted(DOCS.glob("*.md")):
+    for page in sorted(DOCS.rglob("*.md")):
         text = page.read_text(encoding="utf-8")
         if (new := filled(text)) != text:
             page.write_text(new, encoding="utf-8")
