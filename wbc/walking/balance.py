@@ -1,7 +1,7 @@
 """Balance by the stabilizer, of planned steps and of sources of one's own, with what is known of the pendulum's errors.
 
-    state = balance.correct(state, last)                  DCM less its bias and the shift by hands
-    reference = balance.update(reference, last, state)    hands, stabilizer, lean
+    state = balance.correct(state, last)                        DCM less its bias and the shift by hands
+    output = balance.update(reference, last, state, outside)    stabilizer, help by hands, lean
 
 In position control the feet yield to the measured wrenches, the QP moves the commanded robot, and the servos get the
 torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired wrenches
@@ -93,27 +93,24 @@ class Balance:
             dcm[:2] -= hands.shift  # the plan is that without hands
         return state._replace(dcm=dcm)
 
-    def update(self, reference: Reference, last: Reference | None, state: State) -> Reference:
-        """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press.
+    def update(
+        self, reference: Reference, last: Reference | None, state: State, outside: Array | None
+    ) -> StabilizerOutput:
+        """Run stabilizer and lean for one tick, with the wrench on the hands at the world origin, None without one.
 
         Feet whose contact is another one than in the last references, None in the first tick, begin anew.
         """
-        measurement, hands, dt, robot = state.measurement, self.hands, self._dt, state.robot
-        stabilizer, contact, heading = self.stabilizer, reference.progress.contact, reference.progress.heading
-        outside = None
-        if hands is not None:
-            outside = hands.update(measurement, reference, dt)
-            if outside is not None:
-                reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
+        hands, dt, robot, stabilizer = self.hands, self._dt, state.robot, self.stabilizer
+        contact = reference.progress.contact
         stabilizer.mass = robot.mass  # with what it carries
         self.output = output = stabilizer.update(
             reference.pendulum,
             robot.com,
             robot.com_velocity,
-            measurement.wrenches,
+            state.measurement.wrenches,
             self._soles,
             contact,
-            heading,
+            reference.progress.heading,
             dt,
             bias=self._bias,
             outside=outside,
@@ -127,7 +124,7 @@ class Balance:
         if self.lean is not None:  # towards the moment that the feet cannot give
             x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
             self.leaning = self.lean.update((x, y), dt)
-        return reference
+        return output
 
     def _estimate_bias(self, estimator: BiasEstimator, robot: Robot, last: Reference | None) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""

@@ -3,7 +3,8 @@
     state = drives.estimate(measurement)                plausibility, observer               `wbc.core.drive.control`
     state = balance.correct(state, last)                bias of the DCM                      `wbc.walking.balance`
     reference = source.update(state)                    pendulum, feet, record of the step   `wbc.walking.source`
-    reference = balance.update(reference, last, state)  desired wrenches, admittances, lean  `wbc.walking.balance`
+    outside = hands.update(measurement, reference)      wrench on the hands                  `wbc.walking.hands`
+    output = balance.update(reference, last, state, …)  desired wrenches, admittances, lean  `wbc.walking.balance`
     tasks.follow(reference, lean, twist, output)        targets of tasks and contacts        `wbc.walking.tasks`
     command = drives.act(state, balance.wrenches)       QP, drive, gate                      `wbc.core.drive.control`
 
@@ -248,14 +249,14 @@ class WalkingControl(SteeredControl):
             body.update(progress.heading)
             reference = reference._replace(pendulum=body.raised(reference.pendulum))
         lean, twist, output = UPRIGHT, UNTWISTED, None
+        outside = None if hands is None else hands.update(state.measurement, reference, self._dt)
+        # Free steps begin from the CoM that hands have shifted.
+        shifts = outside is not None and not (balance is None and progress.phase is GaitPhase.SINGLE)
+        if hands is not None and shifts:
+            reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
         if balance is not None:
-            reference = balance.update(reference, self.reference, state)
-            lean, output = balance.leaning, balance.output
-        elif hands is not None:
-            outside = hands.update(state.measurement, reference, self._dt)
-            steps = progress.phase is GaitPhase.SINGLE  # from the CoM that hands have shifted
-            if outside is not None and not steps:
-                reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
+            output = balance.update(reference, self.reference, state, outside)
+            lean = balance.leaning
         self.reference = reference
         self.arms.update(reference.feet, progress.heading, progress.fast_share)
         if body.active:
