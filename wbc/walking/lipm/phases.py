@@ -21,6 +21,7 @@ class PlanPhases:
 
     Attributes:
         plan: Steps from the one that swings or swings next on, as they are now; landings move.
+        gait: Gait of the plan.
         step: Index of the step that swings, or that swings next; the number of steps at the end.
         phase: Phase now.
         stance: Foot that carries while the present or next step swings: 0 left, 1 right.
@@ -30,17 +31,12 @@ class PlanPhases:
 
     def __init__(self, feet: FootstepPlan) -> None:
         """Stand on the feet of a plan without steps."""
-        self.plan, self.step = feet, 0
+        self.plan, self.gait, self.step = feet, feet.gait.full, 0
         self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self._enter(GaitPhase.STANDING, 0.0)
         self._face()
 
     # ---- what is under way --------------------------------------------------------------------------------------
-
-    @property
-    def gait(self) -> StepGait:
-        """Gait of the plan."""
-        return self.plan.gait.full
 
     @property
     def landing(self) -> Footstep:
@@ -70,10 +66,11 @@ class PlanPhases:
     @property
     def overdue(self) -> bool:
         """True while lift-off or touch-down is late."""
-        return self._waits and self.elapsed >= self.duration - ROUNDING
+        return self.elapsed >= self.duration - ROUNDING and self._waits
 
     @property
     def _waits(self) -> bool:
+        """True in a phase that ends by the load of a foot."""
         return self.phase is GaitPhase.SINGLE or (self.phase is GaitPhase.DOUBLE and not self.ended)
 
     @property
@@ -135,7 +132,7 @@ class PlanPhases:
         swings, waited = self.phase is GaitPhase.SINGLE, not self.ended
         left, right = self.plan.feet(self.step)
         begun = self.plan.steps[self.step : self.step + 1] if swings else ()
-        self.plan, self.step = FootstepPlan(left, right, (*begun, *steps), gait), 0
+        self.plan, self.gait, self.step = FootstepPlan(left, right, (*begun, *steps), gait), gait, 0
         sets_off = self.phase is GaitPhase.STANDING and bool(steps)
         if sets_off:
             self._enter(GaitPhase.DOUBLE, gait.initial_double_support)

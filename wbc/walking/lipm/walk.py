@@ -185,7 +185,7 @@ class LipmWalk(ReferenceSource):
         planner, time, phases = self.planner, self.time, self.phases
         if planner is None:
             return
-        if phases.swing is not None:
+        if phases.phase is GaitPhase.SINGLE:
             if (planner, planner.order) == self._asked or time < self._next or phases.comes_to_rest:
                 self._landed = True
                 return
@@ -246,8 +246,8 @@ class LipmWalk(ReferenceSource):
         The feet are at their placements when they lift and when they land.
         """
         weight, phases = self._robot.mass * GRAVITY, self.phases
-        if phases.swing is not None:
-            return self._touch_down(loads[phases.swing] / weight, places)
+        if phases.phase is GaitPhase.SINGLE:
+            return self._touch_down(loads[1 - phases.stance] / weight, places)
         if phases.phase is GaitPhase.STANDING or phases.elapsed < phases.duration - ROUNDING:
             return ()
         if phases.ended:

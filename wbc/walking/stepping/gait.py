@@ -243,10 +243,12 @@ class SteppingWalk(ReferenceSource):
         step, felt = self.step, self.felt
         swing = felt.swing if felt.phase is GaitPhase.SINGLE else None
         now = felt.phase, felt.stance, swing, contact, self.steering.heading, self.steps_done, felt.elapsed
-        duration = 0.0
-        if felt.phase is not GaitPhase.STANDING:
-            duration = (self.stand if swing is None else step).duration
-        landings, cycle = (() if step.swing is None else (step.swing.landing,)), self.steering.step_time
+        if swing is None:
+            shifts = felt.phase is GaitPhase.DOUBLE
+            duration, cycle = self.stand.duration if shifts else 0.0, self.steering.step_time
+        else:
+            duration, cycle = step.duration, step.nominal
+        landings = () if step.swing is None else (step.swing.landing,)
         return Progress(*now, duration, landings, cycle, events, step.met is not None, self.fast_share)
 
     # ---- from phase to phase ------------------------------------------------------------------------------------

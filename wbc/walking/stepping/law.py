@@ -114,8 +114,8 @@ class Pace(NamedTuple):
         """
         speed = abs(speed)
         slowed = max(min(speed, 2.0 * self.quick - speed), 0.0)
-        grown = (1.0 + (slowed / self.brisk) ** 4) ** 0.125
-        return max(slow * float(grown), speed / self.swing)
+        grown: float = (1.0 + (slowed / self.brisk) ** 4) ** 0.125
+        return max(slow * grown, speed / self.swing)
 
     def fastest(self, slow: float) -> float:
         """Return the greatest speed whose steps are not too long and do not take too long, m/s."""

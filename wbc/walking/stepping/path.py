@@ -188,9 +188,10 @@ class PathSteering(Steering):
         self.velocity, self.turn = (x, y), turn
         self.turn_to(self.heading + turn * dt)
         held = self._kept_to_path(place, turn)
-        self._make_up(held, speed)
-        self.goes = self.pending
-        return StepVelocity((held[0] + self._missing, held[1]), self.pending, self.fast_share * self._missing)
+        fast_share = self.fast_share
+        self._make_up(held, speed, fast_share)
+        self.goes = go = self.pending
+        return StepVelocity((held[0] + self._missing, held[1]), go, fast_share * self._missing)
 
     def _wanted(self, place: Point) -> Velocity:
         """Return the velocity that target or goal ask for, within the limits."""
@@ -230,11 +231,12 @@ class PathSteering(Steering):
         back = -c.drift_gain * (ahead - taken), -c.drift_gain * aside
         return x + min(max(back[0], -most), most), y + min(max(back[1], -most), most)
 
-    def _make_up(self, asked: Point, speed: Point) -> None:
+    def _make_up(self, asked: Point, speed: Point, fast_share: float) -> None:
         """Integrate the velocity by which the robot falls short, forward: where feet carry is known to centimetres."""
         c, (cos, sin) = self._c, self.direction
         short = asked[0] - cos * speed[0] - sin * speed[1]
         # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
-        lag = c.speed_lag * (self._slow / self.step_time) ** 4
-        missing, most = self._missing + short * self._dt / lag, (1.0 + self.fast_share) * c.speed_bias
+        slow = self._slow
+        lag = c.speed_lag * (slow / self._pace.time(self.velocity[0], slow)) ** 4
+        missing, most = self._missing + short * self._dt / lag, (1.0 + fast_share) * c.speed_bias
         self._missing = min(max(missing, -most), most)

@@ -62,6 +62,7 @@ class SingleSupport:
         decision: Decision of the step.
         touch: Contact of the swing foot.
         first: True in the step that begins in a stand.
+        nominal: Time T of a step that is asked for, s.
         duration: Time of the step, s.
         swing: Swing of this step, which has its landing; None before the first decision on it, and after the step.
         met: Time since lift-off at which the swing foot met the ground while the other one still carries, s; else None.
@@ -85,7 +86,7 @@ class SingleSupport:
         self._shape = swing_shape(settings, constants)
         self.decision = StepDecision(settings, constants, scale, ground, dt)
         self.touch = SwingTouch(felt, ground, settings, constants, dt)
-        self.first, self.duration = True, 0.0
+        self.first, self.nominal, self.duration = True, settings.step_time, 0.0
         self.swing: SwingFoot | None = None
         self.met: float | None = None
         self._ticks = 0  # with a decision on time and place that is open
@@ -205,6 +206,7 @@ class SingleSupport:
 
     def decide(self, asked: Asked, frames: Frames) -> None:
         """Decide time, place and centre of pressure of the step, and send the swing foot there."""
+        self.nominal = asked.time
         if self.met is not None:
             return
         felt, state, decision = self._felt, self._felt.state, self.decision
