@@ -299,17 +299,17 @@ def test_a_robot_that_falls_short_is_sent_on_faster_up_to_a_bound(
     steering.goes = False  # quick steps
     speed = turned((0.15, 0.3), yaw)
     for _ in range(100):
-        steering._make_up((0.2, 9.0), speed)
+        steering._make_up((0.2, 9.0), speed, steering.fast_share)
     assert steering._missing == pytest.approx(0.05 * 100 * DT / own.speed_lag)
     for _ in range(20000):
-        steering._make_up((0.2, 9.0), speed)
+        steering._make_up((0.2, 9.0), speed, steering.fast_share)
     assert steering._missing == pytest.approx(own.speed_bias)
     steering.velocity = 2.0 * CONSTANTS.quick, 0.0
     steering._missing, ratio = 0.0, steering._slow / steering.step_time
-    steering._make_up((0.2, 9.0), speed)
+    steering._make_up((0.2, 9.0), speed, steering.fast_share)
     assert steering._missing == pytest.approx(0.05 * DT / (own.speed_lag * ratio**4))
     for _ in range(20000):
-        steering._make_up((0.1, 9.0), speed)
+        steering._make_up((0.1, 9.0), speed, steering.fast_share)
     assert steering._missing == pytest.approx(-2.0 * own.speed_bias), "twice as much in a fast walk"
 
 
