@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike
 from wbc.base.checked import checked
 from wbc.base.numbers import Array
 from wbc.base.settings import NonNegative, Seed, Triple
-from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
@@ -154,7 +153,7 @@ class Plant(MujocoRobot):
         self._drives = Drives(model, description)
         self._initial = None
         if initial_configuration is not None:
-            self._initial = checked_configuration("initial_configuration", initial_configuration, robot.nq)
+            self._initial = robot.check_configuration("initial_configuration", initial_configuration)
         # Time in each control period, s, before and after the step in which a late command begins to act.
         self._until_due = whole_steps(machine.command_delay, self.timestep) % self.steps * self.timestep
         self._from_due = self.control_period - self._until_due
@@ -227,7 +226,7 @@ class Plant(MujocoRobot):
             that gives as deep as its weight presses soles without hinges. The soles are compared with the ground at
             points some 13 mm apart, so higher peaks of a rough ground between these points are missed.
         """
-        q = checked_configuration("configuration", configuration, self.robot.nq)
+        q = self.robot.check_configuration("configuration", configuration)
         data = mujoco.MjData(self.model)
         self.places.set_configuration(q, data.qpos)
         mujoco.mj_kinematics(self.model, data)

@@ -19,7 +19,7 @@ from wbc.base.errors import InputError, MeasurementError, WbcError, shown
 from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar
 from wbc.base.settings import Seed
 from wbc.core.conventions import Index
-from wbc.core.robot import Robot, checked_configuration
+from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
@@ -266,7 +266,7 @@ class Simulation(ABC):
         """
         v = None if velocity is None else finite_array("velocity", velocity, (self.robot.nv,))
         given = self._usual_start() if configuration is None else configuration
-        q = checked_configuration("configuration", given, self.robot.nq)
+        q = self.robot.check_configuration("configuration", given)
         self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
         q[3:7] /= np.linalg.norm(q[3:7])
         self._place(q, v)
@@ -281,7 +281,7 @@ class Simulation(ABC):
 
     def on_ground(self, configuration: ArrayLike) -> Array:
         """Return a configuration, shape (nq,), moved up or down until its lowest sole touches the ground."""
-        q = checked_configuration("configuration", configuration, self.robot.nq)
+        q = self.robot.check_configuration("configuration", configuration)
         q[2] += self._ground - lowest_sole_point(self.robot, q)
         return q
 

@@ -210,14 +210,14 @@ def stiffness_policy(name: str, **parameters: Any) -> StiffnessPolicy:
 
 
 def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -> None:
-    """Make a policy available by a name; it replaces a policy with the same name.
+    """Make a policy available by a name that is free; see `Registry.add`.
 
     The policy is given as its class, or as a function of named parameters.
 
     A sweep runs walks in other processes, so register the policy in a module that these processes import as well. The
     keys of a journal contain only the name of the policy.
     """
-    _POLICIES[name] = make
+    _POLICIES.add(name, make)
 
 
 def as_policy(policy: PolicyLike) -> StiffnessPolicy:

@@ -17,8 +17,6 @@ from wbc.base.numbers import ROUNDING, Array, finite_array, read_only
 from wbc.base.settings import settings
 from wbc.base.vectors import Vector, add_cross, turned_all
 
-Triple: TypeAlias = tuple[float, float, float]
-
 
 def pose_of(rotation: Array, translation: Array) -> pin.SE3:
     """Return `pin.SE3(rotation, translation)` of arrays of shapes (3, 3) and (3,) in a quarter of its time.
@@ -186,8 +184,8 @@ class FrameDescription:
 
     frame: str
     link: str
-    translation: Annotated[Triple, "m"] = (0.0, 0.0, 0.0)
-    rpy: Annotated[Triple, "rad"] = (0.0, 0.0, 0.0)
+    translation: Annotated[tuple[float, float, float], "m"] = (0.0, 0.0, 0.0)
+    rpy: Annotated[tuple[float, float, float], "rad"] = (0.0, 0.0, 0.0)
 
     @property
     def placement(self) -> pin.SE3:

@@ -79,14 +79,6 @@ DESCRIBED = "make a robot from a description with another value, as of `dataclas
 """Advice in place of an assignment to an attribute that the description of a robot gives."""
 
 
-def checked_configuration(what: str, value: ArrayLike, nq: int, floating: bool = True) -> Array:
-    """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages."""
-    q = finite_array(what, value, (nq,))
-    if floating and abs(float(np.linalg.norm(q[3:7])) - 1.0) > UNIT:
-        _refuse_quaternion(what, q[3:7])
-    return q
-
-
 def _refuse_quaternion(what: str, quaternion: Array) -> NoReturn:
     length = float(np.linalg.norm(quaternion))
     raise InputError(f"quaternion of the {what} must have length 1, got {length:g}: {quaternion.tolist()}")
@@ -414,16 +406,13 @@ class Robot:
         pin.computeCentroidalMomentum(self.model, self.data)
         pin.updateFramePlacements(self.model, self.data)
 
-    def update_jacobians(self, q: Array) -> None:
-        """Compute only frames, the CoM and their Jacobians at a configuration, shape (nq,).
+    def update_jacobians(self, q: Array | None = None) -> None:
+        """Compute only frames, the CoM and their Jacobians at a configuration, shape (nq,); at the present when None.
 
         They equal those of `update` up to rounding; velocities, forces and accelerations stay as they are.
         """
-        self._take(q, self.v)
-        self.compute_jacobians()
-
-    def compute_jacobians(self) -> None:
-        """Compute the same as `update_jacobians` at the present configuration `q`, which is not checked."""
+        if q is not None:
+            self._take(q, self.v)
         self._take_loads()
         pin.jacobianCenterOfMass(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
@@ -453,7 +442,10 @@ class Robot:
 
     def check_configuration(self, what: str, value: ArrayLike) -> Array:
         """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages."""
-        return checked_configuration(what, value, self.nq, self.floating)
+        q = finite_array(what, value, (self.nq,))
+        if self.floating and abs(float(np.linalg.norm(q[3:7])) - 1.0) > UNIT:
+            _refuse_quaternion(what, q[3:7])
+        return q
 
     def clone(self) -> Robot:
         """Return a robot with the same model and a state of its own."""

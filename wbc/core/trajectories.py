@@ -46,6 +46,9 @@ LONGEST = 86_400.0
 Duration = Annotated[Positive, Field(le=LONGEST), "s"]
 """Time of a trajectory, s."""
 
+LAST_RATE = 8.0
+"""Greatest speed over the distance that is left, 1/s: a lag of 0.125 s at the end, where the root alone has a kink."""
+
 RUN_UP = 0.2
 """Time in which the greatest speed is reached where only a speed is given, s: bounds the acceleration of short ways."""
 
@@ -412,7 +415,8 @@ def approach(displacement: Array, velocity: Array, speed: float, acceleration: f
     distance = math.sqrt(float(displacement @ displacement))
     wanted = np.zeros_like(displacement)
     if distance > 0.0:
-        wanted = displacement * (min(speed, math.sqrt(acceleration * distance), 8.0 * distance) / distance)
+        fastest = min(speed, math.sqrt(acceleration * distance), LAST_RATE * distance)
+        wanted = displacement * (fastest / distance)
     change = wanted - velocity
     size = math.sqrt(float(change @ change))
     if size > acceleration * dt:

@@ -20,7 +20,7 @@ from wbc.core.drive.control import DriveControl, FailurePolicy, SafetySettings, 
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solving.solution import Solution
-from wbc.core.robot import BASE_DOF, checked_configuration
+from wbc.core.robot import BASE_DOF
 from wbc.core.signals import Command
 
 
@@ -82,7 +82,7 @@ class PositionControl(DriveControl):
     def reset(self, q: Array | None = None) -> None:
         """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
         robot = self.controller.robot
-        self.q[:] = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)
+        self.q[:] = robot.half_sitting if q is None else robot.check_configuration("configuration", q)
         self.v[:] = 0.0
         robot.update(self.q, self.v)
         self.observer.reset(self.q)

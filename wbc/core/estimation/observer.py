@@ -34,7 +34,7 @@ from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.estimation.sinking import Sinking
 from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.frames import net_wrench
-from wbc.core.robot import GRAVITY, Robot, checked_configuration
+from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import SIGNALS, Measurement
 
 LONGEST_DELAY = 0.1
@@ -226,7 +226,7 @@ class Observer:
     def reset(self, q: Array | None = None) -> None:
         """Restart at rest from a configuration, shape (nq,), half-sitting when None; the gyroscope's bias is kept."""
         robot = self.robot
-        q = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)
+        q = robot.half_sitting if q is None else robot.check_configuration("configuration", q)
         robot.update(q, np.zeros(robot.nv))
         self.inertial.reset(robot.placement(self._imu).rotation)
         self._position: Vector = tuple(robot.q[:3].tolist())

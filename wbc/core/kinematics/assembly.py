@@ -71,8 +71,9 @@ class VelocityAssembly(RowStore):
         limits: Sequence[Limit],
         regularisation: float,
         damping: float,
+        dt: float,
     ) -> None:
-        """Allocate the problem and place these items, which are bound to the robot."""
+        """Allocate the problem for a control period, s, and place these items, which are bound to the robot."""
         super().__init__(robot, levels, contacts, limits, 1)
         self._regularisation, self._per_error = regularisation, damping
         p, n = self.problem, self.targets.size
@@ -98,14 +99,12 @@ class VelocityAssembly(RowStore):
             if isinstance(block.item, SelectionTask)
         ]
         self._standing = np.zeros(len(self.names))  # values of the limits' rows without a step
-        self._dt, self.damping = np.inf, regularisation
+        self._dt, self.damping = dt, regularisation
 
     # ---- a step -------------------------------------------------------------------------------------------------
 
-    def write(self, dt: float) -> None:
-        """Fill the QP of velocities at the present state of the robot, for a control period, s."""
-        if dt != self._dt:
-            self._dt, self._changed = dt, True
+    def write(self) -> None:
+        """Fill the QP of velocities at the present state of the robot."""
         self._fill()
         error, soft_error, targets = self._bounded_error(), self._soft_error, self.targets
         if error is not self._error:
@@ -124,7 +123,7 @@ class VelocityAssembly(RowStore):
             cost = np.multiply(level.weight, left, out=level.cost)
             level.damping = self._regularisation + self._per_error * float(cost.dot(left))
         for limit, matrix, lower, upper in self._limits:
-            limit.write_velocity(dt, matrix, lower, upper)
+            limit.write_velocity(self._dt, matrix, lower, upper)
         if self._demands:
             self._attainable.cut()
 

@@ -177,7 +177,7 @@ class InverseKinematics(Items):
         order, tasks = sorted({0, *self._levels.values()}), self._tasks if tasks is None else tasks
         levels = [[task for task in tasks if self._levels.get(id(task), 0) == level] for level in order]
         self._assembly = VelocityAssembly(
-            self.robot, levels, self._contacts, self._limits, self._regularisation, self._damping
+            self.robot, levels, self._contacts, self._limits, self._regularisation, self._damping, self._dt
         )
         self._solver = QpSolver(self._assembly.problem, SOLVER)
         self._reads_all = any(each.reads == "all" for each in self._items())
@@ -210,7 +210,7 @@ class InverseKinematics(Items):
         if self._reads_all:
             robot.update(robot.q, robot.v)
         else:
-            robot.compute_jacobians()
+            robot.update_jacobians()
 
     def solve(self) -> Array:
         """Return the velocities at the present configuration, shape (nv,): base (in the base frame), then joints.
@@ -234,7 +234,7 @@ class InverseKinematics(Items):
     def _write(self) -> None:
         for contact in self._contacts:
             contact.advance(np.inf)  # held, or let go, at once: there is no force to ramp
-        self._assembly.write(self._dt)
+        self._assembly.write()
 
     def _solve(self) -> tuple[Array, Array, Status]:
         """Solve the QP that is written; return variables, multipliers and status."""

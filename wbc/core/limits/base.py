@@ -29,8 +29,8 @@ RECOVERY = 2.0
 SHARE = 0.9
 """Share of what the joints attain up to which a limit asks for it: all of it would leave one velocity alone."""
 
-
-_ZERO = scalar(0.0)
+ZERO = scalar(0.0)
+"""Zero, for the tick; see `scalar`."""
 
 
 class Limit(ABC):
@@ -158,7 +158,7 @@ class Barrier(Limit):
 
     def _least_accelerations(self, room: Array, out: Array) -> Array:
         """Return the least accelerations towards the bounds, which are negative: no row demands more braking."""
-        np.maximum(room, _ZERO, out=out)
+        np.maximum(room, ZERO, out=out)
         out *= self.__per_room
         out -= self.__recovery
         return out

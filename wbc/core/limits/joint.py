@@ -16,7 +16,7 @@ from wbc.base.checked import checked, result
 from wbc.base.errors import InputError, names_in
 from wbc.base.numbers import Array, one_or_each, scalar
 from wbc.base.settings import NonNegative, PositiveNumbers, Ratio
-from wbc.core.limits.base import _ZERO, ATTAINABLE, OPTIONS, Barrier, Limit
+from wbc.core.limits.base import ATTAINABLE, OPTIONS, ZERO, Barrier, Limit
 from wbc.core.robot import Robot
 
 BRAKING_SHARE = 0.3
@@ -70,7 +70,7 @@ class BrakingLaw:
         near = not flat[flat.argmin()] >= 0.0
         final += self._square
         if near:
-            np.maximum(final, _ZERO, out=final)
+            np.maximum(final, ZERO, out=final)
         np.sqrt(final, out=final)
         final -= self._half
         if near:
@@ -236,7 +236,7 @@ class JointLimits(Barrier):
         bound, dt, left = np.multiply(room, self._per_dt, out=out), self._dt, room.reshape(-1)
         if self._stop is not None:
             bound[:] = np.where(
-                room < np.inf, stopping_velocity(np.maximum(room, _ZERO), self._stop, dt), np.inf
+                room < np.inf, stopping_velocity(np.maximum(room, ZERO), self._stop, dt), np.inf
             )
         if not left[left.argmin()] >= 0.0:
             back = np.maximum(room / max(dt, RECOVERY_TIME), -self._most)
