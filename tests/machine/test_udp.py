@@ -130,12 +130,9 @@ def test_packets_carry_every_field_with_and_without_each_that_may_be_missing(
 ) -> None:
     end, whole = End(DESCRIPTION, "127.0.0.1", secret), drawn(kind, np.random.default_rng(0))
     optional = [each for each in fields(kind) if (each.default, each.default_factory) != (MISSING, MISSING)]
-    together = {"kp": ("kd",), "joint_position": ("joint_velocity", "kp", "kd")}
-    for left_out in (None, *optional):
-        gone = () if left_out is None else (left_out.name, *together.get(left_out.name, ()))
-        if gone in (("kd",), ("joint_velocity",)):
-            continue  # kp and kd go together, and no velocity counts as zero
-        sent = kind(**{name: value for name, value in whole.items() if name not in gone})
+    cases = [{name: value for name, value in whole.items() if name != each.name} for each in optional]
+    cases += [whole | {"sole_wrench": None}] if kind is Measurement else []
+    for sent in (kind(**values) for values in (whole, *cases)):
         data = end.pack(MEASUREMENT if kind is Measurement else COMMAND, 7, sent)
         head = end.header(data)
         assert head is not None and (head.key, head.to) == (end.key, 7)

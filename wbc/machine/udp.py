@@ -17,12 +17,12 @@ and hands, then the signature where both ends share a secret.
 | Arrays of a measurement | Bit | Arrays of a command | Bit |
 |---|---|---|---|
 | positions, velocities | | torques | |
-| torques | 0 | reference positions, reference velocities | 0 |
-| gyroscope (3), accelerometer (3) | | kp, kd | 1 |
-| sole wrenches (6 a sole) | 1 | stiffness (1 a sole) | 2 |
-| hand wrenches (6 a hand) | 2 | 1 for each released joint, 0 for others | 3 |
-| ranges (1 a sole) | 3 | | |
-| stiffness (1 a sole) | 4 | | |
+| torques | 0 | reference positions | 0 |
+| gyroscope (3), accelerometer (3) | | reference velocities | 1 |
+| sole wrenches (6 a sole) | 1 | kp | 2 |
+| hand wrenches (6 a hand) | 2 | kd | 3 |
+| ranges (1 a sole) | 3 | stiffness (1 a sole) | 4 |
+| stiffness (1 a sole) | 4 | 1 for each released joint, 0 for others | 5 |
 
 The origin is 0 for sensors, 1 for measured and 2 for commanded torques (`WrenchSource`).
 
@@ -64,7 +64,6 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.core.signals import LARGEST_COMMAND, Command, Measurement, WrenchSource
-from wbc.machine.commands import with_gains
 from wbc.machine.loop import Driver, MachineError
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
@@ -111,8 +110,8 @@ ARRAYS = {
     MEASUREMENT: {"joint_position": 0, "joint_velocity": 0, "joint_torque": 1}
     | {"angular_velocity": 0, "specific_force": 0, "sole_wrench": 2, "hand_wrenches": 4}
     | {"sole_range": 8, "sole_stiffness": 16},
-    COMMAND: {"joint_torque": 0, "joint_position": 1, "joint_velocity": 1, "kp": 2, "kd": 2}
-    | {"sole_stiffness": 4, "released": 8},
+    COMMAND: {"joint_torque": 0, "joint_position": 1, "joint_velocity": 2, "kp": 4, "kd": 8}
+    | {"sole_stiffness": 16, "released": 32},
 }
 """Arrays of a kind in their order, with the flag of those that may be missing."""
 
@@ -168,22 +167,19 @@ class End:
     def pack(
         self, kind: int, to: int, content: Measurement | Command | None = None, key: int | None = None
     ) -> bytes:
-        """Return a packet to the other end, from a key; kp and kd of a command go together, one alone does not go."""
+        """Return a packet to the other end, from a key; `InputError` for an array of another shape than the robot's."""
         # The clock is the same in all processes of this computer: the guard's packets come after the loop's.
         self._number = max(self._number + 1, time.monotonic_ns())
-        arrays = ARRAYS.get(kind, {})
+        arrays, flags, stamp = ARRAYS.get(kind, {}), 0, 0.0
         values = {name: getattr(content, name) for name in arrays}
-        flags, stamp = sum(set(arrays.values())), 0.0
-        if kind == COMMAND and isinstance(content, Command):
-            if values["joint_velocity"] is None:
-                values["joint_velocity"] = np.zeros(self._joints)
+        if kind == MEASUREMENT and isinstance(content, Measurement):
+            flags, stamp = ORIGIN * ORIGINS.index(content.wrench_source), content.time
+            unknown = [name for name in ("sole_range", "sole_stiffness") if np.isnan(values[name]).all()]
+            values |= dict.fromkeys(unknown)
+        elif isinstance(content, Command):
             stamp = content.period or 0.0
-        elif kind == MEASUREMENT and isinstance(content, Measurement):
-            for name in ("sole_range", "sole_stiffness"):
-                values[name] = None if np.isnan(values[name]).all() else values[name]
-            flags, stamp = flags + ORIGIN * ORIGINS.index(content.wrench_source), content.time
-        flags -= sum({arrays[name] for name, value in values.items() if value is None})
-        sent = {name: values[name] for name, flag in arrays.items() if not flag or flag & flags}
+        sent = {name: value for name, value in values.items() if value is not None}
+        flags += sum(arrays[name] for name in sent)
         for name, value in sent.items():
             if np.shape(value) != (shape := self._shape(name)):
                 raise InputError(f"{name} of a packet must have the shape {shape}, got {np.shape(value)}")
@@ -289,7 +285,6 @@ class UdpDriver(Driver):
         description = as_description(description)
         self.description, self.address = description, (host, port)
         self._end = End(description, host, secret)
-        self._gains = np.array(description.kp), np.array(description.kd)
         self._socket: socket.socket | None = None
         self._robot = 0  # key
         self._greeted = False
@@ -313,8 +308,6 @@ class UdpDriver(Driver):
 
     def write(self, command: Command) -> None:
         """See `Driver`; the robot ignores commands before one of its measurements has been read."""
-        if (command.kp is None) is not (command.kd is None):
-            command = with_gains(command, self._gains)
         self._send(COMMAND, self._robot, command)
 
     def damp(self) -> None:
