@@ -125,7 +125,7 @@ def test_hands_that_grip_yield_to_squeezes_and_to_a_sum_beyond_their_limits() ->
     pair = [hands.all[name] for name in ("left_hand", "right_hand")]
     for hand in pair:
         hand.state, hand.force.goal = HandState.GRIP, 10.0
-    first, second = (hands._places[hand.name].translation for hand in pair)
+    first, second = (hand.measured.translation for hand in pair)
     line = (second - first) / np.linalg.norm(second - first)
     mean, squeeze = np.array([12.0, 5.0, 0.0]), 7.0
     mean -= (mean @ line) * line
@@ -308,7 +308,7 @@ def test_the_wrench_on_hands_is_low_passed_at_the_origin_of_the_world(state: Han
     robot = walking.controller.robot
     left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
     reference = Reference(Pendulum.at_rest(robot.com), (left, right))
-    place = hands._places["left_hand"]
+    place = hands.all["left_hand"].measured
     force = np.array([-20.0, 1.0, 2.0])
     readings = np.zeros((2, 6))
     readings[hand.index, :3] = place.rotation.T @ force
@@ -340,7 +340,7 @@ def test_the_com_goes_towards_what_a_hand_presses_by_the_moment_over_the_weight(
     robot = walking.controller.robot
     left, right = (FootMotion.at_rest(robot.placement(sole.frame).copy()) for sole in robot.soles)
     reference = Reference(Pendulum.at_rest(robot.com), (left, right))
-    place, readings = hands._places["left_hand"], np.zeros((2, 6))
+    place, readings = hands.all["left_hand"].measured, np.zeros((2, 6))
     readings[0, :3] = readings[1, :3] = place.rotation.T @ (-12.0, 0.0, 0.0)
     measurement: Any = SimpleNamespace(angular_velocity=np.zeros(3), hand_wrenches=readings)
     height = float(tip_of(hands, "left_hand")[2] - reference.pendulum.zmp[2])
@@ -380,7 +380,7 @@ def test_nothing_turns_a_robot_about_its_zmp_while_its_hands_press_at_their_tips
 
 def tip_of(hands: Hands, name: str) -> np.ndarray[Any, Any]:
     """Return the place 0.14 m from the frame of a hand towards its mass, in the world of the estimate, m."""
-    place, axis = hands._places[name], hands.all[name].arm.axis()
+    place, axis = hands.all[name].measured, hands.all[name].arm.axis()
     return np.asarray(place.translation + 0.14 * place.rotation @ axis)
 
 
@@ -388,14 +388,14 @@ def test_the_force_of_a_hand_is_the_one_that_the_qp_has_chosen_for_its_contact()
     hands, hand, _ = held_hand(20.0, ramp=0.1)
     layout = SimpleNamespace(contacts={hand.contact.name: slice(2, 5)})
     solution = SimpleNamespace(layout=layout, variables=np.arange(8.0))
-    hands._controller = SimpleNamespace(solution=solution)  # type: ignore[assignment]
+    hand._controller = SimpleNamespace(solution=solution)  # type: ignore[assignment]
     assert hand.contact.active
-    np.testing.assert_array_equal(hands._chosen(hand), (2.0, 3.0, 4.0))
-    assert hands._chosen(hands.all["right_hand"]) is None, "it does not press"
+    np.testing.assert_array_equal(hand.chosen, (2.0, 3.0, 4.0))
+    assert hands.all["right_hand"].chosen is None, "it does not press"
     layout.contacts.clear()
-    assert hands._chosen(hand) is None, "the last QP was without it"
-    hands._controller = SimpleNamespace(solution=None)  # type: ignore[assignment]
-    assert hands._chosen(hand) is None
+    assert hand.chosen is None, "the last QP was without it"
+    hand._controller = SimpleNamespace(solution=None)  # type: ignore[assignment]
+    assert hand.chosen is None
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.2])

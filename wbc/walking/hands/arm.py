@@ -28,7 +28,7 @@ from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import Ramp, approach
 from wbc.tasks.force.compliance import AdmittanceTask
-from wbc.walking.hands.frames import PELVIS, WORLD, TargetFrames, carried
+from wbc.walking.hands.frames import WORLD, TargetFrames, carried
 from wbc.walking.swing import REST
 
 ARRIVED = 1e-3
@@ -87,7 +87,8 @@ class Arm:
         length: Length of the stretched arm, from its first joint to the frame of the hand, m.
         task: Motion of the hand; it is added to the controller with the first target.
         within: Name of the frame of the target.
-        pressing: True while `wbc.walking.hands.hand.Hand` moves the hand, from `occupy` to `leave`.
+        pressing: True while the hand presses, grips, or is on its way (`wbc.walking.hands.hand.Hand`, which writes it):
+            it takes no targets from `reach`.
         place: Placement of the hand as it is commanded, in the world; a view.
     """
 
@@ -348,16 +349,6 @@ class Arm:
         if self._goal is not None:
             self._goal, self._moves = None, []
             self._blend.to(0.0, BLEND)
-
-    def occupy(self) -> None:
-        """Refuse targets from `reach`: the hand presses, grips, or is on its way."""
-        self.pressing = True
-
-    def leave(self) -> None:
-        """Take targets from `reach` again, and let the arm go back to its posture, from where it is."""
-        self.pressing = False
-        self.stop(PELVIS)
-        self.release()
 
     def yield_by(self, lag: float, speed: float) -> None:
         """Let the hand yield by 1 / (4 T K), with the delay T of sensor and servos, s, at most with a speed, m/s.

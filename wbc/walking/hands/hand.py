@@ -33,10 +33,11 @@ from wbc.core.qp.contact import ContactOptions, PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.move import least_turn
+from wbc.core.robot import Robot
 from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.walking.hands.arm import Arm
-from wbc.walking.hands.frames import FEET, WORLD
+from wbc.walking.hands.frames import FEET, PELVIS, WORLD
 from wbc.walking.swing import REST
 
 logger = logging.getLogger(__name__)
@@ -127,6 +128,7 @@ class Hand:
         tip: Place of its tip in its frame, shape (3,), m: the point at which it presses.
         contact: What it presses on; active while it holds.
         grasp: What it grips; active while it does.
+        measured: Placement of its frame as it is estimated, in the world; a view.
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
         force: Force that is asked for now, N.
@@ -138,8 +140,11 @@ class Hand:
         bounded: True while the QP gives less force than is asked for: the arm has no more torque.
     """
 
-    def __init__(self, controller: Controller, arm: Arm, index: int, settings: HandSettings) -> None:
+    def __init__(
+        self, controller: Controller, estimate: Robot, arm: Arm, index: int, settings: HandSettings
+    ) -> None:
         """Begin free: the controller gets task and contacts of the hand with its first order."""
+        self.measured = estimate.placement(arm.frame)
         self.name, self.arm, self.index, self._settings = arm.name, arm, index, settings
         self._controller, robot, name, frame = controller, controller.robot, arm.name, arm.frame
         self._touch = settings.touch * robot.force_scale
@@ -175,6 +180,15 @@ class Hand:
         self._elapsed = 0.0  # on its way, s
         # Time since the last reading, and for which a touch, or a lack of force, has lasted, s.
         self._silent = self._touching = self._short = 0.0
+
+    @property
+    def chosen(self) -> Array | None:
+        """Force that the QP has chosen for its contact, in the frame of that, shape (3,), N; None if it has not yet."""
+        solution = self._controller.solution
+        if solution is None or not self.contact.active:
+            return None
+        at = solution.layout.contacts.get(self.contact.name)
+        return None if at is None else solution.variables[at]
 
     @property
     def planned(self) -> float:
@@ -236,7 +250,7 @@ class Hand:
             if not any(item is other for other in present):
                 self._controller.add(item)
         self._enter(HandState.REACH)
-        self.arm.occupy()
+        self.arm.pressing = True
         self.direction, self.force.goal = direction, force
 
     def _go(self, point: Array, then: HandState) -> None:
@@ -395,4 +409,6 @@ class Hand:
     def _free(self) -> None:
         """Let the arm go back to its posture, from where it is."""
         self._enter(HandState.FREE)
-        self.arm.leave()
+        self.arm.pressing = False
+        self.arm.stop(PELVIS)
+        self.arm.release()

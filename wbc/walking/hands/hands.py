@@ -81,9 +81,11 @@ class Hands:
         self._robot, self._estimate = controller.robot, estimate
         self.settings = settings
         self._edges, self._box, self._height = edges, box or edges, height
-        self._controller = controller
         self.all: Mapping[str, Hand] = MappingProxyType(
-            {arm.name: Hand(controller, arm, index, settings) for index, arm in enumerate(arms.all.values())}
+            {
+                arm.name: Hand(controller, estimate, arm, index, settings)
+                for index, arm in enumerate(arms.all.values())
+            }
         )
         self.outside = np.zeros(6)  # measured, filtered, at the world origin
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
@@ -92,7 +94,6 @@ class Hands:
         self.measurement: Measurement | None = None
         self.active = False
         # Views, which move on with the estimate.
-        self._places = {arm.name: estimate.placement(arm.frame) for arm in arms.all.values()}
         self._pelvis = estimate.placement(estimate.base_frame).rotation
         self._imu = estimate.placement(estimate.imu_frame).rotation
         self._slip, self.slip, self._before = GyroSlip(), 0.0, self._imu.T.copy()
@@ -135,7 +136,7 @@ class Hands:
 
         Zero looks along x, with the left hand to the left.
         """
-        left, right = (self._places[hand].translation for hand in ("left_hand", "right_hand"))
+        left, right = (self.all[hand].measured.translation for hand in ("left_hand", "right_hand"))
         return math.atan2(right[0] - left[0], left[1] - right[1]) + self.slip
 
     def point(self, hand: str, ahead: float, below: float, outward: float = 0.09) -> Array:
@@ -325,9 +326,9 @@ class Hands:
             if not hand.at_work:
                 continue
             hand.sense(None if readings is None else readings[hand.index], dt)
-            place, wrench = self._places[hand.name], hand.reading - hand.tare
+            place, wrench = hand.measured, hand.reading - hand.tare
             excess = self._excess.get(hand.name, ZERO)
-            hand.update(wrench, place.rotation, self._chosen(hand), dt, excess)
+            hand.update(wrench, place.rotation, hand.chosen, dt, excess)
             if hand.state is HandState.GRIP:
                 pulled += place.act(pin.Force(wrench)).vector
             elif hand.state in (HandState.HOLD, HandState.LOST):
@@ -335,14 +336,6 @@ class Hands:
                 push = -hand.planned_after(2.0 * SHIFT_TIME) * hand.direction
                 planned += np.concatenate((push, np.cross(place.act(hand.tip), push)))
         return felt, pulled, planned
-
-    def _chosen(self, hand: Hand) -> Array | None:
-        """Return the force that the QP has chosen for a hand that presses, shape (3,), N; None if it has not yet."""
-        solution = self._controller.solution
-        if solution is None or not hand.contact.active:
-            return None
-        at = solution.layout.contacts.get(hand.contact.name)
-        return None if at is None else solution.variables[at]
 
     def _yielded(self, rests: bool) -> dict[str, Array]:
         """Return the forces to which hands that grip yield, shape (3,) each, N.
@@ -357,7 +350,7 @@ class Hands:
         size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.force.goal for hand in gripping)
         excess = np.tile((max(0.0, size - limit) / max(size, ROUNDING)) * mean, (len(gripping), 1))
         if len(gripping) == 2:
-            first, second = (self._places[hand.name].translation for hand in gripping)
+            first, second = (hand.measured.translation for hand in gripping)
             line = (second - first) / max(float(np.linalg.norm(second - first)), 1e-6)
             excess += np.outer((forces - mean) @ line, line)
         if rests:
@@ -382,7 +375,7 @@ class Hands:
         if not pressing or self.settings.help == 0.0:
             self._missing[:] = 0.0
             return
-        arms = [self._places[hand.name].act(hand.tip) - zmp for hand in pressing]
+        arms = [hand.measured.act(hand.tip) - zmp for hand in pressing]
         levers = np.array(
             [np.cross(arm, -hand.direction)[:2] for arm, hand in zip(arms, pressing, strict=True)]
         ).T
