@@ -33,7 +33,7 @@ FALL_BACK = 0.1
 
 
 TASK = {
-    "sole_length": 0.2,  # of the contact rectangles, m
+    "sole_length": 0.2,  # of the contact rectangles, at most the soles, m
     "sole_width": 0.13,
     "friction": 0.7,
     "lateral_amplitude": 0.020,  # of the sway along y, m and Hz
@@ -87,7 +87,7 @@ def _controller(robot: Robot, period: float) -> tuple[Controller, CoMTask]:
         contact = controller.add(
             SoleContact(sole.name, friction=TASK["friction"], margin=0.0, stiffness=TASK["contact_stiffness"])
         )
-        contact.set_box(TASK["sole_length"], TASK["sole_width"])
+        contact.set_box(min(TASK["sole_length"], sole.length), min(TASK["sole_width"], sole.width))
     controller.add(JointLimits(braking=TASK["braking"]), TorqueLimits())
     return controller, com
 
