@@ -245,7 +245,7 @@ def test_arrows_of_forces_are_as_long_as_their_share_of_the_weight() -> None:
 def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> None:
     trial = WalkTrial(short_walk(plan=WalkPlan(distance=0.2), noise="none"))
     stage, walking = SimulatedStage(trial.plant, trial.control), trial.control
-    steps = walking.walk.plan.steps
+    steps = walking.walk.phases.plan.steps
     first = stage.picture()
     for mark, step in zip(named(first, "planned step").values(), steps, strict=True):
         assert middle(mark) == pytest.approx(step.position + (0.0, 0.0, LIFT), abs=1e-5)
@@ -254,7 +254,7 @@ def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> N
     wanted = None
     while walking.steps_done < 2:
         if walking.progress.swing_side == "left":
-            place = walking.walk.plan.steps[0].position
+            place = walking.walk.phases.plan.steps[0].position
             wanted = drift_of(trial.plant, walking)(np.array([place]), 0)[0]
         tick(trial)
         picture = stage.picture()
