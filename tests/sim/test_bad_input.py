@@ -136,7 +136,6 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: terrain("flat", floor_stiffness=np.nan), "floor_stiffness"),
         (lambda: terrain("flat", floor_stiffness=1e7, floor_damping=-1.0), "floor_damping"),
         (lambda: terrain("flat", floor_damping=1e5), "floor_stiffness"),
-        (lambda: terrain("flat", slippery=(0.5, 1.0, 0.2)), "areas now, of six values"),
         (lambda: areas(0.5), "six values"),
         (lambda: areas(*BOX, "friction"), "friction, stiffness, damping, speed"),
         (lambda: areas(*BOX, "frition", 0.2), "did you mean 'friction'"),
