@@ -92,13 +92,13 @@ def test_a_stamp_that_stands_still_is_believed_for_three_measurements() -> None:
     assert inlet.take(replace(moving[8], time=0.01), 3.08) and inlet.good.time == 3.08
 
 
-def test_what_a_control_has_checked_is_good_and_the_next_measurement_checked_is_a_first_one() -> None:
+def test_measurements_that_a_control_checks_are_not_checked_and_the_next_one_is_a_first_one() -> None:
     inlet = Inlet(ROBOT, 0.01)
     assert inlet.take(measured(1.0), 20.0)
     bad = replace(measured(1.01), joint_position=np.zeros(3))
     assert inlet.take(bad, 20.01, check=False) and inlet.raw is bad
     assert inlet.good is not None and inlet.good.time == 1.0 and not inlet.refused
-    inlet.adopt(measured(1.02))
-    assert inlet.good.time == 1.02
+    inlet.good = measured(1.02)
+    inlet.forget()
     assert inlet.take(measured(9.0), 28.0) and not inlet.refused and inlet.good.time == 9.0
     assert inlet.take(measured(17.0), 36.0) and "time stamp" in inlet.refused and inlet.good.time == 9.0

@@ -66,8 +66,8 @@ class Inlet:
     Attributes:
         stamped: False once the time of arrival counts.
         raw: The last new measurement with the time that counts, for a control that has a check of its own.
-        good: The last measurement that can be used, impossible readings replaced; None before there is one. A control
-            with a check of its own states it (`adopt`).
+        good: The last measurement that can be used, impossible readings replaced; None before there is one. It is
+            assigned while a control with a check of its own runs.
         refused: Reason why the last one cannot be used; empty when it can.
         since: Time from which on they have been refused, s; infinite while they are not.
         pace: Ratio of the machine's own time to that of its stamps.
@@ -78,7 +78,7 @@ class Inlet:
         self._plausible = Plausibility(robot, period)
         self._unfelt = np.zeros((len(robot.soles), 6))
         self._last: Any = None
-        self._still, self._idle = 0, False  # True where measurements have passed that were not checked
+        self._still = 0
         self.stamped, self.refused, self.since = True, "", math.inf
         self.raw: Any = None
         self.good: Measurement | None = None
@@ -87,11 +87,6 @@ class Inlet:
     def forget(self) -> None:
         """Take the next measurement as the first one, whatever time has passed."""
         self._plausible.reset()
-        self._idle = False
-
-    def adopt(self, measurement: Measurement) -> None:
-        """Take over what a control with a check of its own has made of the last new measurement."""
-        self.good, self._idle = measurement, True
 
     def take(self, measurement: Any, now: float, *, check: bool = True) -> bool:
         """Take a measurement that arrived at `now`, s, and check it; True if it is a new one."""
@@ -107,14 +102,12 @@ class Inlet:
                     return False
                 logger.warning("time stamps stand still at %r: the time of arrival counts", last.time)
                 self.stamped = False
-                self._plausible.reset()
+                self.forget()
         if not self.stamped and isinstance(measurement, Measurement):
             measurement = replace(measurement, time=now)
         self.raw = measurement
         if not check:
             return True
-        if self._idle:
-            self.forget()
         try:
             self.good = self._checked(measurement)
             self.pace.update(self.good)

@@ -144,6 +144,7 @@ class Phases:
         drives, good = self._control.drives, self._inlet.good
         if self.phase is Phase.RUN and drives is not None and good is not None:
             self._loads.adopt(good.time, *drives.observer.measured_state, drives.observer.load)
+            self._inlet.forget()  # its check has rested
         self.phase = phase
         self.begun.append((phase, now - self._begin))
         self._since, self._holds = now, None
@@ -245,8 +246,7 @@ class Phases:
             raise Over(f"{type(error).__name__} of the controller: {error}") from error
         drives = self._control.drives
         if self.alone(now) and drives is not None and drives.measurement is not None:
-            measurement = drives.measurement
-            self._inlet.adopt(measurement)
+            self._inlet.good = measurement = drives.measurement
         if not self._driver.leaves_released:
             command = self._parking.hold(command, measurement.joint_position)
         if drives is not None and drives.stopped:

@@ -137,7 +137,6 @@ class Observer:
         self._v = np.zeros(robot.nv)
         delay = self.settings.delay
         self._predictor = DelayPredictor(robot.model, delay) if delay > 0.0 else None
-        self._measured = np.array(q), np.zeros(robot.nv)
         # Parts of q and v: of the base, and of the joints; then place and attitude of the base, and their rates.
         own, rate = self._q, self._v
         self._base, self._joints = (own[:7], rate[:6]), (own[7:], rate[6:])
@@ -231,7 +230,7 @@ class Observer:
         self.inertial.reset(robot.placement(self._imu).rotation)
         self._position: Vector = tuple(robot.q[:3].tolist())
         self._time: float | None = None
-        self._measured[0][:], self._measured[1][:] = robot.q, robot.v
+        self._q[:], self._v[:] = robot.q, robot.v
         if self._predictor is not None:
             self._predictor.reset()
         if self.outside is not None:
@@ -245,8 +244,8 @@ class Observer:
 
     @property
     def measured_state(self) -> tuple[Array, Array]:
-        """Configuration and velocity at the time of the last measurement, shapes (nq,) and (nv,)."""
-        return self._measured
+        """Configuration, shape (nq,), and velocity, shape (nv,), at the last measurement; valid until the next one."""
+        return self._q, self._v
 
     def commanded(self, acceleration: Array, dt: float) -> None:
         """Take the acceleration, shape (nv,), of the command that is sent now for dt, s, to bridge known delays."""
@@ -330,7 +329,6 @@ class Observer:
         attitude[:] = quaternion(turn)
         np.dot(base_velocity, base, out=linear)
         np.dot(spin, base, out=angular)
-        self._measured[0][:], self._measured[1][:] = q, v
         if self._predictor is not None:
             self._update_robot(*self._predictor.ahead(q, v))
         else:

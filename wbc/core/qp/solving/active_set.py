@@ -33,15 +33,8 @@ class _Work:
     """
 
     __slots__ = (
-        "force",
-        "hard_diagonal",
-        "matrix_t",
-        "of_linear",
-        "products",
-        "scaled",
-        "shares",
-        "soft_diagonal",
-    )
+        "force", "hard_diagonal", "matrix_t", "of_linear", "products", "scaled", "shares", "soft_diagonal",
+    )  # fmt: skip
 
     def __init__(self, scaled: Array, products: Array, n_eq: int, n_linear: int) -> None:
         self.scaled, self.products = scaled, products
