@@ -334,7 +334,7 @@ def test_people_that_cannot_be_are_refused(clip: SkeletonClip, g1: Robot) -> Non
         (lambda: replace(clip, positions=posed), "1.2 times .* from frame 0 to the next one.*: part.0.03333"),
         (lambda: moved("left_ankle", knee), "left_knee and left_ankle of 'made' must lie apart"),
         (lambda: moved("right_hip", clip.limbs()["left_hip"]), "left_hip and right_hip"),
-        (lambda: moved("left_wrist", np.nan), "must be finite, got nan in frame 0 .0.000 s., joint 'left_wrist'"),
+        (lambda: moved("left_wrist", np.nan), "must be finite, got nan in frame 0 .0.000 s., column 'left_wrist "),
         (lambda: replace(clip, positions=clip.positions * [1.0, 1.0, -1.0]), "upright in the first frame"),
         (lambda: replace(clip, positions=clip.positions[:, :3]), "must have shape"),
         (lambda: replace(clip, positions=clip.positions.astype(str)), "real numbers"),

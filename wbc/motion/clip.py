@@ -62,11 +62,11 @@ class MotionClip:
         count = len(np.atleast_1d(self.joints))
         if not 2 <= count <= LONGEST:
             raise InputError(f"a motion must have 2 to {LONGEST} frames, got {count}")
-        joints = _table("joints", self.joints, count, names, self.rate)
-        base = _table("base", self.base, count, BASE_COLUMNS, self.rate)
+        joints = table_of("joints", self.joints, count, names, self.rate)
+        base = table_of("base", self.base, count, BASE_COLUMNS, self.rate)
         standing = self.standing
         if standing is not None:
-            standing = _table("standing", standing, count, ("left", "right"), self.rate)
+            standing = table_of("standing", standing, count, ("left", "right"), self.rate)
             if not np.isin(standing, (0, 1)).all():
                 raise InputError("standing of a motion must be true or false")
             standing = standing.astype(bool)
@@ -166,7 +166,7 @@ def _refuse_bolted(robot: Robot) -> None:
         raise InputError(f"a motion has a base that moves, robot '{robot.name}' is bolted to the world")
 
 
-def _table(what: str, values: Any, count: int, columns: Sequence[str], rate: float) -> Array:
+def table_of(what: str, values: Any, count: int, columns: Sequence[str], rate: float) -> Array:
     """Return a copy of the numbers of all frames, shape (count, columns), after a check of each."""
     array = np.asarray(values)
     if array.dtype.kind not in "biuf":

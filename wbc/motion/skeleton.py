@@ -13,7 +13,7 @@ from pydantic import Field
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose
 from wbc.base.numbers import Array
-from wbc.motion.clip import LONGEST
+from wbc.motion.clip import LONGEST, table_of
 
 NAMES: dict[str, tuple[str, ...]] = {
     "hip": ("upleg", "upperleg", "thigh", "hip", "hipjoint"),
@@ -65,24 +65,17 @@ class SkeletonClip:
         if len(names) > MOST_JOINTS:
             raise InputError(f"a skeleton may have {MOST_JOINTS} joints, got {len(names)}")
         positions = np.asarray(self.positions)
-        if positions.dtype.kind not in "iuf":
-            raise InputError(
-                f"positions of a skeleton must be real numbers, got an array of type {positions.dtype}"
-            )
         if positions.ndim != 3 or positions.shape[1:] != (len(names), 3):
             raise InputError(
                 f"positions of a skeleton must have shape (frames, {len(names)}, 3), got {positions.shape}"
             )
         if not 2 <= len(positions) <= LONGEST:
             raise InputError(f"a clip of a skeleton must have 2 to {LONGEST} frames, got {len(positions)}")
-        if len(bad := np.argwhere(~np.isfinite(positions))):
-            frame, joint, axis = (int(i) for i in bad[0])
-            raise InputError(
-                f"positions of a skeleton must be finite, got {positions[frame, joint, axis]} in frame {frame} "
-                f"({frame / self.rate:.3f} s), joint '{names[joint]}'"
-            )
+        columns = [f"{joint} {axis}" for joint in names for axis in "xyz"]
+        flat = positions.reshape(len(positions), len(columns))
+        table = table_of("positions", flat, len(positions), columns, self.rate)
         object.__setattr__(self, "joint_names", names)
-        object.__setattr__(self, "positions", np.array(positions, dtype=float))
+        object.__setattr__(self, "positions", table.reshape(positions.shape))
 
     def __len__(self) -> int:
         return len(self.positions)
