@@ -31,7 +31,7 @@ from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import on_ground
 from wbc.motion.footsteps import BLEND, footsteps, smoothstep
 from wbc.motion.inverse_kinematics import inverse_kinematics, planted
-from wbc.motion.kinematics import BodyMotion, corners_of
+from wbc.motion.kinematics import FORCE_SMOOTHING, BodyMotion, corners_of
 from wbc.motion.measures import MotionMeasures, by_joint, check_motion, measure, nearest_inside, supports_of
 
 RATE, CUTOFF = 100.0, 6.0
@@ -59,6 +59,9 @@ SMOOTHING = 0.03
 
 PASSES, STRETCHES, STRETCH = 8, 3, 1.2
 """Passes of inverse kinematics and ZMP; passes, and factor, of time that is stretched around infeasible frames."""
+
+OUTSIDE, LOW = 1e-4, 1e-3
+"""Distance of the ZMP from its support, and of the centre of mass below its height, at which the passes end, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,21 +216,21 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     # An arm that hung down from a trunk that was bent is further from hanging below one that is upright.
     q[:, 7:] = _drawn_in(robot, MotionClip.of(robot, q, RATE), share).joints
     com[:, 2] = BodyMotion.of(robot, q, RATE).com[:, 2]
-    com = gaussian_filter1d(com, 0.02 * RATE, axis=0, mode="nearest")
+    com = gaussian_filter1d(com, FORCE_SMOOTHING * RATE, axis=0, mode="nearest")
     supports = supports_on(robot, soles, standing)
     stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * RATE, axis=0, mode="nearest")
     result = q
     for _ in range(PASSES):
         result = inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
         motion = BodyMotion.of(robot, result, RATE)
-        momentum = gaussian_filter1d(motion.momentum, 0.02 * RATE, axis=0)
+        momentum = gaussian_filter1d(motion.momentum, FORCE_SMOOTHING * RATE, axis=0)
         zmp = replace(motion, com=com, momentum=momentum).zmp()
         needed = nearest_inside(supports, zmp) - zmp
         low = np.maximum(com[:, 2] - motion.com[:, 2], 0.0)  # legs that are too short for the height
-        if abs(needed).max() < 1e-4 and low.max() < 1e-3:
+        if abs(needed).max() < OUTSIDE and low.max() < LOW:
             break
         com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), RATE)
-        com[:, 2] -= 2.0 * _envelope(np.where(low > 5e-4, low, 0.0), 0.0, 0.6, 0.15)
+        com[:, 2] -= 2.0 * _envelope(np.where(low > 0.5 * LOW, low, 0.0), 0.0, 0.6, 0.15)
     result = inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP. It
     # takes soles off their places by half a millimetre, too: the legs bring them back.

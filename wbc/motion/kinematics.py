@@ -13,9 +13,9 @@ from wbc.base.numbers import ROUNDING, Array
 from wbc.core.friction import mean_distance
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 
-SMOOTHING = 0.02
-"""Standard deviation with which accelerations are smoothed for torques and friction, s: differences of recordings are
-noisy."""
+FORCE_SMOOTHING = 0.02
+"""Standard deviation with which motions are smoothed whose second differences give forces, torques or the ZMP, s:
+differences of recordings are noisy, and splines have kinks in their accelerations."""
 
 LEAST_LIFT = 0.2
 """Least vertical acceleration over free fall that a ZMP is computed with, as a ratio of gravity: in free fall it is
@@ -101,7 +101,7 @@ class BodyMotion:
         Source: R. D. Howe, M. R. Cutkosky, IJRR 15(6), 1996 (ellipsoid).
         """
         acceleration, turning, zmp = (
-            gaussian_filter1d(values, SMOOTHING * self.rate, axis=0)
+            gaussian_filter1d(values, FORCE_SMOOTHING * self.rate, axis=0)
             for values in (self.acceleration(), self.turning()[:, 2], self.zmp())
         )
         force, soles = acceleration[:, :2], self.centres[..., :2]
@@ -131,7 +131,7 @@ class BodyMotion:
         Inverse dynamics of the joints above the legs do not depend on the forces at the feet; those of the legs do.
         """
         acceleration = np.gradient(self.v, 1.0 / self.rate, axis=0)
-        acceleration = gaussian_filter1d(acceleration, SMOOTHING * self.rate, axis=0)
+        acceleration = gaussian_filter1d(acceleration, FORCE_SMOOTHING * self.rate, axis=0)
         rows, data = zip(self.q, self.v, acceleration, strict=True), robot.model.createData()
         torques = np.array([pin.rnea(robot.model, data, *row)[BASE_DOF:] for row in rows])
         torques += robot.passive_torques(self.q, self.v)

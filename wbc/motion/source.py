@@ -37,7 +37,7 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
 from wbc.motion.footsteps import smoothstep
-from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of
+from wbc.motion.kinematics import FORCE_SMOOTHING, BodyMotion, Soles, least_lift, zmp_of
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
@@ -55,9 +55,6 @@ START = 0.1
 FADE, EARLY = 0.2, 0.1
 """Time in which a foot that is lifted goes over to the path of the clip, s, and time before its landing from which on a
 foot that bears a load has met the ground, s."""
-
-ZMP_SMOOTHING = 0.02
-"""Standard deviation with which the reference of the ZMP is smoothed, s: splines have kinks in their accelerations."""
 
 
 def tracking_settings() -> WalkingControlSettings:
@@ -218,7 +215,7 @@ def clip_references(
         moving.append(([motion(sole) for sole in soles], [motion(part) for part in parts]))
     # The pendulum whose ZMP is that of the motion of all bodies.
     zmp = zmp_of(com, acceleration, turning / robot.mass, ground)
-    zmp = gaussian_filter1d(zmp, ZMP_SMOOTHING / dt, axis=0, mode="nearest")
+    zmp = gaussian_filter1d(zmp, FORCE_SMOOTHING / dt, axis=0, mode="nearest")
     height = com[:, 2:] - ground
     asked = acceleration.copy()
     asked[:, :2] = least_lift(acceleration) * (com[:, :2] - zmp) / height
