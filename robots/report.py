@@ -60,9 +60,8 @@ def facts(robot: Any) -> dict[str, Any]:
     columns = (*limits, model.half_sitting[model.base_nq :], robot.armature_array, robot.kp, robot.kd)
     joints: dict[str, dict[str, Any]] = {}
     for i, name in enumerate(robot.joint_names):
-        slides = model.model.joints[model.joint_numbers[i]].shortname().startswith("JointModelP")
         joints[name] = {
-            "unit": "m" if slides else "rad",
+            "unit": "m" if model.slides[i] else "rad",
             "position": [
                 float(end) if math.isfinite(end) else None
                 for end in (model.position_lower[i], model.position_upper[i])

@@ -184,18 +184,15 @@ def _add_soles(model: pin.Model, find: SoleFinder, turn: float) -> tuple[default
     (left, right), notes = find(model, turn)
     if left.frame == right.frame and left.link != right.link:
         left, right = (replace(sole, frame=f"{sole.name}_sole") for sole in (left, right))
-    named = []
-    for sole in (left, right):
-        own = sole
-        if (
-            sole.frame == f"{sole.name}_sole"
-            and model.existFrame(own.frame)
-            and not frames.same_place(model, own)
-        ):
-            own = replace(own, frame=f"{own.frame}_contact")
-        frames.add_frame(model, own)
-        named.append(own)
-    return tuple(named), notes
+    named = tuple(
+        sole
+        if sole.frame != f"{sole.name}_sole" or frames.same_place(model, sole)
+        else replace(sole, frame=f"{sole.frame}_contact")
+        for sole in (left, right)
+    )
+    for sole in named:
+        frames.add_frame(model, sole)
+    return named, notes
 
 
 def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:

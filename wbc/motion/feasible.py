@@ -242,12 +242,14 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
 
 def supports_on(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array) -> list[Array]:
     """Return the areas on which the ZMP is to stay, each of shape (n, 2), m."""
-    corners = corners_of(robot, soles, SOLE_SHARE)
+    corners = corners_of(robot, soles)
+    centres = corners.mean(axis=2, keepdims=True)
+    corners = centres + SOLE_SHARE * (corners - centres)
     near = maximum_filter1d((~standing.all(axis=1)).astype(float), round(SHIFT * RATE))
     load = (
         LEAST_LOAD * gaussian_filter1d(1.0 - near, SHIFT / 6.0 * RATE, mode="nearest") * standing.all(axis=1)
     )
-    inward = load[:, None, None] * np.diff(corners.mean(axis=2), axis=1)
+    inward = load[:, None, None] * np.diff(centres[:, :, 0], axis=1)
     corners += np.stack([inward, -inward], axis=1)
     return supports_of(corners, standing)
 

@@ -139,18 +139,10 @@ class BodyMotion:
         return robot.torque_share(torques)
 
 
-def corners_of(robot: Robot, soles: Sequence[Soles], share: float = 1.0) -> Array:
+def corners_of(robot: Robot, soles: Sequence[Soles]) -> Array:
     """Return the corners of left and right sole, T pairs of placements, shape (T, 2, 4, 3), m."""
-    offsets = [
-        0.5 * share * np.array([(x * s.length, y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
-        for s in robot.soles[:2]
-    ]
-    return np.array(
-        [
-            [o @ sole.rotation.T + sole.translation for o, sole in zip(offsets, pair, strict=True)]
-            for pair in soles
-        ]
-    )
+    own = robot.soles[:2]
+    return np.array([[sole.corners(place) for sole, place in zip(own, pair, strict=True)] for pair in soles])
 
 
 def zmp_of(com: Array, acceleration: Array, turning: Array, ground: float = 0.0) -> Array:
