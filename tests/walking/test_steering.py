@@ -410,7 +410,8 @@ def test_the_share_of_a_velocity_within_reach_is_the_greatest_one() -> None:
     """By the ellipse of long and wide steps: forward and to the side together take more than each alone."""
     planner, gait = SteeredSteps(REACH), Gait(single_support=2.0, double_support=0.5)
     share, spacing = planner.settings.reach, 0.175
-    cycle = Gait.at_speed(0.1, gait).cycle
+    slow, fast = (Gait.at_speed(speed, gait) for speed in (0.1, 0.9))
+    cycle = slow.cycle
     wider = share * (REACH.max_spacing - spacing)
     for dx, dy, turn, fits in (
         (0.99 * share * REACH.max_length, 0.0, 0.0, True),
@@ -423,10 +424,10 @@ def test_the_share_of_a_velocity_within_reach_is_the_greatest_one() -> None:
         (0.0, 0.0, 1.01 * 0.9 * REACH.max_yaw * 0.75, False),
     ):
         velocity = (dx / cycle, dy / cycle, turn / cycle)
-        assert planner._within(velocity, 0.1, spacing, gait, 1.0) == fits, (dx, dy, turn)
-        assert planner._within(tuple(2.0 * part for part in velocity), 0.1, spacing, gait, 0.5) == fits
+        assert planner._within(velocity, spacing, slow, 1.0) == fits, (dx, dy, turn)
+        assert planner._within(tuple(2.0 * part for part in velocity), spacing, slow, 0.5) == fits
     speed, part = planner._fit((0.9, 0.0, 0.0), spacing, gait)
     assert speed == 0.9
-    within = [planner._within((0.9, 0.0, 0.0), 0.9, spacing, gait, part + off) for off in (0.0, 0.01)]
-    strained = [planner._strains((0.9, 0.0, 0.0), 0.9, gait, part + off) for off in (0.0, 0.01)]
+    within = [planner._within((0.9, 0.0, 0.0), spacing, fast, part + off) for off in (0.0, 0.01)]
+    strained = [planner._strains((0.9, 0.0, 0.0), fast, part + off) for off in (0.0, 0.01)]
     assert within[0] and not strained[0] and (not within[1] or strained[1])

@@ -79,18 +79,13 @@ class WalkTasks:
     def __init__(self, controller: Controller, table: TaskTable) -> None:
         """Add all to a controller."""
         robot = controller.robot
-        self.contacts, self.com, self.posture, self._rise = (
-            table.contacts,
-            table.com,
-            table.posture,
-            table.rise,
-        )
-        self.stabilized, self._feet, self.reaching = table.stabilized, table.feet, table.reaching
+        self.contacts, self.com, self.posture = table.contacts, table.com, table.posture
+        self.stabilized, self._feet, self._rise = table.stabilized, table.feet, table.rise
+        self.reaching = table.reaching
         self._urgency, self._swing_scale = 0.0, np.ones(6)
         self._loaded: tuple[object, ...] = ()  # state by which feet that balance the robot were loaded last
-        self._swings = [
-            PoseTask(sole.frame, **_named(f"{sole.name} swing", table.swing)) for sole in robot.soles
-        ]
+        swing = table.swing
+        self._swings = [PoseTask(sole.frame, **_named(f"{sole.name} swing", swing)) for sole in robot.soles]
         self._trunk = [
             OrientationTask(frame, **_named(name, gains))
             for name, frame, gains in zip(("pelvis", "torso"), robot.trunk_frames, table.trunk, strict=False)
@@ -113,8 +108,8 @@ class WalkTasks:
         self._own_gains = {gain: np.array(getattr(self.com, gain)) for gain in GAINS}
         place = "walking.velocity or walking.go_to for its place"
         self.com.held_by = f"walking.body.com_height for its height, {place}"
-        for swing in self._swings:
-            swing.scale, swing.held_by = 0.0, "walking.velocity, walking.go_to or a plan of footsteps"
+        for foot in self._swings:
+            foot.scale, foot.held_by = 0.0, "walking.velocity, walking.go_to or a plan of footsteps"
         for task in trunk:
             task.held_by = "walking.body.lean and walking.body.turn"
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from wbc.core.robot import SIDES
 from wbc.walking.plans.footsteps import CLOSED, Footstep, FootstepPlan, Place, other
-from wbc.walking.plans.gait import Gait, pace
+from wbc.walking.plans.gait import Gait, StepGait, pace
 from wbc.walking.plans.planners import opens, steps_along
 from wbc.walking.plans.reach import Reach
 from wbc.walking.plans.sources import AT_REST, DriveSettings, FootstepSource, Standing, Velocity, close_up
@@ -167,37 +167,32 @@ class SteeredSteps(FootstepSource):
         two = 2.0 * gait.cycle
         return steering.approach((px, py), heading, two, s.fastest[0], None)
 
-    def _fit(self, velocity: Velocity, spacing: float, gait: Gait) -> tuple[float, float]:
+    def _fit(self, velocity: Velocity, spacing: float, given: Gait) -> tuple[float, float]:
         """Return the speed of the gait for a velocity, and the greatest ratio of the velocity within reach."""
         speed = pace(velocity)
-        strains = self._strains(
-            velocity, speed, gait, 1.0
-        )  # what the whole velocity does not, no part of it does
-        if not strains and self._within(velocity, speed, spacing, gait, 1.0):
+        gait = Gait.at_speed(speed, given)
+        strains = self._strains(velocity, gait, 1.0)  # what the whole velocity does not, no part of it does
+        if not strains and self._within(velocity, spacing, gait, 1.0):
             return speed, 1.0
         low, high = 0.0, 1.0
         for _ in range(8):
             middle = 0.5 * (low + high)
-            if self._within(velocity, speed, spacing, gait, middle) and not (
-                strains and self._strains(velocity, speed, gait, middle)
-            ):
+            strained = strains and self._strains(velocity, gait, middle)
+            if not strained and self._within(velocity, spacing, gait, middle):
                 low = middle
             else:
                 high = middle
         return speed, low
 
-    def _strains(self, velocity: Velocity, speed: float, gait: Gait, share: float) -> bool:
+    def _strains(self, velocity: Velocity, gait: StepGait, share: float) -> bool:
         """True if steps with the ratio `share` of a velocity take more than hip and knee give in their time."""
-        gait = Gait.at_speed(speed, gait)
         dx, dy, _ = (share * gait.cycle * part for part in velocity)
         return self._reach.effort(gait, -dx, dx, 2.0 * dy) > 1.0
 
-    def _within(self, velocity: Velocity, speed: float, spacing: float, gait: Gait, share: float) -> bool:
+    def _within(self, velocity: Velocity, spacing: float, gait: StepGait, share: float) -> bool:
         """True if both feet's steps with the ratio `share` of a velocity are within reach, and no soles overlap."""
         r, s = self._reach, self.settings.reach
-        gait = Gait.at_speed(speed, gait)
-        cycle = gait.cycle
-        dx, dy, turn = (share * cycle * part for part in velocity)
+        dx, dy, turn = (share * gait.cycle * part for part in velocity)
         wider = s * (r.max_spacing - spacing)
         outer = LEADER_TURN * abs(turn)  # the inner foot may turn half as far, and does
         # Steps that are long and wide at once take more of the hip than each alone.

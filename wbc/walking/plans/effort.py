@@ -69,9 +69,9 @@ def swing_effort(leg: SwingLeg, gait: StepGait, begin: float, end: float, aside:
     push = RISE * max(math.hypot(end - begin, aside) / travel**2, gait.swing_height / lift**2)
     start = pin.SE3(np.eye(3), np.array((begin, 0.0, 0.0)))
     swing, span = SwingFoot(start, Footstep("left", end, 0.0), time, gait.swing), time / SAMPLES
-    moves, joints = (
-        0.5 * time / gait.cycle,
+    joints, moves = (
         [],
+        0.5 * time / gait.cycle,
     )  # of the hip, half way between the feet in the middle of supports
     for k in range(SAMPLES + 1):
         (x, _, z), _ = swing.motion(k * span)

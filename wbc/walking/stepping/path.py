@@ -26,9 +26,8 @@ class PathConstants:
     goal_time: Annotated[float, "1/ω"] = 4.0  # of the approach to a near goal, some two steps
     arrived: Annotated[float, "h"] = 0.15  # what steps reach: landings serve the balance
     arrived_turn: Annotated[float, "rad"] = 0.15
-    slow_turn: Annotated[float, "ω"] = (
-        0.05  # from which on steps become quick: headings turn as a foot stands
-    )
+    # From which on steps become quick: headings turn as a foot stands.
+    slow_turn: Annotated[float, "ω"] = 0.05
     path_lag: Annotated[float, "1/ω"] = 2.0  # of the path behind a robot that walks sideways or turns
     speed_lag: Annotated[float, "1/ω"] = 8.0  # of the velocity by which the robot falls short
     # Greatest one: where feet carry is known to centimetres; twice if fast.
