@@ -152,16 +152,19 @@ NAME = re.compile(r"(wbc(?:\.\w+)+|[A-Z]\w*[a-z]\w*(?:\.\w+)?)(?:\(.*\))?")
 
 
 def link_names(app: Sphinx, doctree: nodes.document, docname: str) -> None:
-    """Link each name of the library in a page to its entry in the reference, where just one entry has this name."""
-    if docname.startswith("api/"):
-        return
+    """Link each name of the library in a page to its entry in the reference, where just one entry has this name.
+
+    In the reference itself this holds for the names in tables alone.
+    """
+    parts = doctree.findall(nodes.table) if docname.startswith("api/") else [doctree]
+    literals = [literal for part in parts for literal in part.findall(nodes.literal)]
     entries: dict[str, set[str]] = {}
     domain: Any = app.env.get_domain("py")
     for entry in domain.objects:
         words = entry.split(".")
         for k in range(len(words)):
             entries.setdefault(".".join(words[k:]), set()).add(entry)
-    for literal in list(doctree.findall(nodes.literal)):
+    for literal in literals:
         if isinstance(literal.parent, nodes.reference) or not (found := NAME.fullmatch(literal.astext())):
             continue
         name = found[1]
