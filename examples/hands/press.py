@@ -16,7 +16,7 @@ from wbc.sim import make_scene
 SURFACES = {
     "table": ((0.42, 0.7), (0.0, 0.0, -1.0), 0.0),
     "wall": ((0.76, 0.42), (1.0, 0.0, 0.0), 1.0),
-    "rail": ((0.8, 0.55), (0.65, 0.0, -0.76), 1.0),
+    "rail": ((0.775, 0.53), (0.65, 0.0, -0.76), 1.0),
 }
 """Place before and below the shoulder (`Hands.point`); direction of the force; `help`."""
 
