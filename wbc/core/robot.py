@@ -428,7 +428,7 @@ class Robot:
             if len(q) != self.nq or len(v) != self.nv:
                 raise ValueError
             if self.floating:
-                x, y, z, w = np.asarray(q)[3:7].tolist()
+                x, y, z, w = q[3:7].tolist() if type(q) is np.ndarray else q[3:7]
                 if not abs(x * x + y * y + z * z + w * w - 1.0) <= 2.0 * UNIT:  # or NaN
                     _refuse_quaternion("configuration", np.array((x, y, z, w)))
             self.v[:] = v

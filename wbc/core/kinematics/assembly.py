@@ -144,9 +144,14 @@ class VelocityAssembly(RowStore):
 
     def cost_after(self, step: Array) -> float:
         """Return the cost of the configuration after a step, were the rows that `write_step` has filled exact."""
-        values = self.problem.rows.dot(step)
+        p, values = self.problem, self.values(step)
         left = self.residuals(step, values, self.targets)
-        return self._cost_of(left, values[self.problem.target.size :])
+        return self._cost_of(left, values[p.target.size : len(p.rows)])
+
+    def values(self, x: Array) -> Array:
+        """Return all rows times velocities or a step, shape (nv,), those of the lower levels last; a new array."""
+        values: Array = self.problem.rows.dot(x)
+        return np.concatenate((values, self._lower_matrix.dot(x))) if self.lower else values
 
     def _cost_of(self, error: Array, values: Array) -> float:
         """Return the cost of the errors of all rows, and of limits that the values of their rows violate."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, overload
 
@@ -21,6 +21,7 @@ from wbc.core.qp.diagnosis import held_back, is_far
 from wbc.core.qp.items import Item, Items, ItemT
 from wbc.core.qp.solving.solution import holding
 from wbc.core.qp.solving.solver import QpSolver, SolverSettings, Status
+from wbc.core.qp.store import RowStore
 from wbc.core.qp.task import Task, VariableTask
 from wbc.core.robot import Robot
 
@@ -36,18 +37,18 @@ class VelocitySolution:
         status: Step of the solver's ladder that succeeded; `RELAXED` where limits, contacts and hard tasks could not
             all be kept. When `ok` is False the velocities are zero.
         velocities: Generalised velocities: base (in its own frame), then joints, shape (nv,), m/s and rad/s.
-        residual: Achieved minus wanted velocities of all rows; see `residuals`.
+        values: Velocities of all rows, those of the lower levels last.
+        targets: Wanted velocities of all rows.
         multipliers: Multipliers of the inequalities, positive where the upper bound is active.
-        places: Task name → its rows in `residual`.
-        names: Name of each inequality.
+        rows: Places and names of tasks and limits.
     """
 
     status: Status
     velocities: Array
-    residual: Array
+    values: Array
+    targets: Array
     multipliers: Array
-    places: Mapping[str, slice]
-    names: tuple[str, ...]
+    rows: RowStore
 
     def __repr__(self) -> str:
         return f"VelocitySolution({self.status.name.lower()}, {len(self.active_limits)} active limits)"
@@ -66,12 +67,13 @@ class VelocitySolution:
     @property
     def residuals(self) -> dict[str, Array]:
         """Task name → achieved minus wanted velocity, shape (dim,), unit of the task per second."""
-        return {name: self.residual[place] for name, place in self.places.items()}
+        residuals = self.rows.residuals(self.velocities, self.values, self.targets)
+        return {name: residuals[place] for name, place in self.rows.places.items()}
 
     @property
     def active_limits(self) -> tuple[str, ...]:
         """Names of the limits that are active, each once."""
-        return tuple(dict.fromkeys(holding(self.names, self.multipliers)))
+        return tuple(dict.fromkeys(holding(self.rows.names, self.multipliers)))
 
 
 class InverseKinematics(Items):
@@ -224,10 +226,9 @@ class InverseKinematics(Items):
         assembly, solver = self._assembly, self._solver
         self._write()
         velocities, multipliers, status = self._solve()
-        values = solver.values if not assembly.lower else assembly.problem.rows.dot(velocities)
-        residual = assembly.residuals(velocities, values, assembly.targets)
+        values = assembly.values(velocities) if assembly.lower else solver.values
         self._solution = VelocitySolution(
-            status, velocities, residual, multipliers, assembly.places, assembly.names
+            status, velocities, values, assembly.targets.copy(), multipliers, assembly
         )
         return velocities
 

@@ -289,11 +289,14 @@ class RowStore:
     # ---- results ------------------------------------------------------------------------------------------------
 
     def residuals(self, x: Array, values: Array, targets: Array) -> Array:
-        """Return achieved minus wanted of all targets, a new array, for variables x and `values`, all rows times x."""
+        """Return achieved minus wanted of all targets, a new array, of variables x.
+
+        `values` are all rows times x, those beside the QP behind its own.
+        """
         residual = np.empty(self.targets.size)
         residual[self._of_qp] = values[self._of_qp]
         if self._lower_matrix.size:
-            residual[self._of_lower] = self._lower_matrix.dot(x)
+            residual[self._of_lower] = values[len(self.problem.rows) :]
         residual[self._of_selections] = x.take(self._columns)
         residual -= targets
         return residual
