@@ -43,7 +43,7 @@ from wbc.base.numbers import plain
 from wbc.base.settings import to_json
 from wbc.sim.studies.outcomes import AnyTrialSpec, Status, trial_from_json
 from wbc.sim.studies.provenance import code_of, provenance
-from wbc.sim.trial.spec import CONTENT, FILE
+from wbc.sim.trial.spec import STAMPED
 
 PACKED = ".xz"
 """Ending of a compressed journal."""
@@ -118,7 +118,7 @@ class Entry:
 def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None) -> str:
     """Return the key of a trial: a hash of its spec and of the (present) code that runs it, 32 hex digits.
 
-    A file that the policy of a spec reads is in the key by its content, whatever its name.
+    A file that a spec names with its hash is in the key by its content, whatever its name.
     """
     code = _own_version() if version is None else canonical(code_of(version))
     content = f'{{"spec":{canonical(_by_content(spec))},"version":{code}}}'
@@ -141,12 +141,12 @@ def _own_version() -> str:
     return canonical(code_of(provenance()))
 
 
-def _by_content(spec: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a spec without the name of a file whose hash it contains."""
-    parameters = spec.get("policy_params")
-    if not isinstance(parameters, Mapping) or CONTENT not in parameters:
-        return spec
-    return {**spec, "policy_params": {name: v for name, v in parameters.items() if name != FILE}}
+def _by_content(part: Any) -> Any:
+    """Return a part of a spec with the hashes of files in place of their names."""
+    if isinstance(part, Mapping):
+        return {name: _by_content(value) for name, value in part.items()}
+    stamp = STAMPED.fullmatch(part) if isinstance(part, str) else None
+    return part if stamp is None else stamp[2]
 
 
 def canonical(data: Any) -> str:

@@ -37,11 +37,8 @@ from wbc.sim.trial.loops import PLANT, trial_loop
 CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid": 0.002}
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
 
-FILE, CONTENT = "path", "sha256"
-"""Names of a file and the hash of its content in a spec: it stays one trial, also if the file changes."""
-
 STAMPED = re.compile(r"(.+)#([0-9a-f]{16})", re.DOTALL)
-"""Name of a file with the hash of its content."""
+"""Name of a file with the hash of its content, as specs have it: a spec stays one trial, also if the file changes."""
 
 DELAYS = ("measurement_delay", "command_delay")
 """Delays of a machine that its observer knows."""

@@ -10,7 +10,6 @@ from typing import Annotated, Any, ClassVar
 from pydantic import PlainValidator
 
 from wbc.base.errors import InputError, shown
-from wbc.base.files import check_hash, file_hash
 from wbc.base.settings import (
     Angle,
     Changes,
@@ -32,7 +31,7 @@ from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.trial.spec import CONTENT, TrialSpec
+from wbc.sim.trial.spec import TrialSpec, file_of, stamped_file
 from wbc.sim.walks.plan import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import Eyes, WalkTrialSettings, check_read, checked_changes, trial_settings
@@ -69,7 +68,7 @@ class WalkSpec(TrialSpec):
     """Specification of one simulated walk: the fields of `TrialSpec`, and the ones below.
 
     Equal specs give equal records, bit for bit. A spec is small, hashable and readable as JSON. If it names a file (of
-    a robot, "path" of a policy, "source" of a ground), it also contains the hash of the file's content ("sha256").
+    a robot, "path" of a policy, "source" of a ground), the written name ends with "#" and the hash of its content.
 
     Attributes:
         stiffness: Stiffness of soft or variable soles, Nm/rad; the default of the foot if not given.
@@ -218,11 +217,8 @@ class WalkSpec(TrialSpec):
         for name in ("name", "amplitude", "seed"):
             if name in params:
                 raise InputError(f"{name} of a terrain is an option of its own, not one of its parameters")
-        content, source = params.pop(CONTENT, None), params.get(SOURCE)
-        if content is not None:
-            if not isinstance(source, str):
-                raise InputError(f"{CONTENT} is the hash of a file, but the ground reads none; leave it out")
-            check_hash(source, content)
+        if isinstance(source := params.get(SOURCE), str):
+            params[SOURCE] = file_of(stamped_file(source, "ground"))
         ground = terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
         if (
             ground.name == "flat" or self.plan.stairs is not None
@@ -302,15 +298,12 @@ def foot_changes(name: str, changes: Changes) -> Changes:
 def _as_used(ground: Terrain, params: Changes) -> Changes:
     """Return parameters as the ground has them, 1 and 1.0 are the same length; of a file its name and its hash."""
     values = {
-        name: value
-        if name in (SOURCE, CONTENT)
-        else getattr(ground.parameters, name, getattr(ground, name, value))
+        name: value if name == SOURCE else getattr(ground.parameters, name, getattr(ground, name, value))
         for name, value in params
         if name != RAMP_NAME
         or ground.name != "flat"
         and ground.ramp != ground.default_ramp(ground.parameters)
     }
-    source = values.get(SOURCE)
-    if isinstance(source, str):
-        values[CONTENT] = file_hash(source)
+    if isinstance(source := values.get(SOURCE), str):
+        values[SOURCE] = stamped_file(source, "ground")
     return as_changes(values)

@@ -8,16 +8,14 @@ from typing import Any
 import numpy as np
 
 from wbc.base.errors import InputError, choose
-from wbc.base.files import check_hash, file_hash
 from wbc.base.numbers import finite_scalar
 from wbc.base.settings import Changes, as_changes
 from wbc.feet import Foot
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.spec import Terrain
-from wbc.sim.trial.spec import CONTENT, FILE
+from wbc.sim.trial.spec import file_of, stamped_file
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
@@ -33,6 +31,9 @@ ORACLE = "oracle"
 DEFAULT_POLICY = "model"
 """Default policy of a sole of variable stiffness: the model that comes with the library."""
 
+FILE = "path"
+"""Parameter of a policy for the file that it is read from."""
+
 
 def checked_policy(
     foot: Foot, name: str | None, parameters: Changes, timing: StiffnessTiming, ground: Terrain
@@ -43,23 +44,22 @@ def checked_policy(
     that the actuator cannot set, and values out of range. The `ground` is what an oracle knows.
     """
     if not isinstance(foot, VariableStiffnessFoot):
-        if name is not None or set(dict(parameters)) - {
-            CONTENT
-        }:  # a hash remains when the foot of a spec is replaced
+        if name is not None or parameters:
             raise InputError(
                 f"a stiffness policy ('{name or DEFAULT_POLICY}') needs feet of variable stiffness: foot 'variable'"
             )
         return None, ()
     chosen = DEFAULT_POLICY if name is None else name
     # Equal policies are equal specs: whole numbers become numbers, and what is None is left out.
-    values = {
+    values: dict[str, Any] = {
         key: float(value) if isinstance(value, int) and not isinstance(value, bool) else value
         for key, value in parameters
         if value is not None
     }
-    file = values.get(FILE)
-    if file is not None and not isinstance(file, str):
-        raise InputError(f"{FILE} of a stiffness policy must be the name of a file, got {file!r}")
+    if FILE in values:
+        if not isinstance(values[FILE], str):
+            raise InputError(f"{FILE} of a stiffness policy must be the name of a file, got {values[FILE]!r}")
+        values[FILE] = stamped_file(values[FILE], "policy")
     policy = make_policy(chosen, as_changes(values), ground)
     policy.prepare(timing.scan)
     known = (
@@ -70,22 +70,7 @@ def checked_policy(
     for stiffness in (timing.fallback, policy.stiffness if isinstance(policy, FixedPolicy) else None, *known):
         if stiffness is not None:
             foot.actuator.check(stiffness)
-    model = _file(chosen, values)
-    if model is not None:
-        values[CONTENT] = file_hash(model)
-    elif CONTENT in values:
-        raise InputError(
-            f"{CONTENT} is the hash of a file, but the policy '{chosen}' reads none; leave it out"
-        )
     return chosen, as_changes(values)
-
-
-def _file(name: str, values: Mapping[str, Any]) -> str | None:
-    """Return the file that a policy is read from, None if there is none."""
-    file = values.get(FILE)
-    if file is None and name == DEFAULT_POLICY:
-        return str(DEFAULT_MODEL)
-    return file if isinstance(file, str) else None
 
 
 def make_policy(name: str, parameters: Changes, ground: Terrain) -> StiffnessPolicy:
@@ -94,9 +79,8 @@ def make_policy(name: str, parameters: Changes, ground: Terrain) -> StiffnessPol
     Raises `InputError` for a value out of range, or a file whose content is not the one that was specified.
     """
     values: dict[str, Any] = dict(parameters)
-    content, file = values.pop(CONTENT, None), _file(name, values)
-    if content is not None and file is not None:
-        check_hash(file, content)
+    if FILE in values:
+        values[FILE] = file_of(stamped_file(values[FILE], "policy"))
     if choose("stiffness policy", name, (*stiffness_policy_names(), ORACLE)) == ORACLE:
         return _oracle(values, ground)
     return stiffness_policy(name, **values)

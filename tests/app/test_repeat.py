@@ -18,6 +18,7 @@ from wbc.app.log.stances import sole_sizes
 from wbc.app.log.writer import LogWriter
 from wbc.app.repeat import first_difference, interventions_of, recorded_walk
 from wbc.base.errors import InputError
+from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.robots import load
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.trial import Trial
@@ -109,8 +110,10 @@ def test_a_walk_is_repeated_with_the_files_that_it_read(
     for folder, text in texts.items():
         folder.mkdir()
         (folder / "my.xml").write_text(text)
+    (here / "my.json").write_bytes(DEFAULT_MODEL.read_bytes())
     monkeypatch.chdir(here)
-    spec = WalkSpec(robot="my.xml", plan=WalkPlan(distance=0.1))
+    reads: dict[str, Any] = {"foot": "variable", "policy_params": {"path": "my.json"}}
+    spec = WalkSpec(robot="my.xml", plan=WalkPlan(distance=0.1), **reads)
     plain = spec.to_json()
     for folder, header in (
         (here, {}),
@@ -122,6 +125,8 @@ def test_a_walk_is_repeated_with_the_files_that_it_read(
         monkeypatch.chdir(folder)
         repeated, _ = recorded_walk(log)
         assert load(repeated.robot).digest == load(spec.robot if folder == here else f"{here}/my.xml").digest
+        policy = str(dict(repeated.policy_params)["path"]).partition("#")[0]
+        assert policy == ("my.json" if folder == here else str(here / "my.json"))
 
 
 @pytest.mark.parametrize(

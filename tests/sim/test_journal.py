@@ -234,9 +234,10 @@ def test_keys_name_spec_and_code() -> None:
     assert trial_key(spec, VERSION) != trial_key(spec | {"seed": 2}, VERSION)
     assert trial_key(spec, VERSION) != trial_key(spec, VERSION | {"code": "abd"})
     assert trial_key(spec) == trial_key(spec, provenance()) == trial_key(spec, dict(provenance()))
-    read = {"kind": "walk", "policy_params": {"path": "a.json", "sha256": "1234"}}
-    renamed = {"kind": "walk", "policy_params": {"path": "b.json", "sha256": "1234"}}
-    edited = {"kind": "walk", "policy_params": {"path": "a.json", "sha256": "5678"}}
+    read, renamed, edited = (
+        {"kind": "walk", "policy_params": {"path": f"{name}.json#{4 * content}"}}
+        for name, content in (("a", "1234"), ("b", "1234"), ("a", "5678"))
+    )
     assert trial_key(read, VERSION) == trial_key(renamed, VERSION) != trial_key(edited, VERSION)
 
 

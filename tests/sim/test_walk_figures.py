@@ -6,6 +6,7 @@ import math
 import re
 from collections import deque
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -315,18 +316,26 @@ def test_sensors_of_a_walk_are_exact_if_its_noise_is_none(noise: str, eyes: str,
         assert (each == own) == (noise == "realistic") and each.rate == own.rate
 
 
-def test_a_spec_that_names_a_policy_has_the_hash_of_what_it_reads() -> None:
-    """One that leaves the choice to the library has none, so that it follows the library; numbers are numbers."""
-    model = file_hash(DEFAULT_MODEL)
+def test_a_spec_that_names_a_file_of_a_policy_has_the_hash_of_its_content(tmp_path: Path) -> None:
+    """One that leaves the file to the library has none, so that it follows the library; numbers are numbers."""
+    file = tmp_path / "model.json"
+    file.write_bytes(DEFAULT_MODEL.read_bytes())
+    named = (("path", f"{file}#{file_hash(file)}"),)
     for fields, stored in (
         ({}, ()),
-        ({"policy": "model"}, (("sha256", model),)),
-        ({"policy_params": {"path": None}}, (("sha256", model),)),
+        ({"policy": "model"}, ()),
+        ({"policy_params": {"path": None}}, ()),
+        ({"policy_params": {"path": str(file)}}, named),
+        ({"policy_params": dict(named)}, named),
         ({"policy": "fixed", "policy_params": {"stiffness": 7}}, (("stiffness", 7.0),)),
     ):
         spec = WalkSpec(foot="variable", **fields)  # type: ignore[arg-type]
         assert spec.policy_params == stored
-        assert spec.scheduling == (spec.policy or "model", stored or (("sha256", model),))
+        assert spec.scheduling == (spec.policy or "model", stored)
+    spec = WalkSpec(foot="variable", policy_params=dict(named))  # type: ignore[arg-type]
+    file.write_text("another", encoding="utf-8")
+    with pytest.raises(InputError, match="has changed"):
+        WalkTrial(spec)
     timing = WalkSpec(foot="variable").prepare().settings.stiffness
     assert (timing.decide_at, timing.early_landing) == (0.55, 0.25)  # as docs/feet.md says
 

@@ -14,11 +14,12 @@ import numpy as np
 from wbc.app.log.reader import Log
 from wbc.app.view.controls import END, INTERVENTIONS, LiveControls
 from wbc.base.errors import InputError, shown
-from wbc.base.files import check_hash, parsing
+from wbc.base.files import parsing
 from wbc.robots import load
-from wbc.sim.trial.spec import CONTENT, FILE
+from wbc.sim.trial.spec import stamped_file
 from wbc.sim.trial.trial import TrialHook
 from wbc.sim.walks.spec import SOURCE, WalkSpec
+from wbc.sim.walks.stiffness_policy import FILE
 from wbc.sim.walks.trained import stamped_policy
 
 if TYPE_CHECKING:
@@ -69,26 +70,22 @@ def _located(plain: dict[str, Any], log: Log) -> dict[str, Any]:
     """
     folders = [Path(log.header.get("folder") or ""), log.path.parent]
 
-    def found(name: Any, content: Any, check: Callable[[str, str], object]) -> Any:
-        if not isinstance(name, str) or not isinstance(content, str) or Path(name).is_absolute():
-            return name
-        for place in (name, *(str(folder / name) for folder in folders)):
+    def found(given: Any, read: Callable[[str], object]) -> Any:
+        name, mark, content = given.rpartition("#") if isinstance(given, str) else ("", "", "")
+        for place in (name, *(folder / name for folder in folders)) if mark else ():
             with suppress(InputError):
-                check(place, content)
-                return place
-        return name
+                read(f"{place}#{content}")
+                return f"{place}#{content}"
+        return given
 
     located = dict(plain)
     for part, key in (("policy_params", FILE), ("terrain_params", SOURCE)):
         values = plain.get(part)
         if isinstance(values, dict) and key in values:
-            located[part] = {**values, key: found(values[key], values.get(CONTENT), check_hash)}
+            located[part] = {**values, key: found(values[key], lambda name: stamped_file(name, "file"))}
     for part, read in (("trained", stamped_policy), ("robot", load)):
-        value = plain.get(part)
-        if isinstance(value, str) and "#" in value:
-            name, _, content = value.rpartition("#")
-            place = found(name, content, lambda file, stamp: read(f"{file}#{stamp}"))  # noqa: B023 (called at once)
-            located[part] = f"{place}#{content}"
+        if part in plain:
+            located[part] = found(plain[part], read)
     return located
 
 

@@ -267,10 +267,3 @@ def file_hash(path: str | Path) -> str:
     """Return the hash of a file's content, 16 hex digits; `InputError` if it cannot be read."""
     with decoding(path, "file") as file:
         return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
-
-
-def check_hash(path: str | Path, content: object) -> None:
-    """Refuse a file whose content is not the one that a spec was made with, or that cannot be read."""
-    actual = file_hash(path)
-    if actual != content:
-        raise InputError(f"{path} has changed: its hash is {actual}, the trial was specified with {content}")
