@@ -163,7 +163,7 @@ class WalkTasks:
         if now != before:
             self._loaded = now
             if not before or before[0] is not phase:
-                gains = feet.phase(phase)
+                gains = feet.gains(phase)
                 self._hold_com(gains)
                 for contact in self.contacts:
                     contact.set_box(*gains.box)

@@ -118,7 +118,7 @@ class LipmWalk(ReferenceSource):
         self._pace = 0.0  # of the last plan, m/s
         self._next = 0.0  # time of the next plan of the footsteps, s
         self._asked: tuple[FootstepSource | None, object] = (None, None)  # planner and order of the last plan
-        self._landed = False
+        self._landed = False  # since the last plan: that of a plan's steps is due on both feet
         self._begun: tuple[Event, ...] = ()  # events before the next update
         self.drift_correction = pin.SE3.Identity()
         self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad

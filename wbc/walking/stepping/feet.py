@@ -1,6 +1,6 @@
 """Feet of free steps: what those on the ground cost and bear, and what the one in the air costs.
 
-    feet.phase(phase)               gains of the CoM, and size of the boxes of the centre of pressure
+    feet.gains(phase)               gains of the CoM, and size of the boxes of the centre of pressure
     feet.load(side, reference)      cost and forces of a foot on the ground
     feet.centre(side, reference)    place of its box
     feet.swing(urgency)             ratio of the costs of a foot in the air
@@ -83,16 +83,16 @@ class SteppingFeet:
         height = COM_HEIGHT[0] * omega**2, COM_HEIGHT[1] * omega
         self.shift = _com_gains(law.shift_gains, height)
         self.stand = _com_gains((law.stand_gain * omega**2, (1.0 + law.stand_gain) * omega), height)
-        self._phases = {
+        self._gains = {
             GaitPhase.STANDING: PhaseGains(BOTH_FEET, *self.stand, law.standing_box),
             GaitPhase.DOUBLE: PhaseGains(BOTH_FEET, *self.shift, law.standing_box),
             GaitPhase.SINGLE: PhaseGains(ONE_FOOT, *self.shift, law.box),
         }
         self._urgent = np.array([URGENT[0], URGENT[0], URGENT[1], 1.0, 1.0, 1.0]) - 1.0
 
-    def phase(self, phase: GaitPhase) -> PhaseGains:
+    def gains(self, phase: GaitPhase) -> PhaseGains:
         """Return the gains of a phase."""
-        return self._phases[phase]
+        return self._gains[phase]
 
     def swing(self, urgency: float) -> Array:
         """Return the ratios of the costs of a foot in the air, shape (6,): see `Reference.urgency`."""

@@ -357,11 +357,8 @@ class SteppingWalk(ReferenceSource):
             now = Standing(start, first, self.steps_done, False, self.time, self.reach)
             plan = answer_of(self.planner, now, self._extent, self.dt)
             self._next = self.time + REPLAN
-            if isinstance(plan, str):
-                self.take(None)
-                self.reason = plan
-            elif not plan.steps and isinstance(self.planner, PlanSource):
-                reason = self.reason
+            if isinstance(plan, str) or (not plan.steps and isinstance(self.planner, PlanSource)):
+                reason = plan if isinstance(plan, str) else self.reason
                 self.take(None)
                 self.reason = reason
             else:
