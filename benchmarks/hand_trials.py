@@ -17,7 +17,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from _runs import EXAMPLES, Row, make_runs, register_runs, rows
+from _examples import EXAMPLES
+from _runs import Row, make_runs, register_runs, rows
 
 from wbc.sim.trial.trial import StageError
 

@@ -278,7 +278,7 @@ NAMED = ("run", "speed", "swings", "sees")
 
 
 def make_run(study: str, content: str, **arguments: Any) -> Row:
-    """Make a run of a study; the content of the policy is in the journal by its hash."""
+    """Make a run of a study; the contents of the policy and of its description are in the journal by their hashes."""
     del content
     return STUDIES[study](**arguments)
 
@@ -289,7 +289,9 @@ register_runs("policy", make_run)
 def wanted(options: argparse.Namespace) -> Iterator[Row]:
     """Yield the arguments of each run."""
     first, _, last = options.runs.partition("-")
-    policy = {"study": options.study, "policy": options.policy, "content": file_hash(options.policy)}
+    about = Path(options.policy).with_suffix(".toml")
+    content = file_hash(options.policy) + (file_hash(about) if about.is_file() else "")
+    policy = {"study": options.study, "policy": options.policy, "content": content}
     for run in range(int(first), int(last or first) + 1):
         each: Row = {**policy, "run": run}
         if options.study == "arms":
@@ -319,7 +321,11 @@ def main() -> None:
     parser.add_argument("--regain", type=float, default=0.0, help="of the study of arms, 1/s")
     parser.add_argument("--journal", type=Path, default=Path("policies.jsonl"))
     options = parser.parse_args()
-    found = make_runs(options.journal, "policy", wanted(options))
+    try:
+        runs = list(wanted(options))
+    except ValueError as error:  # of a file that cannot be read, or of runs that are no numbers
+        parser.error(str(error))
+    found = make_runs(options.journal, "policy", runs)
     key = "stands" if options.study in ("taken", "pushed") else "upright"
     parts = {"filtered": True, "bare": False} if options.study in ("wild", "pushes") else {"": None}
     for part, on in parts.items():

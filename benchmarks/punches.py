@@ -24,6 +24,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import _examples
 import _runs
 import model
 import numpy as np
@@ -185,8 +186,8 @@ def punched(variant: str, changed: Row, punch: int, joint: str, force: Sequence[
     return harness(json.dumps(changed)).punch(state, joint, np.array(force))
 
 
-_runs.register_runs("states of the tour", states, (_runs.EXAMPLES / "tour").glob("*.py"))
-_runs.register_runs("punch", punched, (_runs.EXAMPLES / "tour").glob("*.py"))
+_runs.register_runs("states of the tour", states, (_examples.EXAMPLES / "tour").glob("*.py"))
+_runs.register_runs("punch", punched, (_examples.EXAMPLES / "tour").glob("*.py"))
 
 
 def compared(rows: list[Row], first: str, second: str) -> str:

@@ -7,20 +7,19 @@ python examples/tour/tour.py tour.jsonl                               the table 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
-import hashlib
 import json
 import logging
 import math
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_type_hints
 
 import model
 import numpy as np
+from _runs import Row, make_runs, register_runs
 from pydantic import Field
 from table import table
 from task import COMMANDS, DURATION, FLOOR, SECONDS, Effort, MovingArms, Teleoperator, punches, standing
@@ -33,8 +32,6 @@ from wbc.base.settings import Positive, from_json, settings, to_json
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.policy import PolicyControl, PolicyFilter, PolicyGuard
 from wbc.sim import Machine, MujocoLoop, Simulation, trial_loop
-from wbc.sim.studies import Journal, SweepSummary, register_trial, sweep
-from wbc.sim.studies.outcomes import KINDS, Outcome, TrialKind
 from wbc.walking import SteppingSettings, WalkingControl, WalkingControlSettings
 
 HERE = Path(__file__).resolve().parent
@@ -64,9 +61,6 @@ KEPT_APART = [
     for link in ("torso_link", "pelvis", "left_hip_yaw_link", "right_hip_yaw_link")
 ] + [("left_wrist_yaw_link", "right_wrist_yaw_link")]
 """Pairs of links that a filter keeps apart."""
-
-LONGEST = 3600.0
-"""Wall time after which a run is given up, s."""
 
 
 @settings
@@ -220,7 +214,7 @@ class Tour:
         if walking.fallen is not None and self.told is None:
             self.told = time, walking.fallen.value
 
-    def result(self) -> dict[str, Any]:
+    def result(self) -> Row:
         """Return the row of this run: times, s, errors, m and rad, and torques that a filter changes, rms, Nm."""
         if self.fell is None:
             self.operator.finish()
@@ -260,78 +254,39 @@ def _loop(description: wbc.RobotDescription, simulated: Any, run: int, setup: Se
     return MujocoLoop(description, simulated, **options)
 
 
-def walk(job: tuple[int, Setup], each: Callable[[], object] | None = None) -> dict[str, Any]:
-    """Walk a run and return its row; `each` is called every tenth of a second."""
-    tour = Tour(*job)
+def walk(run: int, setup: Setup) -> Row:
+    """Walk a run, and return its row."""
+    tour = Tour(run, setup)
     while not tour.over:
-        if each is not None and tour.ticks % 50 == 0:
-            each()
         tour.step()
     return tour.result()
 
 
-@dataclasses.dataclass(frozen=True)
-class TourSpec:
-    """A run as a trial of a study."""
-
-    kind: ClassVar[str] = "tour"
-
-    run: int
-    setup: Setup
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the spec as plain values, with a hash of this program, so that a journal keeps its versions apart."""
-        return {"kind": self.kind, "program": program(), "run": self.run, **to_json(self.setup)}
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> TourSpec:
-        """Return the spec that `to_json` wrote."""
-        setup = {k: v for k, v in data.items() if k not in ("kind", "program", "run")}
-        return cls(int(data["run"]), from_json(Setup, setup))
+def walk_values(run: int, **setup: Any) -> Row:
+    """Walk a run with a setup of plain values, as a journal has it."""
+    return walk(run, from_json(Setup, setup))
 
 
-def program() -> str:
-    """Return a hash of the files of this program."""
-    files = (*sorted(HERE.glob("*.py")), model.FILE, HERE.parent / "other_engine.py")
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
+register_runs(
+    "tour", walk_values, (*HERE.glob("*.py"), model.FILE, HERE.parent / "other_engine.py"), metric="survived"
+)
 
 
-def run_spec(spec: TourSpec, check: Callable[[], None]) -> Outcome:
-    """Walk a run in a process of a study."""
-    logging.getLogger("wbc").setLevel(logging.CRITICAL)  # as in the program itself
-    return Outcome("done", walk((spec.run, spec.setup), check))
-
-
-if TourSpec.kind not in KINDS:  # processes of a study import this module once more
-    register_trial(TourSpec.kind, TrialKind(TourSpec.from_json, run_spec, metric="survived"))
-
-
-def walked(
-    runs: Sequence[int], setup: Setup, processes: int, journal: Path | None = None
-) -> list[dict[str, Any]]:
+def walked(runs: Sequence[int], setup: Setup, processes: int, journal: Path | None = None) -> list[Row]:
     """Walk the runs that are not in a journal yet, over processes; print the row of each, and return all rows."""
-    specs = [TourSpec(run, setup) for run in runs]
-    rows: list[dict[str, Any]] = []
-    with contextlib.ExitStack() as stack:
-        place = journal or Path(stack.enter_context(tempfile.TemporaryDirectory())) / "tour.journal"
-        book = stack.enter_context(Journal(place))
-        wanted, told = {json.dumps(spec.to_json(), sort_keys=True) for spec in specs}, set()
 
-        def tell(_: SweepSummary) -> None:
-            for key, entry in book.entries.items():
-                if key not in told and json.dumps(dict(entry.spec), sort_keys=True) in wanted:
-                    told.add(key)
-                    if entry.result is None:
-                        print(f"run {entry.spec['run']}: {entry.status}: {entry.error}", file=sys.stderr)
-                    else:
-                        rows.append(dict(entry.result))
-                        print(json.dumps(rows[-1]), flush=True)
+    def tell(row: Row) -> None:
+        print(json.dumps(row), file=sys.stderr if "error" in row else sys.stdout, flush=True)
 
-        sweep(specs, book, workers=processes, timeout=LONGEST, retry=True, progress=tell)
-    return sorted(rows, key=lambda row: int(row["run"]))
+    with tempfile.TemporaryDirectory() as folder:
+        place, wanted = (
+            journal or Path(folder) / "tour.journal",
+            [{"run": run, **to_json(setup)} for run in runs],
+        )
+        return make_runs(place, "tour", wanted, workers=processes, tell=tell)
 
 
-def film(run: int, setup: Setup, path: Path) -> dict[str, Any]:
+def film(run: int, setup: Setup, path: Path) -> Row:
     """Walk a run, film it, and return its row."""
     from wbc.app.log.reader import Log  # noqa: PLC0415 - slow
     from wbc.app.replay.film import check_film, render_video  # noqa: PLC0415 - slow
@@ -348,7 +303,7 @@ def film(run: int, setup: Setup, path: Path) -> dict[str, Any]:
     return tour.result()
 
 
-def read(path: Path) -> list[dict[str, Any]]:
+def read(path: Path) -> list[Row]:
     """Return the rows in a file: rows as they were printed, or a journal."""
     lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
     rows = [line.get("result") if "spec" in line else line for line in lines]
@@ -363,7 +318,7 @@ def numbers(text: str) -> list[int]:
     return list(range(int(first), int(last) + 1))
 
 
-def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
+def main(arguments: Sequence[str] | None = None) -> list[Row]:
     """Run the example."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter

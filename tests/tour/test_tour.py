@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 import pytest
 import tour
+from _runs import Run
 from generator import Generator, seed_sequence
 from made_policies import write_network
 from table import PUBLISHED, table
@@ -31,6 +32,7 @@ from task import (
 )
 
 import wbc
+from wbc.base.settings import from_json, to_json
 from wbc.sim.studies import trial_from_json
 
 LIBSTDCXX = {
@@ -230,8 +232,13 @@ def test_setups_are_rows_of_the_table_and_another_engine_is_its_column() -> None
 
 
 def test_a_run_is_a_trial_that_a_journal_keeps(tmp_path: Path) -> None:
-    spec = tour.TourSpec(10_000, tour.Setup(force_sensors=False, delay=0.002, engine="dart", drop=0.02))
-    assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
+    setup = tour.Setup(force_sensors=False, delay=0.002, engine="dart", drop=0.02)
+    spec = Run("tour", {"run": 10_000, **to_json(setup)})
+    read = trial_from_json(json.loads(json.dumps(spec.to_json())))
+    assert (
+        read == spec
+        and from_json(tour.Setup, {k: v for k, v in read.arguments.items() if k != "run"}) == setup
+    )
     file = tmp_path / "some.journal"
     lines = [
         {"spec": {}, "status": "done", "result": {"run": 1}},
@@ -264,7 +271,7 @@ def test_a_policy_is_sent_through_the_tour(control: str, tmp_path: Path) -> None
     file = write_network(tmp_path / "mad.onnx", weights, metadata)
     guarded, filtered = control == "guarded", control == "filtered"
     setup = tour.Setup(policy=str(file), control=control, own_arms=filtered, punches=False, seconds=2.0)
-    row = tour.walk((10_000, setup))
+    row = tour.walk(10_000, setup)
     assert row["survived"] > 1.0 or not guarded
     assert bool(row["relieved"]) == guarded and (row["changed"] > 0.0) == filtered
     assert filtered or (row["told"] is None) == guarded
@@ -326,13 +333,13 @@ def test_a_study_goes_on_from_its_journal(tmp_path: Path, capsys: pytest.Capture
 def test_the_first_seconds_are_survived_in_every_setup(setup: tour.Setup) -> None:
     if setup.engine == "dart":
         pytest.importorskip("dartpy")
-    row = tour.walk((10_001, setup))
+    row = tour.walk(10_001, setup)
     assert row["completed"] and row["steps"] > 2 and row["failed_ticks"] == 0
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("run", [10_000, 10_003, 10_007])
 def test_the_first_ten_seconds_are_survived_without_force_sensors(run: int) -> None:
-    row = tour.walk((run, tour.Setup(force_sensors=False, seconds=10.0)))
+    row = tour.walk(run, tour.Setup(force_sensors=False, seconds=10.0))
     assert row["completed"] and row["steps"] > 5 and row["failed_ticks"] == 0
     assert row["position_error"] < 0.5
