@@ -462,11 +462,11 @@ class SoleContact(HeldFrame):
         self.update_cone()
 
     def _check_box(self, box: tuple[float, float], centre: Array) -> None:
-        """Refuse a box that is not within the robot's sole, where that is known."""
-        if self._size and (0.5 * np.subtract(self._size, box) + ROUNDING < np.abs(centre)).any():
+        """Refuse a box that is larger than the robot's sole or about a point beside it, where the sole is known."""
+        if self._size and (np.maximum(box, 2.0 * np.abs(centre)) > np.add(self._size, ROUNDING)).any():
             raise InputError(
-                f"the box of contact '{self.name}' must lie within its sole, {self._size[0]} × {self._size[1]} m; got "
-                f"{box[0]} × {box[1]} m about {centre.tolist()}"
+                f"the box of contact '{self.name}' must be no larger than its sole, {self._size[0]} × {self._size[1]} "
+                f"m, about a point of it; got {box[0]} × {box[1]} m about {centre.tolist()}"
             )
 
     def centre_box(self, centre: Sequence[float] | Array) -> None:
