@@ -244,7 +244,11 @@ class WbcEnv(gymnasium.Env[Seen, Seen]):  # type: ignore[misc]
             )
 
     def step(self, action: ArrayLike) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Let an action hold for a period; see the class for actions, observations and rewards."""
+        """Let an action hold for a period; see the class for actions, observations and rewards.
+
+        Raises:
+            InputError: The environment has not been reset since its last episode has ended.
+        """
         trial = self.trial
         if trial is None or self._over:
             raise InputError("reset the environment before the first step of each episode")

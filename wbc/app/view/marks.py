@@ -54,7 +54,7 @@ POINT = 0.02
 LONGEST = 1.5
 """Longest arrow of a force, in weights of the robot: one of a landing would grow out of the picture."""
 
-MIN_LOAD = 1.0
+MIN_FORCE = 1.0
 """Smallest contact force of a sole that is drawn, N."""
 
 NOTICED = 5e-4
@@ -229,7 +229,7 @@ def force_marks(scale: Scale, forces: Sequence[Force]) -> list[Mark]:
 
 def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
     """Return the contact force of a sole by the wrench in its frame, at its centre of pressure; empty without one."""
-    if not (np.isfinite(wrench).all() and wrench[2] >= MIN_LOAD):
+    if not (np.isfinite(wrench).all() and wrench[2] >= MIN_FORCE):
         return []
     return [Force("ground", position + rotation[:, :2] @ cop(wrench), rotation @ wrench[:3])]
 

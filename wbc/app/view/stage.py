@@ -17,6 +17,7 @@ from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.mujoco_robot import MujocoRobot
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
+from wbc.sim.rig.rig import MIN_CONTACT_SHARE
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import NoContactForceError, level_zmp, natural_frequency
 
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.robots import RobotDescription
     from wbc.walking.control import WalkingControl
-
-MIN_LOAD_SHARE = 0.005
-"""Contacts that bear less than this share of the robot's weight are no corners of the support polygon."""
 
 
 class Stage(Protocol):
@@ -81,7 +79,7 @@ class SimulatedStage:
         reference = None if self._walking is None else self._walking.reference
         omega = natural_frequency(self.scale.height) if reference is None else reference.pendulum.omega
         dcm = truth.com + truth.com_velocity / omega
-        support = position[force[:, 2] > MIN_LOAD_SHARE * self.scale.weight]
+        support = position[force[:, 2] > MIN_CONTACT_SHARE * self.scale.weight]
         now = Instant(robot.time, truth.com, level, zmp_of(wrench, level), dcm, support, forces)
         if self._marks is not None:
             self._marks.add(now)
