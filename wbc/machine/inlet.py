@@ -20,7 +20,6 @@ logger = logging.getLogger(__name__)
 STILL = 3
 """Number of new measurements in a row with the same time stamp after which the stamp is taken for no clock."""
 
-
 STRETCH, MOVED = 0.1, 0.02
 """Time over which motions by encoders and by velocities are compared, s, and least length of one that counts, rad."""
 
@@ -117,11 +116,10 @@ class Inlet:
         return True
 
     def _checked(self, measurement: Any) -> Measurement:
-        if not isinstance(measurement, Measurement) or measurement.sole_wrench is not None:
-            return self._plausible.check(measurement)[0]
-        return replace(
-            self._plausible.check(replace(measurement, sole_wrench=self._unfelt))[0], sole_wrench=None
-        )
+        if isinstance(measurement, Measurement) and measurement.sole_wrench is None:
+            felt = replace(measurement, sole_wrench=self._unfelt)
+            return replace(self._plausible.check(felt)[0], sole_wrench=None)
+        return self._plausible.check(measurement)[0]
 
 
 def _same(one: Any, other: Any) -> bool:

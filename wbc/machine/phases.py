@@ -104,9 +104,8 @@ class Phases:
         self._weight = robot.mass * GRAVITY
         self._may_run = True
         self._holds: float | None = None  # since when what `_lasts` asks for
-        self._begin = self._since = self._started = (
-            0.0  # of the run, of the phase, and of the way to half-sitting, s
-        )
+        # Times of the clock at which the run, the phase and the way to half-sitting have begun, s.
+        self._begin = self._since = self._started = 0.0
         self.last: Command | None = None
         self._before: Command | None = None  # of the phase before, from which commands are mixed
         self._held: Array = np.zeros(robot.na)  # by the stop
@@ -245,8 +244,9 @@ class Phases:
             logger.exception("the controller failed")
             raise Over(f"{type(error).__name__} of the controller: {error}") from error
         drives = self._control.drives
-        if self.alone(now) and drives is not None and drives.measurement is not None:
-            self._inlet.good = measurement = drives.measurement
+        seen = None if drives is None else drives.measurement
+        if seen is not None and self.alone(now):
+            self._inlet.good = measurement = seen
         if not self._driver.leaves_released:
             command = self._parking.hold(command, measurement.joint_position)
         if drives is not None and drives.stopped:
@@ -261,7 +261,6 @@ class Phases:
             else:
                 before = self._start.command(measurement, now - self._started)
             return mixed(before, with_gains(command, self._gains), part)
-        seen = None if drives is None else drives.measurement
         if self._settings.load > 0.0 and seen is not None and seen.sole_wrench is not None:
             carried = float(seen.sole_wrench[:, 2].sum()) / self._weight
             if self._lasts(carried < self._settings.touch / 3.0, LIFTED, now):

@@ -496,8 +496,7 @@ class DriveControl(Control):
     def _damping(self, state: State) -> Array:
         """Return the torques that damp the joints, shape (na,), Nm."""
         velocity = np.nan_to_num(self.plausibility.joints(state.received)[1], nan=0.0)
-        torque: Array = -self.failure_policy.joint_damping * self.controller.robot.torque_limit * velocity
-        return torque
+        return np.asarray(-self.failure_policy.joint_damping * self.controller.robot.torque_limit * velocity)
 
     def _fall(self, reason: FallReason) -> None:
         """Log a fall; a robot that leans on something with its hands has its support elsewhere than under its feet."""

@@ -133,9 +133,8 @@ class HybridControl(TorqueControl):
         self.v += self._pull * (velocity - self.v)
         self.q += (self.v + 0.5 * step) * self._dt
         self.v += step
-        if (
-            released := self.controller.released
-        ) is not None:  # their servos are not ours: no torque of them counts in the gate
+        # The servos of released joints are not ours: no torque of them counts in the gate.
+        if (released := self.controller.released) is not None:
             index = released.index
             self.q[index], self.v[index] = robot.q[7 + index], velocity[index]
         return self._limited(state, self._torques, (self.kp, self.kd))

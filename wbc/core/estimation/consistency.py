@@ -214,9 +214,8 @@ class ConsistencyMonitor:
             if legs.silent is not None:
                 doubts.append(f"force sensor of {self._names[legs.silent]} too low for the weight")
         doubts += self._slipping(observer.slides)
-        carries = [
-            turn for turn, share in zip(rotations, observer.share.tolist(), strict=True) if share >= 0.5
-        ]
+        shares = observer.share.tolist()
+        carries = [turn for turn, share in zip(rotations, shares, strict=True) if share >= 0.5]
         stance = carries[-1] if carries else STILL
         if self._gyroscope_contradicts(stance, observer.inertial.unexplained, blind):
             doubts.append("gyroscope contradicts accelerometer and legs")

@@ -94,5 +94,4 @@ class SentCommands:
 
     def _applied(self, command: Command, measurement: Measurement) -> Array:
         torque = command.drive_torque(measurement.joint_position, measurement.joint_velocity, self._own)
-        limited: Array = np.clip(torque, *self._limits)
-        return limited
+        return np.asarray(np.clip(torque, *self._limits))

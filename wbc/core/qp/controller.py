@@ -236,9 +236,7 @@ class Controller(Items):
                 unknown_name("contact", name, columns)
             x[columns[name]] = wrench
         problem = self._assembly.problem
-        torques: Array = np.dot(problem.torque_matrix, x)
-        torques += problem.torque_bias
-        return torques
+        return np.asarray(problem.torque_matrix.dot(x) + problem.torque_bias)
 
     def _rebuild(self) -> None:
         """Make QP and solver of what the controller has now."""
