@@ -116,7 +116,7 @@ def find_tree(
         tree.locked[joint] = 1.0  # a quaternion that turns by nothing
     for name, value in lock.items():
         tree.locked[known[choose("joint", name, known)]] = finite_scalar(f"locked joint '{name}'", value)
-    _find_couplings(tree, known)
+    _find_couplings(tree, known, driven)
     tree.joints = {name: joint for name, joint in known.items() if joint not in tree.locked}
     moving = {int(model.jnt_bodyid[joint]) for joint in tree.joints.values()}
     for body in bodies:
@@ -128,13 +128,12 @@ def find_tree(
     return tree
 
 
-def _find_couplings(tree: Tree, known: Mapping[str, int]) -> None:
+def _find_couplings(tree: Tree, known: Mapping[str, int], driven: set[int]) -> None:
     """Find the joints that an equality of the first degree couples to one that is driven; the others stay as they are.
 
     With both driven, or none, the equality is a force that no description has.
     """
     model, names = tree.model, {number: name for name, number in known.items()}
-    driven = {each.joint for each in actuators(model) if each.gear != 0.0 and each.on}
     waiting = {}
     for i in range(0 if equalities_off(model) else model.neq):
         ends = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
@@ -145,7 +144,7 @@ def _find_couplings(tree: Tree, known: Mapping[str, int]) -> None:
             zero = [tree.reference(end) for end in ends]
             ratio = float(poly[1])
             waiting[i] = (*ends, ratio, zero[0] + float(poly[0]) - ratio * zero[1])
-    leading = set(driven) | set(tree.locked)
+    leading = driven | set(tree.locked)
     found = True
     while found:  # from the drives outwards
         found = False
