@@ -187,7 +187,7 @@ def test_urgency_grows_in_a_line_with_the_distance_of_a_landing_from_the_one_ask
 def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_ahead() -> None:
     made, s, stretch = decision(), SETTINGS, CONSTANTS.stretch
     stance = stance_at((0.0, 0.22, 0.0, 0.0))
-    held = made._bounds(stance, (0.0, 0.05), 0.6)
+    held = made._bounds(stance, (0.0, 0.05), (0.0, 0.0), 0.6)
     assert held.times == pytest.approx((s.shortest - 0.1, 0.5)) and held.places == (
         (-s.reach, s.gap),
         (s.reach, s.widest),
@@ -195,15 +195,18 @@ def test_times_of_a_step_are_bounded_by_the_settings_and_by_where_the_dcm_runs_a
     assert held.next_area == pytest.approx([CONSTANTS.next_area * half for half in SCALE.sole])
     # ξ at 60 mm reaches the stretch after ln(stretch / 60 mm) / ω.
     ahead = 0.3 * stretch
-    assert made._bounds(stance, (ahead, 0.05), 9.0).times[1] == pytest.approx(
+    assert made._bounds(stance, (ahead, 0.05), (0.0, 0.0), 9.0).times[1] == pytest.approx(
         max(math.log(1.0 / 0.3) / OMEGA, s.shortest - 0.1)
     )
     walks = stance._replace(orbit=Orbit.of((0.4, 0.0), 1.0, s.width, 0.4, 0.4, OMEGA))
     reach = abs(walks.orbit.forward) + stretch
-    assert made._bounds(walks, (-0.1 * reach, 0.05), 9.0).times[1] == pytest.approx(math.log(10.0) / OMEGA)
+    assert made._bounds(walks, (-0.1 * reach, 0.05), (0.0, 0.0), 9.0).times[1] == pytest.approx(
+        math.log(10.0) / OMEGA
+    )
     made.area.ahead, made.area.aside = [-0.01, 0.02], [-0.03, 0.04]
     for side, low, high in ((1.0, -0.03, 0.04), (-1.0, -0.04, 0.03)):
-        area = made._bounds(stance._replace(axes=stance.axes._replace(side=side)), (0.0, 0.05), 0.6).area
+        turned = stance._replace(axes=stance.axes._replace(side=side))
+        area = made._bounds(turned, (0.0, 0.05), made._aside(turned), 0.6).area
         assert area == ((-0.01, low), (0.02, high))
 
 
@@ -220,7 +223,7 @@ def test_the_program_counts_what_the_measured_pressure_is_off_the_commanded_one_
         left = side * outwards
         return 0.4 + cos * ahead - sin * left, -0.3 + sin * ahead + cos * left, 0.0
 
-    made._bounds = lambda _, runs, longest: found.append(runs) or bounds  # type: ignore[method-assign, func-returns-value]
+    made._bounds = lambda _, runs, *__, **___: found.append(runs) or bounds  # type: ignore[method-assign, func-returns-value]
     made._program.solve = lambda now, *_: found.append((*now.dcm, *now.contact))  # type: ignore[method-assign, assignment]
     bounds = Bounds(((-1.0, 0.0), (1.0, 1.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (0.0, 1.0))
     for off, counted in (
@@ -354,7 +357,7 @@ def test_a_landing_that_is_promised_moves_by_what_the_next_sole_cannot_catch(
     remaining = 0.02  # too little to change the time, or the centre of pressure, which is a point
     shrunk = math.exp(-OMEGA * remaining)
     stance = _stance(made, (shrunk * end[0], shrunk * end[1]), time - remaining)
-    made._bounds = lambda *_: Bounds(  # type: ignore[method-assign]
+    made._bounds = lambda *_, **__: Bounds(  # type: ignore[method-assign]
         ((-2.0, -2.0), (2.0, 2.0)), ((0.0, 0.0), (0.0, 0.0)), (0.0, 0.0), (remaining, remaining)
     )
     made._time_for_legs = lambda *_: None  # type: ignore[method-assign]

@@ -145,8 +145,10 @@ class StepDecision:
         last = max(self.end - elapsed, 0.0) if self._decided else remaining
         now = Now(offset, contact, stance.dcm.omega, remaining, last)
         runs = offset[0] - contact[0], offset[1] - contact[1]  # ξ runs away from the contact by that, m
-        self._put_down_at = self._put_down(stance, runs)
-        bounds = self._bounds(stance, runs, longest)
+        edges = self._aside(stance)
+        beyond = runs[1] < edges[0] - c.outer_cop  # ξ is past the outer bound of the centre of pressure
+        self._put_down_at = self._put_down(stance, runs) if beyond else None
+        bounds = self._bounds(stance, runs, edges, longest, beyond=beyond)
         solve = self._keep_landing if held and not self.closes else self._program.solve
         step = solve(now, wish, bounds)
         if step is not None:
@@ -192,11 +194,16 @@ class StepDecision:
         box = _box((place[0] + x, place[1] + y), place, bounds)
         return program.solve(now, wish, bounds, box) or step
 
-    def _bounds(self, stance: StepState, runs: Point, longest: float) -> Bounds:
-        """Return the limits of a step, by the offset of ξ from the contact ahead and outwards, m."""
+    def _bounds(
+        self, stance: StepState, runs: Point, aside: Point, longest: float, *, beyond: bool = False
+    ) -> Bounds:
+        """Return the limits of a step, by the offset of ξ from the contact ahead and outwards, m.
+
+        The centre of pressure is bounded outwards, m, and ξ may be `beyond` the outer bound.
+        """
         s, c, area, elapsed = self._s, self._c, self.area, stance.elapsed
         # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
-        shortest, (low, high) = self._shortest(stance), self._aside(stance)
+        shortest, (low, high) = self._shortest(stance), aside
         most = max(abs(stance.orbit.forward) + c.stretch, LEAST_OFFSET) / max(abs(runs[0]), LEAST_OFFSET)
         stretched = max(math.log(most), 0.0) / stance.dcm.omega
         greatest = max(min(max(longest - elapsed, 0.0), stretched), shortest)
@@ -204,7 +211,7 @@ class StepDecision:
         if self._put_down_at is not None:
             end, places = self._put_down_at
             shortest = greatest = max(end - elapsed, 0.0)
-        elif self._is_beyond(stance, runs):
+        elif beyond:
             greatest = shortest
         half_length, half_width = self._scale.sole
         return Bounds(
@@ -219,10 +226,6 @@ class StepDecision:
         right, left = self.area.aside
         return (right, left) if stance.axes.side > 0.0 else (-left, -right)
 
-    def _is_beyond(self, stance: StepState, runs: Point) -> bool:
-        """Return True if ξ is past the outer bound of the centre of pressure."""
-        return runs[1] < self._aside(stance)[0] - self._c.outer_cop
-
     def _shortest(self, stance: StepState) -> float:
         """Return the shortest time that is left of a step, s."""
         least = max(self._s.shortest, STAIR_TIME * stance.nominal * self._climbs)
@@ -234,15 +237,13 @@ class StepDecision:
         return self._put_down_at is not None
 
     def _put_down(self, stance: StepState, runs: Point) -> tuple[float, tuple[Point, Point]] | None:
-        """Return when and where the swing foot is put down at once rather than closes up; None where it is not.
+        """Return when and where the swing foot is put down at once, with ξ past the outer bound; None if it closes up.
 
-        That is where ξ is past the outer bound and the step after this one has less far to go; once begun, it is done
-        while ξ is there. ξ is so far ahead of the contact and `beyond` it, m. From the place (x, d) where a foot is put
-        down after t₁, the foot that stands now has to step out, in the shortest time t of a step: by
-        (ξ e^{ω t₁} − x) e^{ω t} + x ahead, and by (d + ξ e^{ω t₁}) e^{ω t} − d aside.
+        It is put down where the step after this one has less far to go then, and once that has begun, it goes on. ξ is
+        so far ahead of the contact and `beyond` it, m. From the place (x, d) where a foot is put down after t₁, the
+        foot that stands now has to step out, in the shortest time t of a step: by (ξ e^{ω t₁} − x) e^{ω t} + x ahead,
+        and by (d + ξ e^{ω t₁}) e^{ω t} − d aside.
         """
-        if not self._is_beyond(stance, runs):
-            return None
         if self._put_down_at is not None or self._climbs or stance.elapsed <= 0.0:
             return self._put_down_at
         s, omega, (x, y, _, _), (ahead, outwards) = self._s, stance.dcm.omega, stance.swing, runs
