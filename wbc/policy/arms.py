@@ -22,8 +22,9 @@ from wbc.base.errors import NoSolutionError
 from wbc.base.numbers import Array, lag_gain
 from wbc.core.frames import frame_jacobian
 from wbc.core.limits.joint import JointLimits, TorqueLimits
-from wbc.core.qp.contact import Contact, ContactOptions
+from wbc.core.qp.contact import Contact
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.options import ContactOptions
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement

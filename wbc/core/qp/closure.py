@@ -15,8 +15,9 @@ from wbc.base.checked import checked
 from wbc.base.errors import InputError
 from wbc.base.numbers import Array
 from wbc.core.frames import relative_drift, relative_jacobian
-from wbc.core.qp.contact import NORMAL, USUAL_WEIGHTS, Contact, ContactOptions, HeldFrame
+from wbc.core.qp.contact import NORMAL, USUAL_WEIGHTS, Contact, HeldFrame
 from wbc.core.qp.motion import RowNumbers
+from wbc.core.qp.options import ContactOptions
 from wbc.core.robot import GRAVITY, Robot
 
 LEVER = 1.0

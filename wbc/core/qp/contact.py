@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Annotated, ClassVar, TypedDict, Unpack
+from typing import Annotated, ClassVar, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike
 
 from wbc.base.checked import checked
 from wbc.base.errors import InputError, choose, shown
-from wbc.base.numbers import ROUNDING, Array, finite_array, finite_scalar, read_only
+from wbc.base.numbers import ROUNDING, Array, finite_array, one_or_each, read_only
 from wbc.base.settings import NonNegative, Positive
 from wbc.base.vectors import add_cross, largest
 from wbc.core.frames import frame_jacobian, pose, unit_vector
 from wbc.core.friction import box_wrench_cone, friction_pyramid, rectangle_wrench_cone
 from wbc.core.qp.motion import RATE, Motion
+from wbc.core.qp.options import ContactOptions
 from wbc.core.robot import GRAVITY, Reads, Robot
 
 LEAST_FORCE = 10.0
@@ -43,35 +44,6 @@ NORMAL = 2
 
 UPRIGHT = 1e-3
 """Length of the level part of a sole's x axis below which it has no heading: the sole stands on end."""
-
-
-class ContactOptions(TypedDict, total=False):
-    """Options of all contacts.
-
-    Attributes:
-        min_force: Smallest normal force while active, N; zero by default.
-        max_force: Greatest normal force, N; four times the robot's weight (with its load) when None, the default.
-        ramp: Time of the force ramp when the contact is switched, s; 0.1 by default. Switched on, the greatest force
-            grows from zero; switched off, it decays from what the contact has carried in the last tick.
-        stiffness: Pull back to where the contact was made, 1/s²; 100 by default.
-        damping: Damping of contact velocity, 1/s; critical when None, the default.
-        rate: Velocity per error in inverse kinematics, 1/s: pull back to where the contact was made; 10 by default.
-        wrench_weight: Cost per N² and (Nm)² of the force variables, scalar or shape (dim,), above zero.
-        active: Start active, with full load allowed; True by default.
-        motion_weight: Cost of the contact's motion per (m/s²)² and (rad/s²)², scalar or shape (dim,): the contact may
-            then give way, on ground of unknown shape, and can make no QP infeasible. None, the default: the contact
-            does not move, which is a constraint.
-    """
-
-    min_force: Annotated[NonNegative, "N"]
-    max_force: Annotated[Positive, "N"] | None
-    ramp: Annotated[NonNegative, "s"]
-    stiffness: Annotated[NonNegative, "1/s²"]
-    damping: Annotated[NonNegative, "1/s"] | None
-    rate: Annotated[NonNegative, "1/s"]
-    wrench_weight: ArrayLike
-    active: bool
-    motion_weight: ArrayLike | None
 
 
 USUAL: ContactOptions = {
@@ -126,8 +98,7 @@ class Contact(Motion):
         self._least_given = "min_force" in options
         self._set_forces(given["min_force"], given["max_force"])
         self._yields = given["motion_weight"] is not None
-        if given["motion_weight"] is not None:
-            self.motion_weight = given["motion_weight"]
+        self.motion_weight = given["motion_weight"]
         self._active = bool(given["active"])
         self._load = 1.0 if self._active else 0.0  # share of the greatest forces that is allowed now
         self._carried: Array | None = None  # greatest forces of one that unloads, shape (dim,), N and Nm
@@ -446,18 +417,15 @@ class SoleContact(HeldFrame):
             centre: Centre of the box in the sole frame, m; only on ground of unknown shape may it differ from the sole
                 centre.
         """
-        least = 2.0 * self._margin
-        box = (
-            finite_scalar(f"length of contact '{self.name}' (m)", length, above=least),
-            finite_scalar(f"width of contact '{self.name}' (m)", width, above=least),
-        )
+        what = f"length and width of contact '{self.name}' (m)"
+        length, width = one_or_each(what, (length, width), 2, above=2.0 * self._margin).tolist()
         place = finite_array(f"centre of contact '{self.name}' (m)", centre, (2,))
         if self._torsion is None and place.any():
             raise InputError(
                 f"the box of contact '{self.name}' on flat ground is centred, got centre {centre}"
             )
-        self._check_box(box, place)
-        self._box = box
+        self._check_box((length, width), place)
+        self._box = length, width
         self.centre_box(place)
         self.update_cone()
 

@@ -1,16 +1,17 @@
-"""Options of tasks, and their choice of axes and joints: which rows the QP gets, and over which coordinates."""
+"""Options of tasks and contacts, and the choice of a task: which rows the QP gets, over which coordinates."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from types import EllipsisType
-from typing import TypedDict
+from typing import Annotated, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.base.errors import InputError, names_in, shown, unknown_name
 from wbc.base.numbers import Array, finite_scalar
+from wbc.base.settings import NonNegative, Positive
 from wbc.core.robot import Robot
 
 POSITION_AXES = ("x", "y", "z")
@@ -69,6 +70,35 @@ class MotionOptions(GainOptions, total=False):
 
     axes: str | Sequence[str]
     joints: str | Sequence[str] | None
+
+
+class ContactOptions(TypedDict, total=False):
+    """Options of all contacts.
+
+    Attributes:
+        min_force: Smallest normal force while active, N; zero by default.
+        max_force: Greatest normal force, N; four times the robot's weight (with its load) when None, the default.
+        ramp: Time of the force ramp when the contact is switched, s; 0.1 by default. Switched on, the greatest force
+            grows from zero; switched off, it decays from what the contact has carried in the last tick.
+        stiffness: Pull back to where the contact was made, 1/s²; 100 by default.
+        damping: Damping of contact velocity, 1/s; critical when None, the default.
+        rate: Velocity per error in inverse kinematics, 1/s: pull back to where the contact was made; 10 by default.
+        wrench_weight: Cost per N² and (Nm)² of the force variables, scalar or shape (dim,), above zero.
+        active: Start active, with full load allowed; True by default.
+        motion_weight: Cost of the contact's motion per (m/s²)² and (rad/s²)², scalar or shape (dim,): the contact may
+            then give way, on ground of unknown shape, and can make no QP infeasible. None, the default: the contact
+            does not move, which is a constraint.
+    """
+
+    min_force: Annotated[NonNegative, "N"]
+    max_force: Annotated[Positive, "N"] | None
+    ramp: Annotated[NonNegative, "s"]
+    stiffness: Annotated[NonNegative, "1/s²"]
+    damping: Annotated[NonNegative, "1/s"] | None
+    rate: Annotated[NonNegative, "1/s"]
+    wrench_weight: ArrayLike
+    active: bool
+    motion_weight: ArrayLike | None
 
 
 def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:

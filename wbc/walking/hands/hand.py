@@ -29,10 +29,11 @@ import pinocchio as pin
 from wbc.base.numbers import ROUNDING, Array, lag_gain
 from wbc.base.settings import NonNegative, Positive, Share, settings
 from wbc.core.qp.closure import FixedContact
-from wbc.core.qp.contact import ContactOptions, PointContact
+from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item
 from wbc.core.qp.move import least_turn
+from wbc.core.qp.options import ContactOptions
 from wbc.core.robot import Robot
 from wbc.core.trajectories import Ramp
 from wbc.tasks.force.wrench import WrenchTask
