@@ -19,7 +19,7 @@ from wbc.feet.soles.common_mjcf import (
 )
 from wbc.feet.soles.contact import LOOP_CLOSURE, solver_parameters
 from wbc.feet.soles.foot import FootParts
-from wbc.feet.soles.soft import ARCH_THICKNESS, ROWS, SoftFoot
+from wbc.feet.soles.soft_design import ARCH_THICKNESS, ROWS, SoftDesign
 from wbc.feet.soles.sole import FootFit, box_inertia
 
 _LATERAL = (0.0, 1.0, 0.0)
@@ -34,7 +34,7 @@ class SoftFootBuilder:
     """
 
     def __init__(
-        self, spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, foot: SoftFoot, fit: FootFit
+        self, spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, foot: SoftDesign, fit: FootFit
     ) -> None:
         """Add the body of a design, as it fits under this ankle, to a model under construction."""
         self.spec, self.side, self.foot, self.fit = spec, side, foot, fit
