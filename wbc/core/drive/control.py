@@ -247,7 +247,9 @@ class DriveControl(Control):
         self.falls, self._on_fall = FallDetector(self.observer.robot, dt), safety.on_fall
         self._dcm_limit = FEET_STAY
         self._torques = np.zeros(controller.robot.na)
-        self._relayed: Command | None = None  # last good command of a law
+        # Last good command of a law, and its torques, positions, kp and kd.
+        self._relayed: Command | None = None
+        self._kept = tuple(np.zeros((4, controller.robot.na)))
         self._failing = 0
 
     @property
@@ -424,7 +426,8 @@ class DriveControl(Control):
         try:
             command = law(state)
             if state.ok:
-                self._failing, self._relayed = 0, command.copy()
+                self._failing = 0
+                self._keep(command)
         except Exception as error:  # of a law of the user's own
             command = self._hold_relayed(self.refuse(state, error) if state.ok else state)
         return self._finish(command)
@@ -433,14 +436,25 @@ class DriveControl(Control):
         """Return the last command of a law at rest, within the limits; what the drives hold where there is none."""
         if (last := self._relayed) is None:
             return self._hold(state)
-        if (position := last.joint_position) is None:
-            return self.gate.pass_on(last.joint_torque + self._damping(state))
+        torque, position, kp, kd = self._kept
+        if last.joint_position is None:
+            return self.gate.pass_on(torque + self._damping(state))
         self.gate.reset(position)  # a law need not move the references of the gate
         still = np.zeros_like(position)
         if last.kp is None or last.kd is None:
-            return self.gate.pass_on(last.joint_torque, position, still)
+            return self.gate.pass_on(torque, position, still)
         measured = self.plausibility.joints(state.received)
-        return self.gate.pass_on_with_gains(last.joint_torque, position, still, (last.kp, last.kd), measured)
+        return self.gate.pass_on_with_gains(torque, position, still, (kp, kd), measured)
+
+    def _keep(self, command: Command) -> None:
+        """Keep the parts of a law's command that are held, since its arrays belong to who gets it."""
+        torque, position, kp, kd = self._kept
+        torque[:] = command.joint_torque
+        if command.joint_position is not None:
+            position[:] = command.joint_position
+            if command.kp is not None and command.kd is not None:
+                kp[:], kd[:] = command.kp, command.kd
+        self._relayed = command
 
     def _finish(self, command: Command) -> Command:
         """End a tick with a command, whose arrays are its own: joints that somebody else moves get nothing of it."""
