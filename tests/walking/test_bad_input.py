@@ -12,10 +12,13 @@ import pytest
 import wbc
 from wbc.base.errors import InputError, UnknownNameError
 from wbc.walking import FootstepPlan, Gait, WalkingControl
+from wbc.walking.hands.hand import HandState
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import Reach, check_plan
 from wbc.walking.source import StandSource
+from wbc.walking.stepping.gait import SteppingWalk
+from wbc.walking.stepping.settings import SteppingConstants
 
 DT = 0.005
 ROBOT = wbc.load_robot("hrp4_class").robot()
@@ -41,6 +44,18 @@ def body(name: str, value: object) -> None:
 
 def drive(*velocity: float) -> None:
     walking().velocity = velocity  # type: ignore[assignment]
+
+
+def gripping() -> WalkingControl:
+    control = walking()
+    control.hands.all["left_hand"].state = HandState.GRIP
+    return control
+
+
+def one_handed() -> WalkingControl:
+    given = wbc.load_robot("hrp4_class")
+    description = replace(given, hands={"right_hand": given.hands["right_hand"]})
+    return WalkingControl(description.robot(), None, DT)
 
 
 AHEAD, DOWN = (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
@@ -84,6 +99,16 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: walking().arms["left_hand"].reach([0.0, 0.0, 0.0], "box"), "box"),
     (lambda: walking().hands.press("left_hnd", 5.0, DOWN), "left_hand"),
     (lambda: walking().hands.press("left_hand", 5.0, (0.0, 0.0, 0.0)), "left_hand"),
+    (lambda: gripping().hands.press("left_hand", 5.0, AHEAD, firm=True), "must let go of what it holds"),
+    (lambda: one_handed().hands.heading, "left_hand"),
+    (
+        lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(box=(2.0, 0.1))),
+        "box of SteppingConstants",
+    ),
+    (
+        lambda: SteppingWalk.of(ROBOT, DT, constants=SteppingConstants(touch=NAN)),
+        "touch of SteppingConstants",
+    ),
     (lambda: walking().hands.press("left_hand", 5.0, AHEAD, at=(2.0, 0.2, 0.9)), "left_hand"),
     (lambda: walking().hands.press("left_hand", 500.0, DOWN, firm=True), "left_hand"),
     (lambda: WalkingControl(ROBOT.clone(), walk_distance(START, 3.0), DT, extent=(-1, 2, -1, 1)), "ground"),

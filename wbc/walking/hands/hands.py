@@ -134,9 +134,10 @@ class Hands:
     def heading(self) -> float:
         """Heading of the line between both hands, in a world in which feet do not slip, rad: that of a cart they hold.
 
-        Zero looks along x, with the left hand to the left.
+        Zero looks along x, with the left hand to the left. An `InputError` of a robot without one of these roles.
         """
-        left, right = (self.all[hand].measured.translation for hand in ("left_hand", "right_hand"))
+        hands = (self.all[choose("hand", hand, self.all)] for hand in ("left_hand", "right_hand"))
+        left, right = (hand.measured.translation for hand in hands)
         return math.atan2(right[0] - left[0], left[1] - right[1]) + self.slip
 
     def point(self, hand: str, ahead: float, below: float, outward: float = 0.09) -> Array:
@@ -178,9 +179,10 @@ class Hands:
 
         Raises:
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
-                point out of reach; a hand that has a target (`arms`), or whose force is not measured.
+                point out of reach; a hand that grips, has a target (`arms`), or whose force is not measured.
         """
         force, along = self._order(hand, force, direction)
+        self._check_free(hand, HandState.GRIP, "presses")
         point = None if at is None else self._reachable(hand, at)
         if point is None:
             most, joint = self.all[hand].arm.strength(along, self.settings.share, self.all[hand].tip)
@@ -209,14 +211,17 @@ class Hands:
                 target (`arms`), presses on something, or whose force is not measured.
         """
         limit, along = self._order(hand, limit, direction)
-        if self.all[hand].state is HandState.HOLD:
-            raise InputError(
-                f"{hand} must let go of what it presses on before it grips: release('{hand}') and wait until it is "
-                f"free, it presses with {self.all[hand].pressed:.0f} N"
-            )
+        self._check_free(hand, HandState.HOLD, "grips")
         point = self._reachable(hand, at)
         self._check_loss(hand, along, limit, point)
         self.all[hand].grip(along, limit, point)
+
+    def _check_free(self, hand: str, state: HandState, does: str) -> None:
+        """Refuse another order while a hand holds in a state: its contact would be lost within a tick."""
+        if self.all[hand].state is state:
+            raise InputError(
+                f"{hand} must let go of what it holds before it {does}: release('{hand}') and wait until it is free"
+            )
 
     def _order(self, hand: str, force: float, direction: ArrayLike) -> tuple[float, Array]:
         """Check an order of a hand; return its force, N, and its direction, of length 1, shape (3,)."""

@@ -90,7 +90,9 @@ class SteppingWalk(ReferenceSource):
         the ground is endless.
         """
         self.settings, self.scale, self.com_height = settings.in_si(scale), scale, scale.height
-        self.constants = c = in_si(constants or SteppingConstants(), scale)
+        constants = constants or SteppingConstants()
+        constants.check()
+        self.constants = c = in_si(constants, scale)
         self.dt, self.reach, self._extent = dt, reach, extent
         self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
         self._gait = Gait(feet_spacing=self.settings.width)  # of the footsteps that are asked for

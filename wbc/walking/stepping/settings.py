@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.base.errors import InputError
+from wbc.base.numbers import finite_array
 from wbc.base.settings import NonNegative, Positive, in_units, settings
 from wbc.base.vectors import Point
 from wbc.core.robot import GRAVITY, Robot
@@ -237,6 +238,17 @@ class SteppingConstants:
     stop_speed: Annotated[float, "hω"] = 0.02
     stop_length: Annotated[float, "h"] = 0.6
     stop_box: float = 0.9
+
+    def check(self) -> None:
+        """Refuse constants that are not finite, and boxes of the centre of pressure that are larger than the sole."""
+        for field in dataclasses.fields(self):
+            finite_array(f"{field.name} of SteppingConstants", np.atleast_1d(getattr(self, field.name)))
+        for name in ("box", "standing_box"):
+            if not all(0.0 < size <= 1.0 for size in getattr(self, name)):
+                raise InputError(
+                    f"{name} of SteppingConstants is a part of the sole in each direction, above 0 and at most 1, got "
+                    f"{getattr(self, name)}"
+                )
 
 
 QUICKEST_SWING = 2.0 * SteppingConstants().piece / SteppingConstants().touch
