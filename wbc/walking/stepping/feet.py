@@ -49,7 +49,7 @@ SHARED = 0.2
 
 
 class PhaseGains(NamedTuple):
-    """How the centre of mass is held in a phase, and how large the boxes of the centre of pressure are."""
+    """Gains of the centre of mass in a phase, and size of the boxes of the centre of pressure."""
 
     scale: Array  # ratios by which the weight of the CoM acts, shape (3,)
     stiffness: Array  # of the CoM, shape (3,), 1/s²
