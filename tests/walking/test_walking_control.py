@@ -145,7 +145,7 @@ def walk_as_commanded(yaw: float, distance: float) -> dict[str, np.ndarray]:
         share = min(share / float((left - right) @ (left - right)), 1.0)
         left_on, right_on = reference.progress.contact
         if not (left_on and right_on):
-            late = walking.walk.elapsed >= walking.walk.duration - 1e-9
+            late = walking.walk.phases.elapsed >= walking.walk.phases.duration - 1e-9
             share = (
                 float(reference.progress.contact[0]) * (0.8 if late else 1.0)
                 + 0.2 * late * reference.progress.contact[1]
