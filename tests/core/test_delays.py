@@ -8,9 +8,13 @@ from types import SimpleNamespace
 import numpy as np
 import pinocchio as pin
 import pytest
+from at_rest import at_rest
+from task_factory import standing
 
-from wbc import Command, walk
+from wbc import Command, CoMTask, walk
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.estimation.delay import DelayPredictor, SentCommands
+from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -52,6 +56,22 @@ def test_a_state_is_carried_ahead_over_the_commands_that_act_meanwhile(delay: fl
     acts = min(DT, delay)
     step = delay * v + 0.5 * acts**2 * accelerations[0]  # at the end of the delay
     np.testing.assert_allclose(predictor.ahead(q, v)[0], pin.integrate(model, q, step), atol=1e-12)
+
+
+def test_commands_that_no_solution_made_ask_for_no_acceleration() -> None:
+    """A robot at rest, whose QP moved the CoM before another law took over, is predicted to stay at rest."""
+    controller = standing("g1", DT)
+    robot = controller.robot
+    observer = Observer(robot, ObserverSettings(command_delay=0.02), adopt=True)
+    control = TorqueControl(controller, observer)
+    controller.add(CoMTask(weight=100.0)).target = robot.com + [0.03, 0.0, 0.0]
+    still = Command(np.zeros(robot.na))
+    for tick in range(30):
+        control.command(at_rest(robot, tick * DT))
+    assert np.abs(observer.robot.v).max() > 1e-3
+    for tick in range(30, 60):
+        control.relay(control.estimate(at_rest(robot, tick * DT)), lambda _: still)
+    assert control.failures == 0 and np.abs(observer.robot.v).max() < 1e-4
 
 
 @pytest.mark.parametrize("mode", ["position", "torque", "hybrid"])

@@ -251,6 +251,7 @@ class DriveControl(Control):
         self._relayed: Command | None = None
         self._kept = tuple(np.zeros((4, controller.robot.na)))
         self._failing = 0
+        self._unasked = np.zeros(controller.robot.nv)  # acceleration of a command that is not that of the QP
 
     @property
     def drives(self) -> DriveControl:  # type: ignore[override]  # nobody assigns it
@@ -404,6 +405,8 @@ class DriveControl(Control):
         """
         if self.damped:
             command = self._damp(state)
+            if state.ok:
+                self.observer.commanded(self._unasked, self.controller.dt)
         else:
             solution = self._solve(state, wrenches) if state.ok else None
             command = self._hold(state) if solution is None else self._follow(state, solution)
@@ -421,6 +424,8 @@ class DriveControl(Control):
             state: State of this tick; of one that `refuse` has failed, the law returns the command to hold.
             law: Function of the state that makes the command; it is not called where the joints are damped.
         """
+        if state.ok:
+            self.observer.commanded(self._unasked, self.controller.dt)
         if self.damped or self.stopped:
             return self._finish(self._damp(state))
         try:
@@ -564,7 +569,8 @@ class DriveControl(Control):
         if blind:
             measurement = self._estimator().observe(measurement, *observer.measured_state, observer.lifts)
         if self.monitor is not None:
-            solution = self.solution if self._follows_estimate and not self._failing else None
+            follows = self._follows_estimate and not self._failing and self._relayed is None
+            solution = self.solution if follows else None
             asked = None if solution is None or not solution.ok or self.damped else solution.accelerations
             self.monitor.update(self.plausibility.values, measurement, observer, asked)
         return measurement
@@ -580,7 +586,7 @@ class DriveControl(Control):
     def _fail(self, reason: str, error: Exception | None = None) -> None:
         """Count a failed tick and log the first of a row and the stop."""
         stopped = self.stopped
-        self.observer.commanded(np.zeros(self.controller.robot.nv), self.controller.dt)
+        self.observer.commanded(self._unasked, self.controller.dt)
         self.failures += 1
         self._failing += 1
         if self._failing == 1 or self.stopped != stopped:
