@@ -16,7 +16,6 @@ from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.frames import heading
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
-from wbc.walking import LoadSettings
 from wbc.walking.ground import HIGHEST, GroundEstimate
 from wbc.walking.lipm.steered_steps import SteeredSteps
 from wbc.walking.load import LAG, REST_LAG, SETTLING, HeldLoad
@@ -116,7 +115,8 @@ def test_a_landing_that_is_seen_takes_the_place_of_what_was_expected() -> None:
 
 
 def held(robot: Robot) -> tuple[HeldLoad, OutsideWrench]:
-    return HeldLoad(robot, LoadSettings()), OutsideWrench(robot, OutsideSettings(tare=0.0))
+    outside = OutsideWrench(robot, OutsideSettings(tare=0.0))
+    return HeldLoad(robot, outside), outside
 
 
 def test_a_load_that_comes_is_followed_quickly_and_one_that_stays_slowly() -> None:
@@ -128,19 +128,19 @@ def test_a_load_that_comes_is_followed_quickly_and_one_that_stays_slowly() -> No
     left, expected = mass, []
     for tick in range(60):
         outside.wrench = np.array([0.0, 0.0, -(mass - held_load.applied) * GRAVITY, 0.0, 0.0, 0.0])
-        held_load.update(outside, dt)
+        held_load.update(dt)
         left *= math.exp(-dt / (REST_LAG if tick == 0 else LAG))
         expected.append(mass - left)
         assert held_load.mass == pytest.approx(expected[-1], rel=1e-6)
         assert held_load.changing
     for _ in range(round(1.5 * SETTLING / dt) + 200):
         outside.wrench = np.array([0.0, 0.0, -(mass - held_load.applied) * GRAVITY, 0.0, 0.0, 0.0])
-        held_load.update(outside, dt)
+        held_load.update(dt)
     assert not held_load.changing and held_load.mass == pytest.approx(mass, rel=1e-3)
     before = held_load.mass
     small = 0.9 * 0.01 * own
     outside.wrench = np.array([0.0, 0.0, -(mass + small - held_load.applied) * GRAVITY, 0.0, 0.0, 0.0])
-    held_load.update(outside, dt)
+    held_load.update(dt)
     assert not held_load.changing, "an error of the sensors is no change"
     assert held_load.mass - before == pytest.approx(
         (mass + small - before) * (1.0 - math.exp(-dt / REST_LAG))
@@ -167,7 +167,7 @@ def test_a_load_lies_beside_the_hands_in_the_heading_of_a_tilted_robot(
         moment = np.cross(at - robot.com, [0.0, 0.0, -mass * GRAVITY])
         moment -= np.cross(held_load.place - robot.com, [0.0, 0.0, -held_load.applied * GRAVITY])
         outside.wrench = np.concatenate([force, moment])
-        held_load.update(outside, 0.01)
+        held_load.update(0.01)
     np.testing.assert_allclose(held_load.place - held_load.middle, away, atol=2e-3)
     hands = [robot.placement(frame).translation for frame in robot.frames.values()]
     np.testing.assert_allclose(held_load.middle, np.mean(hands, axis=0))

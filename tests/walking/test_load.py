@@ -124,14 +124,15 @@ def test_a_plant_that_has_carried_starts_again_bit_for_bit() -> None:
 def test_a_load_of_known_weight_is_found_from_the_wrench_it_makes() -> None:
     """Weight and moment about the CoM of 5 kg, 40 mm ahead and 30 mm to the left of the middle of the hands."""
     robot = DESCRIPTION.robot()
-    load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))
+    outside = OutsideWrench(robot, OutsideSettings(tare=0.0))
+    load = HeldLoad(robot, outside)
     place = load.middle + (0.04, 0.03, 0.0)
     for _ in range(400):
         true = np.array([0.0, 0.0, -(5.0 - load.applied) * GRAVITY])
         moment = np.cross(place - robot.com, [0.0, 0.0, -5.0 * GRAVITY])
         moment -= np.cross(load.place - robot.com, [0.0, 0.0, -load.applied * GRAVITY])
         outside.wrench = np.concatenate([true, moment])
-        load.update(outside, DT)
+        load.update(DT)
     assert load.mass == pytest.approx(5.0, abs=0.03) and load.applied == pytest.approx(5.0, abs=0.03)
     assert (load.place - load.middle)[:2] == pytest.approx([0.04, 0.03], abs=1e-3)
     load.release()
@@ -153,8 +154,8 @@ def test_a_load_is_counted_from_one_percent_up_to_its_largest_mass_and_distance(
     q[3:7] = (0.0, 0.0, np.sin(0.5 * yaw), np.cos(0.5 * yaw))
     robot.update(q, np.zeros(robot.nv))
     own = robot.mass
-    load = HeldLoad(robot, LoadSettings(largest=0.1, offset=0.15))
     outside = OutsideWrench(robot, OutsideSettings(tare=0.0))
+    load = HeldLoad(robot, outside, LoadSettings(largest=0.1, offset=0.15))
     mass, forward = share * own, np.array([np.cos(yaw), np.sin(yaw), 0.0])
     at = load.middle + ahead * forward
     for _ in range(500):
@@ -163,7 +164,7 @@ def test_a_load_is_counted_from_one_percent_up_to_its_largest_mass_and_distance(
         moment = np.cross(at - robot.com, [0.0, 0.0, -mass * GRAVITY])
         moment -= np.cross(load.place - robot.com, [0.0, 0.0, -load.applied * GRAVITY])
         outside.wrench = np.concatenate([force, moment])
-        load.update(outside, 2.0 * DT)
+        load.update(2.0 * DT)
     assert load.applied == pytest.approx(found * own, abs=6e-4 * own)
     assert robot.mass == pytest.approx(own + load.applied)
     assert load.mass == pytest.approx(min(max(mass, 0.0), 0.1 * own), rel=1e-3, abs=1e-6)
@@ -178,13 +179,11 @@ def test_a_load_that_is_put_into_the_models_comes_off_the_wrench_in_the_same_tic
 ) -> None:
     """Force and moment about the CoM of what the models have gained: in sum they stay what they were."""
     robot = DESCRIPTION.robot()
-    load, outside = (
-        HeldLoad(robot, LoadSettings(hands=hands)),
-        OutsideWrench(robot, OutsideSettings(tare=0.0)),
-    )
+    outside = OutsideWrench(robot, OutsideSettings(tare=0.0))
+    load = HeldLoad(robot, outside, LoadSettings(hands=hands))
     outside.wrench = np.array([0.0, 0.0, -60.0, 2.0, 5.0, 0.0])
     com = np.array(robot.com)
-    load.update(outside, 0.1)
+    load.update(0.1)
     robot.update(robot.q, np.zeros(robot.nv))
     weight = np.array([0.0, 0.0, -load.applied * GRAVITY])
     assert load.applied > 0.1
@@ -193,3 +192,30 @@ def test_a_load_that_is_put_into_the_models_comes_off_the_wrench_in_the_same_tic
     moved = np.array(robot.com) - com  # of the whole robot, which takes its own weight with it
     np.testing.assert_allclose(outside.wrench[3:5] + np.cross(arm, weight)[:2], (2.0, 5.0), atol=0.15)
     np.testing.assert_allclose(robot.mass * moved[:2], load.applied * arm[:2], atol=1e-9)
+
+
+def test_a_load_that_is_let_go_of_on_the_move_leaves_no_outside_wrench_behind() -> None:
+    """The mass that the models lose had momentum at 0.5 m/s: no force has taken it."""
+    robot = DESCRIPTION.robot()
+    outside = OutsideWrench(robot, OutsideSettings(tare=0.0))
+    load = HeldLoad(robot, outside)
+    velocity, wrenches = np.zeros(robot.nv), np.zeros((2, 6))
+    velocity[0] = 0.5
+
+    def tick() -> None:
+        robot.update(robot.q, velocity)
+        wrenches[:, 2] = 0.5 * robot.total_mass * GRAVITY  # under the CoM of robot and load
+        middle = np.mean([robot.placement(sole.frame).translation for sole in robot.soles], axis=0)
+        x, y = (robot.com - middle)[:2]
+        wrenches[:, 3:5] = wrenches[0, 2] * np.array([y, -x])
+        outside.update(wrenches, DT)
+
+    tick()
+    outside.explain((0.0, 0.0, 50.0, 0.0, 0.0, 0.0))
+    load.update(1.0)
+    assert load.applied > 2.0
+    outside.explain(outside.wrench)  # what is left of it: the models have the whole load
+    load.release()
+    tick()
+    assert load.applied == 0.0
+    np.testing.assert_allclose(outside.wrench, 0.0, atol=1e-9)

@@ -83,7 +83,7 @@ class WalkingControl(SteeredControl):
     """
 
     __slots__ = (
-        "_dt", "_hands", "_outside", "arms", "balance", "body", "controller", "drives", "ground", "load", "reference",
+        "_dt", "_hands", "arms", "balance", "body", "controller", "drives", "ground", "load", "reference",
         "settings", "source", "stiffness", "stopped", "tasks",
     )  # fmt: skip
 
@@ -141,8 +141,7 @@ class WalkingControl(SteeredControl):
             edges = 0.5 * left.length, 0.5 * left.width
             box = walk.standing_box if isinstance(walk, SteppingWalk) else None
             self._hands = Hands(controller, estimate, s.hands, edges, height, self.arms, box)
-        self.load = None if s.load is None else HeldLoad(estimate, s.load)
-        self._outside = None if s.load is None else observer.observe_outside()
+        self.load = None if s.load is None else HeldLoad(estimate, observer.observe_outside(), s.load)
         self.balance: Balance | None = None
         if self.tasks.stabilized is not None:
             self.balance = Balance(self.drives, self.tasks.stabilized, self._hands, self.load, s, height)
@@ -234,8 +233,8 @@ class WalkingControl(SteeredControl):
             self.ground.update(state.robot, state.measurement.time)
         balance, body, hands, load = self.balance, self.body, self._hands, self.load
         pressing = hands is not None and hands.active
-        if load is not None and self._outside is not None and not pressing:  # what they press on is no load
-            load.update(self._outside, self._dt)
+        if load is not None and not pressing:  # what they press on is no load
+            load.update(self._dt)
         if balance is not None:
             state = balance.correct(state, self.reference)
         if pressing or body.active:

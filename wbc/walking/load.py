@@ -68,15 +68,15 @@ class HeldLoad:
     """
 
     @checked
-    def __init__(self, robot: Robot, settings: LoadSettings | None = None) -> None:
-        """Start with empty hands; an `InputError` for a robot without them, or a frame that does not move."""
+    def __init__(self, robot: Robot, outside: OutsideWrench, settings: LoadSettings | None = None) -> None:
+        """Start with empty hands, which `outside` observes; an `InputError` for a robot without, or a fixed frame."""
         self.settings = s = settings or LoadSettings()
         if not (s.hands or robot.frames):
             raise InputError(f"robot '{robot.name}' has no hands to hold a load with")
         roles = {**robot.frames, "torso": robot.torso_frame, "base": robot.base_frame}
         self.frames = tuple(roles.get(hand, hand) for hand in s.hands or robot.frames)
         self._robot, self._hands = robot, [robot.frame_id(frame) for frame in self.frames]
-        self._places = [robot.placement(hand) for hand in self._hands]
+        self._outside, self._places = outside, [robot.placement(hand) for hand in self._hands]
         self.mass = self.applied = 0.0
         # First moment about the middle, as estimated and in the models, kg m.
         self._moment = self._applied_moment = 0j
@@ -104,9 +104,9 @@ class HeldLoad:
     def _offset(self) -> complex:
         return self._applied_moment / self.applied if self.applied > 0.0 else 0j
 
-    def update(self, outside: OutsideWrench, dt: float) -> None:
+    def update(self, dt: float) -> None:
         """Update the estimate from the outside wrench, and move its changes from the wrench into the models."""
-        s, robot = self.settings, self._robot
+        s, robot, outside = self.settings, self._robot, self._outside
         if not outside.ready:
             return
         points = [place.translation.tolist() for place in self._places]
@@ -128,16 +128,17 @@ class HeldLoad:
         if abs(mass - self.applied) + abs(self._moment - self._applied_moment) >= (
             STEP * self._own if mass > 0.0 else 1e-9
         ):
-            self._apply(outside, mass, middle, heading)
+            self._apply(mass, middle, heading)
 
     def release(self) -> None:
-        """Take the load off the models at once."""
+        """Take the load off the models at once: the hands are empty, and the outside wrench stays as it is."""
         for hand in self._hands:
             self._robot.carry(hand, 0.0)
+        self._outside.explain((0.0,) * 6)
         self.mass = self.applied = self._quiet = 0.0
         self._moment = self._applied_moment = 0j
 
-    def _apply(self, outside: OutsideWrench, mass: float, middle: Sequence[float], heading: complex) -> None:
+    def _apply(self, mass: float, middle: Sequence[float], heading: complex) -> None:
         """Put the load into the models, and then take what they gain, about the CoM, off the outside wrench."""
         robot, gained = self._robot, mass - self.applied
         moved = heading * (self._moment - self._applied_moment)
@@ -148,4 +149,4 @@ class HeldLoad:
             robot.carry(hand, mass / len(self._hands), lever)
         x, y, _ = robot.com.tolist()
         first_x, first_y = moved.real + gained * (middle[0] - x), moved.imag + gained * (middle[1] - y)
-        outside.explain((0.0, 0.0, -gained * GRAVITY, -first_y * GRAVITY, first_x * GRAVITY, 0.0))
+        self._outside.explain((0.0, 0.0, -gained * GRAVITY, -first_y * GRAVITY, first_x * GRAVITY, 0.0))
