@@ -124,7 +124,7 @@ def test_hands_that_grip_yield_to_squeezes_and_to_a_sum_beyond_their_limits() ->
     _, hands = standing()
     pair = [hands.all[name] for name in ("left_hand", "right_hand")]
     for hand in pair:
-        hand.state, hand.force.goal = HandState.GRIP, 10.0
+        hand.state, hand.ordered = HandState.GRIP, 10.0
     first, second = (hand.measured.translation for hand in pair)
     line = (second - first) / np.linalg.norm(second - first)
     mean, squeeze = np.array([12.0, 5.0, 0.0]), 7.0

@@ -234,6 +234,7 @@ def test_a_hand_whose_sensor_falls_silent_on_its_way_stops_where_it_is() -> None
     assert np.abs(hand.arm.task.feedforward_acceleration).max() > 0.1
     for _ in range(12):
         hand.sense(None, 0.005)
+        assert hand.planned == 0.0, "it has touched nothing"
     assert hand.state is HandState.LOST
     robot, here = walking.controller.robot, pin.SE3(hand.arm.place)
     yaw = heading(robot.placement(robot.base_frame).rotation)

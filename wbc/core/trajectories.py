@@ -150,17 +150,21 @@ class Ramp:
 
     Attributes:
         value: Present value.
-        goal: Value in the end.
     """
 
     def __init__(self, value: float = 0.0) -> None:
         """Rest at a value."""
-        self.value = self.goal = self._start = value
+        self.value = self._goal = self._start = value
         self._elapsed, self._duration = 0.0, 0.0
+
+    @property
+    def goal(self) -> float:
+        """Value in the end."""
+        return self._goal
 
     def to(self, goal: float, duration: float) -> None:
         """Go to a goal within a time, s, from rest."""
-        self._start, self.goal, self._elapsed, self._duration = self.value, goal, 0.0, duration
+        self._start, self._goal, self._elapsed, self._duration = self.value, goal, 0.0, duration
 
     def advance(self, dt: float) -> None:
         """Advance by a period, s."""
@@ -171,9 +175,9 @@ class Ramp:
         """Return the value that it will have after a time, s."""
         elapsed = self._elapsed + time
         if elapsed >= self._duration:
-            return self.goal
+            return self._goal
         share, _ = minimum_jerk(elapsed / self._duration)
-        return self._start + share * (self.goal - self._start)
+        return self._start + share * (self._goal - self._start)
 
 
 class Follower(Generic[ValueT]):

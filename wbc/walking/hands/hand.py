@@ -132,6 +132,7 @@ class Hand:
         measured: Placement of its frame as it is estimated, in the world; a view.
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
+        ordered: Force of its order, with which it is to press, or its limit while it grips, N; zero without an order.
         force: Force that is asked for now, N.
         reading: Last reading of its sensor, [force; moment] in its frame, shape (6,), N and Nm.
         tare: Reading of its sensor without a contact, [force; moment] in its frame, shape (6,), N and Nm: the mean on
@@ -173,7 +174,7 @@ class Hand:
     def _enter(self, state: HandState) -> None:
         """Begin without a force."""
         self.state, self.force = state, Ramp()
-        self.pressed = self.extra = 0.0
+        self.ordered = self.pressed = self.extra = 0.0
         self.felt, self.bounded = np.zeros(3), False
         self._borne = np.zeros(6)  # slow part of the wrench on it while it grips, in world axes, N and Nm
         self._most = math.inf  # force that the arm has, N
@@ -208,7 +209,7 @@ class Hand:
     @property
     def helps(self) -> bool:
         """True while the balance may ask the hand for more force: from its contact until its release."""
-        return self.state is HandState.HOLD and self.force.goal > 0.0
+        return self.state is HandState.HOLD and self.ordered > 0.0
 
     @property
     def active(self) -> bool:
@@ -229,7 +230,7 @@ class Hand:
     def press(self, direction: Array, force: float, at: Array | None = None) -> None:
         """Approach a surface and press on it, or press on it with another force, N; see `Hands.press`."""
         if self.state is HandState.HOLD:
-            self.direction = direction
+            self.direction, self.ordered = direction, force
             self.contact.normal = -direction
             self.force.to(force, self._settings.ramp)
             return
@@ -252,7 +253,7 @@ class Hand:
                 self._controller.add(item)
         self._enter(HandState.REACH)
         self.arm.pressing = True
-        self.direction, self.force.goal = direction, force
+        self.direction, self.ordered = direction, force
 
     def _go(self, point: Array, then: HandState) -> None:
         """Go to a point first: away from the surface, along it, and towards it last, so that nothing is brushed."""
@@ -362,10 +363,10 @@ class Hand:
         self.bounded = float(given[2]) < asked - BOUNDED
         self._most = float(given[2]) if self.bounded else math.inf
         self.force.advance(dt)
-        if self.force.goal == 0.0:  # the force for the balance fades with it
+        if self.ordered == 0.0:  # the force for the balance fades with it
             self.extra *= self.force.value / max(before, ROUNDING)
         self._watch(dt)
-        if self.force.goal == 0.0 and self.force.value == 0.0:
+        if self.ordered == 0.0 and self.force.value == 0.0:
             self._free()
             return
         self.extra = min(max(self.extra, min(0.0, self._touch - self.planned)), self._most - self.planned)
@@ -381,10 +382,9 @@ class Hand:
             self.state, self._short = HandState.HOLD, 0.0
             self.contact.normal, self.contact.active = -self.direction, True
             arm.stop(WORLD)
-            goal = self.force.goal
-            self.force = Ramp(min(self._touch, goal))
+            self.force = Ramp(min(self._touch, self.ordered))
             self._force.follow(np.array((0.0, 0.0, self.force.value)))
-            self.force.to(goal, self._settings.ramp)
+            self.force.to(self.ordered, self._settings.ramp)
         elif not arm.moving or arm.behind > BEHIND:
             self._lose()
 
@@ -398,7 +398,7 @@ class Hand:
 
     def _fade(self, duration: float) -> None:
         """Reduce the force to zero within a time, s."""
-        self.force = Ramp(self.planned)
+        self.force, self.ordered = Ramp(self.planned), 0.0
         self.force.to(0.0, duration)
 
     def _lose(self) -> None:

@@ -268,7 +268,7 @@ class Hands:
         point = np.array([*self._estimate.com[:2], ground])
         held, own = np.zeros(2), np.zeros(2)  # offset of the ZMP by the other hands, and by 1 N of this one
         for name, other in self.all.items():
-            push, place = other.force.goal * other.direction * other.active, other.destination
+            push, place = other.ordered * other.direction * other.active, other.destination
             if name == hand:
                 push = along
                 if at is not None and other.state is not HandState.HOLD:
@@ -352,7 +352,7 @@ class Hands:
             return {}
         forces = np.array([hand.felt for hand in gripping])
         mean = forces.mean(axis=0)
-        size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.force.goal for hand in gripping)
+        size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.ordered for hand in gripping)
         excess = np.tile((max(0.0, size - limit) / max(size, ROUNDING)) * mean, (len(gripping), 1))
         if len(gripping) == 2:
             first, second = (hand.measured.translation for hand in gripping)
