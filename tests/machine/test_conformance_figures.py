@@ -328,9 +328,15 @@ def test_an_accelerometer_that_points_down_is_told_from_an_imu_that_is_turned(
 
 
 @pytest.mark.parametrize(
-    ("size", "cause"), [(1.0 / GRAVITY, 0), (1.15 / GRAVITY, 0), (1.9 / GRAVITY, 1), (2.1 / GRAVITY, 3)]
+    ("size", "cause"),
+    [
+        (1.0 / GRAVITY, "in_g"),
+        (1.15 / GRAVITY, "in_g"),
+        (1.9 / GRAVITY, "without_gravity"),
+        (2.1 / GRAVITY, "unit"),
+    ],
 )
-def test_an_accelerometer_in_another_unit_is_told_by_its_size(size: float, cause: int) -> None:
+def test_an_accelerometer_in_another_unit_is_told_by_its_size(size: float, cause: str) -> None:
     """In g within a fifth; below 2 m/s² it feels no gravity; else it is off by half a metre per second squared."""
     found = checks_of(Hung(lambda m, tick: replace(m, specific_force=size * m.specific_force)))
     assert found["accelerometer"].cause == CAUSES["accelerometer"][cause]

@@ -111,7 +111,7 @@ def _shapes(s: Session) -> str:
         elif not (np.isfinite(array) | (name == "hand_wrenches" and np.isnan(array))).all():
             wrong.append(f"{name} is not finite")
     found = "; ".join(wrong) or f"{s.robot.na} joints, {len(s.robot.soles)} soles"
-    s.check("shapes", found, wrong)
+    s.check("shapes", found, shape=wrong)
     s.lost = "shapes are wrong" if wrong else ""
     return ""
 
@@ -125,10 +125,10 @@ def _clock(s: Session) -> str:
     s.check(
         "clock",
         f"{rate:.0f} Hz of {1e3 / period:.0f} Hz stated, period {mean:.3f} ms, worst {worst:.3f} ms off",
-        steps.min() < 0.0 or mean <= 0.0,
-        abs(mean / period - 1000.0) < 100.0,
-        not 0.95 < mean / period < 1.05,
-        worst >= 0.5 * period,
+        still=steps.min() < 0.0 or mean <= 0.0,
+        milliseconds=abs(mean / period - 1000.0) < 100.0,
+        rate=not 0.95 < mean / period < 1.05,
+        jitter=worst >= 0.5 * period,
     )
     return ""
 

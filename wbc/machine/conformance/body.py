@@ -28,14 +28,14 @@ def imu(s: Session) -> str:
     s.check(
         "accelerometer",
         f"{size:.2f} m/s² at rest",
-        abs(size - 1.0) < 0.2,
-        size < 2.0,
-        along <= -0.7,
-        abs(size - GRAVITY) >= 0.5,
+        in_g=abs(size - 1.0) < 0.2,
+        without_gravity=size < 2.0,
+        reversed=along <= -0.7,
+        unit=abs(size - GRAVITY) >= 0.5,
     )
     if not s.standing:
         if s.good("accelerometer"):
-            s.check("IMU frame", f"{along:.3f} along the vertical", False, False, False, along <= 0.95)
+            s.check("IMU frame", f"{along:.3f} along the vertical", turned=along <= 0.95)
         return FALLEN
     # Turns as made and as the gyroscope saw them, and changes of the specific force likewise; one a row.
     turns, seen, tilts, felt = np.zeros((4, 3, 3))
@@ -49,7 +49,8 @@ def imu(s: Session) -> str:
         felt[axis] = settled(there["specific_force"]) - force
     size = float(np.linalg.norm(seen) / np.linalg.norm(turns))
     degrees = abs(size / UNIT - 1.0) < 0.5
-    s.check("gyroscope", f"{size:.2f} of the turns made", size < 0.2, degrees, not 0.5 < size < 1.6)
+    found = f"{size:.2f} of the turns made"
+    s.check("gyroscope", found, still=size < 0.2, degrees=degrees, unit=not 0.5 < size < 1.6)
     if not s.good("accelerometer", "gyroscope"):
         return "gyroscope or accelerometer has another unit"
     # seen ≈ R turns for each of three turns: R is what lies between the gyroscope and the IMU frame.
@@ -61,10 +62,10 @@ def imu(s: Session) -> str:
     s.check(
         "IMU frame",
         f"turns agree to {agree:.2f}, tilts to {tilt:.2f}, turned by {angle:.0f}°",
-        not (level or turned),
-        agree < -0.5,
-        level and turned,
-        turned,
+        other_frames=not (level or turned),
+        reversed=agree < -0.5,
+        gyroscope_turned=level and turned,
+        turned=turned,
     )
     return ""
 
@@ -81,8 +82,8 @@ def wrenches(s: Session) -> str:
     s.check(
         "weight",
         f"normal forces are {share:.2f} of the weight",
-        share < -0.5,
-        abs(share - 1.0) >= 0.08 or least <= -0.05,
+        reversed=share < -0.5,
+        unit=abs(share - 1.0) >= 0.08 or least <= -0.05,
     )
     (left, rest), (front, _) = (
         s.move(_base_motion(s, SHIFT * AXES[axis, :2], np.zeros(3))[0], SWAY_TIME) for axis in (1, 0)
@@ -93,7 +94,7 @@ def wrenches(s: Session) -> str:
     com, pressure = _com(s, rest), _pressure(s, still)
     (_, to_left), (to_front, _) = (_com(s, record) - com for record in (left, front))
     load = 100.0 * float(np.subtract(*(wrench - still)[[0, -1], 2])) / s.weight
-    s.check("sides", f"load moves by {load:+.1f} % to the left", not load * to_left > 0.0)
+    s.check("sides", f"load moves by {load:+.1f} % to the left", swapped=not load * to_left > 0.0)
     sideways = (_pressure(s, wrench) - pressure)[1] / to_left
     forward = (_pressure(s, settled(front["sole_wrench"])) - pressure)[0] / to_front
     roll, roll_at_rest = (each[:, 3] / np.maximum(each[:, 2], 1.0) for each in (wrench, still))
@@ -111,8 +112,8 @@ def wrenches(s: Session) -> str:
         "wrench frame",
         f"pressure moves {forward:.2f} and {sideways:.2f} of the way; it is {off[0]:+.0f}, {off[1]:+.0f} mm from the "
         f"centre of mass{edge}",
-        forward < -0.2,
-        far or not 0.25 < forward < 2.5,
+        reversed=forward < -0.2,
+        elsewhere=far or not 0.25 < forward < 2.5,
     )
     return ""
 
@@ -126,7 +127,7 @@ def soles(s: Session) -> str:
     verticals = [right.rotation[:, 2]] + ([] if up is None else [up / np.linalg.norm(up)])
     tilt = np.degrees(max(np.linalg.norm(np.cross(left.rotation[:, 2], other)) for other in verticals))
     found = f"{height:+.1f} mm apart in height, {tilt:.1f}° of tilt"
-    s.check("soles", found, abs(height) >= 6.0 or tilt >= 2.0)
+    s.check("soles", found, uneven=abs(height) >= 6.0 or tilt >= 2.0)
     return ""
 
 

@@ -36,7 +36,7 @@ def rest(s: Session) -> str:
     if buzzes.any():
         found += f" goes nowhere; so do {np.count_nonzero(buzzes)} joints: {s.some(np.flatnonzero(buzzes).tolist())}"
         s.lost = "joints are not at rest"
-    s.check("rest", found, buzzes.any())
+    s.check("rest", found, buzzes=buzzes.any())
     return s.lost
 
 
@@ -54,7 +54,7 @@ def joints(s: Session) -> str:
     if np.mean((distance > (0.15 * STEP) ** 2) & comes_back) < 0.25:
         found, answer = "position references move no joint", np.subtract(*_pulses(s)[0][[-1, 0]])
         alone = bool(max(np.mean(answer > 1e-3), np.mean(answer < -1e-3)) > 0.65)
-        s.check("joint order", found + (", torques do" if alone else ""), False, alone, True)
+        s.check("joint order", found + (", torques do" if alone else ""), torque_alone=alone, dead=True)
         s.lost = "the joints do not follow"
         return s.lost
     # Change of each measured position (column) as a share of the step of each joint (row).
@@ -66,7 +66,7 @@ def joints(s: Session) -> str:
     found = f"{len(dead)} joints do not follow: {s.some(dead)}" if dead else f"{na} joints follow"
     if swapped:
         found = ", ".join(f"{names[i]} moves {names[lead[i]]}" for i in swapped[:4])
-    s.check("joint order", found, swapped, False, dead)
+    s.check("joint order", found, swapped=swapped, dead=dead)
     if len(dead) >= na // 2:
         s.lost = "the joints do not follow"
     turned = [i for i in known if own[i] < 0.0]
@@ -75,7 +75,7 @@ def joints(s: Session) -> str:
     odd = [i for i in known if size[i, i] > 2.5 or (size[i, i] < 0.3 and i in lax)]
     share = float(np.median(np.abs(own[known]))) if known else 0.0
     found = f"{share:.2f} of the step" + (f"; odd: {s.some(turned or odd)}" if turned or odd else "")
-    s.check("joint motion", found, turned, odd and abs(share / UNIT - 1.0) < 0.15, odd)
+    s.check("joint motion", found, reversed=turned, degrees=odd and abs(share / UNIT - 1.0) < 0.15, unit=odd)
     # Integral of each joint's velocity over its way, where it has gone one.
     integral = [move["joint_velocity"][:, i].sum() for i, move in enumerate(moves)]
     travelled = np.array([move["joint_position"][-1, i] - before[i, i] for i, move in enumerate(moves)])
@@ -86,11 +86,17 @@ def joints(s: Session) -> str:
         ratio = float(np.nanmedian(rates))
         bad = [i for i in known if np.isfinite(rates[i]) and not 0.6 < rates[i] < 1.4]
         found = f"∫q̇ dt is {ratio:.2f} of the way" + (f"; odd: {s.some(bad)}" if bad else "")
-        degrees = abs(ratio / UNIT - 1.0) < 0.4
-        s.check("joint velocity", found, bad and ratio < -0.05, bad and ratio < 0.05, bad and degrees, bad)
+        s.check(
+            "joint velocity",
+            found,
+            reversed=bad and ratio < -0.05,
+            still=bad and ratio < 0.05,
+            degrees=bad and abs(ratio / UNIT - 1.0) < 0.4,
+            unit=bad,
+        )
     moving = (move["joint_position"][: len(move["time"]) // 2] for move in moves)
     stuck = 100.0 * max((np.diff(rows, axis=0) == 0.0).all(axis=1).mean() for rows in moving)
-    s.check("fresh", f"{stuck:.0f} % of moving samples repeat the last one", stuck >= 25.0)
+    s.check("fresh", f"{stuck:.0f} % of moving samples repeat the last one", repeats=stuck >= 25.0)
     _delay(s, sizes, moves)
     if s.confused:
         return s.confused
@@ -99,7 +105,7 @@ def joints(s: Session) -> str:
     moved = 1e3 * float(np.abs(np.diff(s.rest["joint_position"], axis=0)).max())
     rate = float(np.median(np.abs(s.rest["joint_velocity"][-10:])))
     found = f"{names[worst]} {off[worst]:+.0f} mrad from half-sitting, {rate:.3f} rad/s at rest"
-    s.check("joint zero", found, moved >= 20.0 or rate >= 0.15, abs(off[worst]) >= 50.0)
+    s.check("joint zero", found, moves=moved >= 20.0 or rate >= 0.15, off=abs(off[worst]) >= 50.0)
     return ""
 
 
@@ -121,9 +127,9 @@ def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> None:
     lag = float(np.median(lags))
     found = f"{lag:.1f} ms behind the references"
     if torque is None:
-        return s.check("delay", found, lag > stated + 10.0)
+        return s.check("delay", found, late=lag > stated + 10.0)
     late = torque > stated + 1e3 * max(1.01 * s.period, RISE)
-    return s.check("delay", f"{found}, torque acts after {torque:.0f} ms", late)
+    return s.check("delay", f"{found}, torque acts after {torque:.0f} ms", late=late)
 
 
 def _pulses(s: Session) -> tuple[Array, Array]:
@@ -153,8 +159,10 @@ def torques(s: Session) -> str:
     with np.errstate(divide="ignore", invalid="ignore"):
         share = float(np.nanmedian((pushed * kp / tau)[free]))
         drag = float(np.nanmedian((dragged * kp / (kd * rate))[free]))
-    s.check("torque", f"τ = kp Δq to {share:.2f}", share < -0.05, not share > 0.05, not 0.5 < share < 2.0)
-    s.check("velocity reference", f"kd q̇_ref = kp Δq to {drag:.2f}", drag < -0.1, not 0.4 < drag < 2.5)
+    found = f"τ = kp Δq to {share:.2f}"
+    s.check("torque", found, reversed=share < -0.05, ignored=not share > 0.05, gains=not 0.5 < share < 2.0)
+    found = f"kd q̇_ref = kp Δq to {drag:.2f}"
+    s.check("velocity reference", found, reversed=drag < -0.1, ignored=not 0.4 < drag < 2.5)
     torque = settled(s.rest["joint_torque"])[free]
     if not np.isfinite(torque).all():
         return "not measured"
@@ -165,7 +173,7 @@ def torques(s: Session) -> str:
         return "no joint beside the legs carries weight"
     slope = float(weight @ torque / (weight @ weight))
     found = f"{slope:.2f} of the weight that the joints carry"
-    s.check("measured torque", found, slope < -0.2, not 0.5 < slope < 1.5)
+    s.check("measured torque", found, reversed=slope < -0.2, unit=not 0.5 < slope < 1.5)
     return ""
 
 
@@ -206,5 +214,5 @@ def commanded_gains(s: Session) -> str:
     found = "commanded halves: kp acts with {kp:.2f}, kd with {kd:.2f} of the machine's own".format_map(
         shares
     )
-    s.check("commanded gains", found + (f"; wrong: {bad}" if bad else ""), bad)
+    s.check("commanded gains", found + (f"; wrong: {bad}" if bad else ""), ignored=bad)
     return ""

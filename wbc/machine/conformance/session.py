@@ -87,9 +87,9 @@ class Session:
         self.records: list[Record] = []
         self.lost = ""
 
-    def check(self, name: str, found: str, *wrong: object) -> None:
-        """Add a check, which is wrong if one of the conditions holds, a condition for each of its `CAUSES`."""
-        cause = next((text for holds, text in zip(wrong, CAUSES[name], strict=True) if holds), "")
+    def check(self, name: str, found: str, **wrong: object) -> None:
+        """Add a check, which is wrong if a condition holds; the first one that does names one of its `CAUSES`."""
+        cause = next((CAUSES[name][key] for key, holds in wrong.items() if holds), "")
         self.checks[name] = Check(name, "wrong" if cause else "ok", found, cause)
 
     def unknown(self, name: str, why: str) -> None:
