@@ -146,6 +146,7 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
             pairs("left_hand", "pelvis", shapes={"pelvis": BALL}),
         )
     ),
+    (lambda: wbc.Observer(wbc.Robot(g1().model, g1().soles[:1], g1().half_sitting)), InputError, "two feet"),
     (lambda: observer().retune(3), InputError, "settings of Observer.retune"),  # type: ignore[arg-type]
 ]
 

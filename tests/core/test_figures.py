@@ -294,9 +294,7 @@ def test_a_centre_of_pressure_is_low_passed_and_within_its_sole() -> None:
     ],
 )
 def test_feet_turn_alike_if_they_differ_by_less_than_their_mean(first: Any, second: Any, common: Any) -> None:
-
     assert _common([first, second]) == pytest.approx(common)
-    assert _common([first]) == (0.0, 0.0, 0.0)
 
 
 # ---- contacts -------------------------------------------------------------------------------------------------------

@@ -513,9 +513,11 @@ class Robot:
             )
 
     def needs_feet(self, what: str) -> None:
-        """Raise an `InputError` if the robot has no two feet; `what` needs them, such as "an observer"."""
-        if not self.soles:
-            raise InputError(f"{what} needs two feet, robot '{self.name}' is described without")
+        """Raise an `InputError` if the robot has other than two soles; `what` needs them, such as "an observer"."""
+        if len(self.soles) != 2:
+            raise InputError(
+                f"{what} needs two feet, robot '{self.name}' is described with {len(self.soles)}"
+            )
 
     @checked
     def sole(self, name: str) -> Sole:

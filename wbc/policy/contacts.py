@@ -28,15 +28,15 @@ class FootContacts:
     """
 
     def __init__(self, robot: Robot, dt: float) -> None:
-        """Begin with feet that have stood for long."""
+        """Begin with feet that have stood for long; an `InputError` for a robot without two feet."""
+        robot.needs_feet("a record of contacts")
         self._dt, self._least = dt, CARRIES * robot.mass * GRAVITY
-        self._count = len(robot.soles)
         self.reset()
 
     def reset(self) -> None:
         """Begin again with feet that have stood for long."""
-        self.air, self.landed = [0.0] * self._count, [RESTS] * self._count
-        self.steps_done, self._stance = 0, 1 if self._count > 1 else 0
+        self.air, self.landed = [0.0, 0.0], [RESTS, RESTS]
+        self.steps_done, self._stance = 0, 1
 
     def update(self, loads: Sequence[float]) -> None:
         """Take the normal forces on the feet in this tick, N."""
@@ -52,7 +52,7 @@ class FootContacts:
     @property
     def swing(self) -> int | None:
         """The foot in the air, 0 left and 1 right, the one that has left the ground first; None while both carry."""
-        if self._count != 2 or not any(self.air):
+        if not any(self.air):
             return None
         return int(self.air[1] > self.air[0])
 
@@ -63,6 +63,6 @@ class FootContacts:
         if swing is not None:
             phase, elapsed = GaitPhase.SINGLE, self.air[swing]
         else:
-            elapsed = min(self.landed, default=RESTS)
+            elapsed = min(self.landed)
             phase = GaitPhase.STANDING if elapsed >= RESTS else GaitPhase.DOUBLE
         return Progress(phase, self._stance, swing, steps_done=self.steps_done, elapsed=elapsed, cycle=0.0)

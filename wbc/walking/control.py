@@ -124,8 +124,7 @@ class WalkingControl(SteeredControl):
             limits: Further limits of the QP, such as a `CollisionLimit`. Limits on positions, velocities, accelerations
                 and torques of joints are there already.
         """
-        if len(robot.soles) != 2:
-            raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
+        robot.needs_feet("a walk")
         self.settings = s = settings or WalkingControlSettings()
         self.controller = controller = Controller(robot, dt, settings=s.solver)
         observer = observer or Observer(robot, adopt=s.mode != "position")

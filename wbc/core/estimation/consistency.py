@@ -291,10 +291,7 @@ class ConsistencyMonitor:
 
 
 def _common(rotations: Sequence[Vector]) -> Vector:
-    """Return the angular velocity that two feet have in common; zero if they turn differently, or are not two."""
-    if len(rotations) == 2:
-        (a, b, c), (d, e, f) = rotations
-        mean = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
-        if math.hypot(a - d, b - e, c - f) < math.hypot(*mean):
-            return mean
-    return STILL
+    """Return the angular velocity that the two feet have in common; zero if they turn differently."""
+    (a, b, c), (d, e, f) = rotations
+    mean = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
+    return mean if math.hypot(a - d, b - e, c - f) < math.hypot(*mean) else STILL

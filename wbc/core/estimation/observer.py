@@ -434,13 +434,12 @@ class Observer:
         s, feet = self.settings, self._feet
         reach = turned_all(base, [foot.point for foot in feet])
         yaws = [yaw_of(axis) for axis in turned_all(base, [foot.axis for foot in feet])]
-        if len(feet) == 2:
-            self.sinking.update(
-                [foot.load for foot in feet],
-                [height - foot.rolled for (_, _, height), foot in zip(reach, feet, strict=True)],
-                dt,
-                carry=all(foot.load_share for foot in feet),
-            )
+        self.sinking.update(
+            [foot.load for foot in feet],
+            [height - foot.rolled for (_, _, height), foot in zip(reach, feet, strict=True)],
+            dt,
+            carry=all(foot.load_share for foot in feet),
+        )
         if soles is not None:
             if len(soles) != len(feet):
                 raise InputError(f"one sole placement for each of {len(feet)} soles, got {len(soles)}")

@@ -50,8 +50,7 @@ class RobotSize:
     @staticmethod
     def of(robot: Robot, bend: float, height: float | None = None) -> RobotSize:
         """Measure a robot with its CoM at a height (m), else `bend` leg lengths down, as far as knees carry it."""
-        if len(robot.soles) != 2:
-            raise InputError(f"a stepping walk needs two feet, got a robot with {len(robot.soles)} soles")
+        robot.needs_feet("a stepping walk")
         model, data = robot.model, robot.model.createData()
         legs = [robot.joints_between(sole.frame, robot.base_frame) for sole in robot.soles]
         straight = np.array(robot.half_sitting)
