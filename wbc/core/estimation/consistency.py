@@ -28,48 +28,80 @@ logger = logging.getLogger(__name__)
 TIME_CONSTANT = 0.05
 """Low-pass of the compared signals, s."""
 
-WEIGHT_SHARE, WEIGHT_EXCESS, GRAVITY_SHARE = 0.6, 2.0, 0.6
-"""The soles must carry at least the first part of the weight and at most the second, and the accelerometer must show at
-least the third part of gravity, upwards as estimated."""
+WEIGHT_SHARE = 0.6
+"""Least part of the weight that the soles must carry."""
 
-CALM, SHAKEN, TURNED, SLOWLY = 0.3, 2.0, 0.2, 0.1
-"""Time for which a robot must have been calm when a contradiction begins, s; horizontal acceleration, m/s², and change
-of the trunk's rate against its mean over the last time, rad/s and s, from which on it is not: a push, and the steps
-that catch it, pull at robot and feet as no model knows."""
+WEIGHT_EXCESS = 2.0
+"""Greatest part of the weight that the soles may carry."""
 
-FOOT_ROTATION, FOOT_SPIN = 0.5, 0.5
-"""Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, once both have stood for
-0.5 s: in a walk both may roll over the edges of stones or boards; and speed about the vertical above which a foot on
-the ground slides, so that speeds are not compared, rad/s."""
+GRAVITY_SHARE = 0.6
+"""Least part of gravity that the accelerometer must show, upwards as estimated."""
 
-SLAP, SLAPPED = 2.0, 0.05
-"""Speed about a horizontal axis above which a foot that carries slaps down from an edge, rad/s, and time for which legs
-and accelerometer are not compared after that, s: such a foot leaves the ground in part, and its end is a blow."""
+# A push, and the steps that catch it, pull at robot and feet as no model knows: contradictions that begin then count
+# for nothing.
+CALM = 0.3
+"""Time for which a robot must have been calm when a contradiction begins, s."""
 
-SPEED_DIFFERENCE, STANCE_ROTATION = 0.035, 0.05
+SHAKEN = 2.0
+"""Horizontal acceleration from which on a robot is not calm, m/s²."""
+
+TURNED = 0.2
+"""Change of the trunk's rate against its mean over `SLOWLY` from which on a robot is not calm, rad/s."""
+
+SLOWLY = 0.1
+"""Time of that mean, s."""
+
+FOOT_ROTATION = 0.5
+"""Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, rad/s, once both have
+stood for `STANDING`: in a walk both may roll over the edges of stones or boards."""
+
+FOOT_SPIN = 0.5
+"""Speed about the vertical above which a foot on the ground slides, so that speeds are not compared, rad/s."""
+
+SLAP = 2.0
+"""Speed about a horizontal axis above which a foot that carries slaps down from an edge, rad/s."""
+
+SLAPPED = 0.05
+"""Time for which legs and accelerometer are not compared after that, s: the foot leaves the ground in part, and its end
+is a blow."""
+
+SPEED_DIFFERENCE = 0.035
 """Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the foot on the ground
-seems to turn, which it does from the second on, rad/s: a foot that turns, as on stones, moves the accelerometer, too;
-an error of the gyroscope does not."""
+seems to turn: one that turns, as on stones, moves the accelerometer, too; an error of the gyroscope does not."""
+
+STANCE_ROTATION = 0.05
+"""Speed from which on the foot on the ground seems to turn, rad/s."""
 
 SUSPICION = 0.1
 """Time for which the difference must be too large while the robot stays calm, s."""
 
-BLIND, BLIND_SUSPICION = 1.5, 0.15
-"""Factor of the difference, and time for which it must be too large, where wrenches are estimated: the loads of feet
-that land come late, and legs seem to jerk."""
+# Where wrenches are estimated, the loads of feet that land come late, and legs seem to jerk.
+BLIND = 1.5
+"""Factor of the greatest difference there."""
+
+BLIND_SUSPICION = 0.15
+"""Time for which it must be too large there, s."""
 
 REMEMBERED = 1.0
 """Time for which a doubt of the gyroscope stays, s: the difference fades while the gyroscope stays wrong."""
 
-SLIPS, SLIPPED = 0.02, 0.3
-"""Time for which a foot that carries must slip until it is named, and for which it is named after that, s."""
+SLIPS = 0.02
+"""Time for which a foot that carries must slip until it is named, s."""
 
-CONTRADICTS, AGREES = 3.5, 2.0
-"""Horizontal acceleration that the accelerometer alone shows: from the first on it is left out, until it is below the
-second, m/s²."""
+SLIPPED = 0.3
+"""Time for which it is named after that, s."""
 
-STANDING, CARRIES = 0.5, 0.15
-"""Time for which every foot must have carried this share of the load, s: landing feet jerk the legs and their loads."""
+CONTRADICTS = 3.5
+"""Horizontal acceleration that the accelerometer alone shows, from which on it is left out, m/s²."""
+
+AGREES = 2.0
+"""The same below which it is used again, m/s²."""
+
+STANDING = 0.5
+"""Time for which every foot must have carried `CARRIES`, s: landing feet jerk the legs and their loads."""
+
+CARRIES = 0.15
+"""Share of the load from which on a foot carries."""
 
 MEAN = 0.015
 """Time constant of the accelerations that are compared, s."""

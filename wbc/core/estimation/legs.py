@@ -21,32 +21,54 @@ from wbc.base.numbers import lag_gain
 from wbc.base.vectors import Vector, part_way
 from wbc.core.robot import GRAVITY
 
-MEMORY, SMOOTHING, LASTING = 0.3, 0.03, 0.1
-"""Time over which velocities of a leg and of the accelerometer are compared, low-pass of speeds, and time for which a
-contradiction of force sensors must last, s."""
+MEMORY = 0.3
+"""Time over which velocities of a leg and of the accelerometer are compared, s."""
 
-MOVES, MORE = 0.15, 3.0
-"""Velocity of a leg that the accelerometer does not show, from which on its foot moves, m/s, if it is so many times
-that of the other leg."""
+SMOOTHING = 0.03
+"""Low-pass of speeds, s."""
 
-ALONE, SILENT = 0.6, 0.05
-"""Shares of the weight that the foot which seems to carry the robot reports at least, and the other one at most."""
+LASTING = 0.1
+"""Time for which a contradiction of force sensors must last, s."""
+
+MOVES = 0.15
+"""Velocity of a leg that the accelerometer does not show, from which on its foot moves, m/s; see `MORE`."""
+
+MORE = 3.0
+"""Ratio of that velocity to that of the other leg from which on the foot moves."""
+
+ALONE = 0.6
+"""Least share of the weight that the foot which seems to carry the robot reports."""
+
+SILENT = 0.05
+"""Greatest share of the weight that the other one reports then."""
 
 RESTS = 0.1
 """Speed of the feet against each other up to which both stand, m/s."""
 
-MISSING, NEARLY = 0.35, 0.15
-"""Share of the weight that force sensors do not report, of a robot that may be lighter by 30 % than its description;
-and greatest difference of the vertical specific force from gravity, over gravity, at which the ground must carry it."""
+MISSING = 0.35
+"""Share of the weight that force sensors do not report, of a robot that may be lighter by 30 % than its description."""
 
-CARRYING, SETTLED = 0.4, 0.04
-"""Share of the load from which a foot carries, and time for which it must have carried until its turn is compared, s:
-the blow of its landing moves leg and IMU as no model knows."""
+NEARLY = 0.15
+"""Greatest difference of the vertical specific force from gravity, over gravity, at which the ground must carry it."""
 
-TURN, LEGS, DIFFERENT, TURNING = 0.05, 0.03, 0.65, 0.06
-"""Speed from which a foot turns, rad/s; velocity from which an error of the gyroscope shows in the legs, m/s; greatest
-difference of what the legs show from this velocity, over it, which is 1 if the foot truly turns; and time for which all
-this must last, s."""
+CARRYING = 0.4
+"""Share of the load from which on a foot carries."""
+
+SETTLED = 0.04
+"""Time for which it must have carried until its turn is compared, s: the blow of its landing moves leg and IMU as no
+model knows."""
+
+TURN = 0.05
+"""Speed from which on a foot turns, rad/s."""
+
+LEGS = 0.03
+"""Velocity from which on an error of the gyroscope shows in the legs, m/s."""
+
+DIFFERENT = 0.65
+"""Greatest difference of what the legs show from this velocity, over it; it is 1 if the foot truly turns."""
+
+TURNING = 0.06
+"""Time for which all this must last, s."""
 
 OFFSET = 1.0
 """Time constant with which a lasting difference, an accelerometer's bias, is taken for normal, s."""
