@@ -130,7 +130,7 @@ def test_a_hybrid_command_keeps_the_limits_where_readings_are_refused(fault: str
         assert (np.abs(total) <= 1.0001 * robot.torque_limit).all(), (tick, control.status())
 
 
-def test_what_leaves_a_gate_is_nearest_to_what_was_asked_and_what_was_cut_is_counted() -> None:
+def test_what_leaves_a_gate_is_nearest_to_what_was_asked_and_what_was_cut_is_named() -> None:
     """Wrong numbers become no torque, no speed and the last reference; a posture out of range comes back in steps."""
     robot = G1.robot()
     gate, limit, names = CommandGate(robot, DT), robot.torque_limit, robot.joint_names
@@ -152,14 +152,13 @@ def test_what_leaves_a_gate_is_nearest_to_what_was_asked_and_what_was_cut_is_cou
     expected = -0.9 * speed
     expected[8:11] = 0.0, speed[9], -speed[10]
     np.testing.assert_allclose(sent.joint_velocity, expected)
-    assert gate.faults == tuple(names[:11]) and gate.clipped == 1
+    assert gate.faults == tuple(names[:11])
     for changes, faults in ((0.9e-6, ()), (1.1e-6, tuple(names))):  # rounding is cut unsaid
         assert (np.abs(gate.pass_on((1.0 + changes) * limit).joint_torque) <= limit).all()
         assert gate.faults == faults
-    assert gate.clipped == 2
     good = gate.pass_on(0.0 * limit, sent.joint_position, 0.0 * speed)  # still out of range, and no further
     np.testing.assert_array_equal(good.joint_position, sent.joint_position)
-    assert gate.faults == () and gate.clipped == 2
+    assert gate.faults == ()
 
 
 @pytest.mark.parametrize("share", [-3.0, -1.01, 0.5, 1.01, 3.0])
@@ -174,6 +173,29 @@ def test_a_command_of_any_origin_is_cut_at_every_joint_that_asks_for_too_much(sh
     total = sent.joint_torque + sent.kp * 0.01  # type: ignore[operator]
     np.testing.assert_allclose(total, np.clip(share * limit + 0.1, robot.torque_lower, limit), atol=0.11)
     assert (np.abs(total) <= limit + 1e-9).all() and (np.abs(sent.joint_torque) <= limit + 1e-9).all()
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("speeds", [True, False])
+def test_a_command_of_any_origin_has_no_stiffness_where_a_joint_is_nowhere(
+    unknown: float, speeds: bool
+) -> None:
+    """The command is that of the other way through the gate; joints that are known keep theirs."""
+    robot = G1.robot()
+    gate, na = CommandGate(robot, DT), robot.na
+    q, still = np.array(robot.half_sitting[7:]), np.zeros(robot.na)
+    gains, torque = (np.full(na, 400.0), np.full(na, 2.0)), 0.1 * robot.torque_limit
+    measured = q.copy(), still.copy()
+    measured[0][3] = measured[1][4] = unknown
+    given = Command(torque, q, still if speeds else None, kp=gains[0], kd=gains[1])
+    sent = gate.admit(given, measured)
+    measured[0][3] = measured[1][4] = np.nan
+    other = gate.pass_on_with_gains(torque, q, still, gains, measured)
+    for name in ("joint_torque", "kp", "kd"):
+        np.testing.assert_allclose(getattr(sent, name), getattr(other, name), rtol=1e-12)
+    assert sent.kp is not None and sent.kd is not None
+    assert sent.kp[3] == 0.0 and (np.delete(sent.kp, 3) == 400.0).all() and sent.joint_torque[3] == torque[3]
+    assert sent.kd[4] * 2.0 * robot.velocity_limit[4] <= robot.torque_limit[4]
 
 
 def test_drives_of_one_direction_get_no_torque_of_the_other() -> None:

@@ -182,6 +182,15 @@ def test_no_wild_command_reaches_the_motors(found: float) -> None:
         assert (np.abs(tau) <= limit).all() and (~(np.abs(total) > limit) | (np.arange(29) == 3)).all()
 
 
+@pytest.mark.parametrize("found", [np.nan, 7.0, -1e30])
+def test_a_motor_that_is_nowhere_has_no_stiffness(found: float) -> None:
+    driver, none, gains = machine(state(q=found)), np.zeros(29), np.full(29, 80.0)
+    driver.read(0.0)
+    driver.write(Command(none, none, none, kp=gains, kd=0.01 * gains))
+    motors = driver._topics.sent[-1]  # type: ignore[union-attr, attr-defined]
+    assert motors["kp"][3] == motors["tau"][3] == 0.0 and (np.delete(motors["kp"], 3) == 80.0).all()
+
+
 @pytest.mark.parametrize("found", [0.3, np.nan])
 def test_motors_that_are_locked_in_the_description_are_held_where_they_are(
     found: float, caplog: pytest.LogCaptureFixture

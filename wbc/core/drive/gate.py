@@ -30,7 +30,6 @@ class CommandGate:
     """Checks every command and clips what exceeds a limit.
 
     Attributes:
-        clipped: Number of commands of which something was clipped.
         faults: Names of the joints whose command was clipped last, empty if the last command passed as it was.
     """
 
@@ -53,7 +52,7 @@ class CommandGate:
     def reset(self, position: Array) -> None:
         """Start from a posture, joint positions of shape (na,), from which the first references move."""
         self._position = np.array(position)
-        self.clipped = 0
+        self._told = False  # that commands are clipped
         self.faults: tuple[str, ...] = ()
 
     def pass_on_with_gains(
@@ -67,54 +66,65 @@ class CommandGate:
         """Return a hybrid command within all limits; `gains` are kp and kd, `measured` are q and q̇ of the joints.
 
         The torque limit holds for what the machine will apply where the joints are now, and for the feed-forward alone:
-        the feed-forward gives way, and where its own limit does not let it, the gains do. A joint whose q or q̇ is NaN,
-        unknown, may be anywhere, and as fast as the gate lets a reference be: its gains stay within the limit then.
+        the feed-forward gives way, and where its own limit does not let it, the gains do. A joint whose q or q̇ is not
+        finite, unknown, may be anywhere, and as fast as the gate lets a reference be: its gains stay within the limit
+        then.
         """
         # References first: what they are clipped to decides what the servos do.
         sent = self.pass_on(np.zeros_like(torque), position, velocity)
         faults = self.faults
         assert sent.joint_position is not None and sent.joint_velocity is not None
         kp, kd = gains
+        reference = sent.joint_position, sent.joint_velocity
         if not math.isfinite(measured[0].dot(measured[1])):
-            torque, kp, kd, measured = self._in_the_dark(torque, sent, gains, measured)
-        servo = kp * (sent.joint_position - measured[0])
-        servo += kd * (sent.joint_velocity - measured[1])
+            torque, kp, kd, measured = self._in_the_dark(torque, reference, gains, measured)
+        servo = kp * (reference[0] - measured[0])
+        servo += kd * (reference[1] - measured[1])
         total = torque + servo
         least, most = np.minimum(total, torque), np.maximum(total, torque)
         if not ((least >= self._least).all() and (most <= self._most).all()):
             self._report(~((least >= self._clipped_below) & (most <= self._clipped_above)), faults)
             torque, kp, kd = self._give_way(total, servo, kp, kd)
-        position, velocity = sent.joint_position, sent.joint_velocity
-        return Command(torque.copy(), position, velocity, kp=kp.copy(), kd=kd.copy(), period=self._period)
+        return Command(torque.copy(), *reference, kp=kp.copy(), kd=kd.copy(), period=self._period)
 
     def _in_the_dark(
-        self, torque: Array, sent: Command, gains: tuple[Array, Array], measured: tuple[Array, Array]
+        self,
+        torque: Array,
+        reference: tuple[Array, Array],
+        gains: tuple[Array, Array],
+        measured: tuple[Array, Array],
     ) -> tuple[Array, Array, Array, tuple[Array, Array]]:
         """Return torque, gains, and q and q̇ to count with, so that no unknown q and q̇ lead beyond a limit."""
-        (q, v), (kp, kd), least, most = measured, gains, self._least, self._most
-        assert sent.joint_position is not None and sent.joint_velocity is not None
-        lost, unseen = np.isnan(q), np.isnan(v)
-        q, kp = np.where(lost, sent.joint_position, q), np.where(lost, 0.0, kp)
-        servo = kp * (sent.joint_position - q)
+        (q, v), (position, velocity), (kp, kd) = measured, reference, gains
+        least, most = self._least, self._most
+        lost, unseen = ~np.isfinite(q), ~np.isfinite(v)
+        q, kp = np.where(lost, position, q), np.where(lost, 0.0, kp)
+        servo = kp * (position - q)
         torque = np.where(unseen, np.clip(np.clip(torque + servo, least, most) - servo, least, most), torque)
         total = torque + servo
         room = np.maximum(np.minimum(most - total, total - least), 0.0)
-        fastest = self._speed + np.abs(sent.joint_velocity)
+        fastest = self._speed + np.abs(velocity)
         kd = np.where(unseen, np.minimum(kd, room / np.maximum(fastest, ROUNDING)), kd)
-        return torque, kp, kd, (q, np.where(unseen, sent.joint_velocity, v))
+        return torque, kp, kd, (q, np.where(unseen, velocity, v))
 
     def admit(self, command: Command, measured: tuple[Array, Array]) -> Command:
         """Return a command of any origin with torques within the limits, its own gains at the measured joints counted.
 
-        Raises `InputError` for a part of the wrong shape or not finite, or a negative gain.
+        A joint whose q or q̇ is not finite is treated as in `pass_on_with_gains`. Raises `InputError` for a part of the
+        wrong shape or not finite, or a negative gain.
         """
         command = command.check(self._names)
         torque, kp, kd = command.joint_torque, command.kp, command.kd
         total, servo = np.asarray(torque, dtype=float), None
-        if kp is not None and kd is not None and command.joint_position is not None:
-            velocity = 0.0 if command.joint_velocity is None else command.joint_velocity
-            servo = kp * (command.joint_position - measured[0]) + kd * (velocity - measured[1])
-            total = total + servo
+        if kp is not None and kd is not None and (position := command.joint_position) is not None:
+            velocity = command.joint_velocity
+            velocity = np.zeros_like(position) if velocity is None else velocity
+            if not np.isfinite(measured).all():
+                reference = position, velocity
+                torque, kp, kd, measured = self._in_the_dark(torque, reference, (kp, kd), measured)
+                command = replace(command, joint_torque=torque, kp=kp, kd=kd)
+            servo = kp * (position - measured[0]) + kd * (velocity - measured[1])
+            total = torque + servo
         least, most = np.minimum(total, torque), np.maximum(total, torque)
         if (least >= self._clipped_below).all() and (most <= self._clipped_above).all():
             return command
@@ -182,6 +192,6 @@ class CommandGate:
         found = [self._names[i] for i in wrong.nonzero()[0]]
         self.faults = (*before, *(name for name in found if name not in before))
         if self.faults and not before:
-            if self.clipped == 0:
+            if not self._told:
                 logger.info("command clipped at its limits: %s", ", ".join(self.faults))
-            self.clipped += 1
+            self._told = True

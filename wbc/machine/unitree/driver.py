@@ -169,7 +169,7 @@ class UnitreeDriver(Driver):
 
     def _hold(self, position: Array) -> None:
         """Hold the motors without a joint in the description where they are, rad; one that is nowhere is damped."""
-        self._held_at = np.where(np.abs(position) <= LARGEST_ANGLE, position, np.nan)
+        self._held_at = _possible(position)
         if self.held:
             where = ", ".join(
                 f"{name} at {angle:.3f}"
@@ -235,7 +235,7 @@ class UnitreeDriver(Driver):
         if self._gate is None:
             self._gate = CommandGate(self.description.robot(), 0.002)
         try:
-            whole = self._gate.admit(whole, (self._position, self._velocity))
+            whole = self._gate.admit(whole, (_possible(self._position), self._velocity))
         except InputError as error:
             self._say(f"{error}: the joints are damped")
             self.damp()
@@ -272,3 +272,8 @@ class UnitreeDriver(Driver):
             motors["kp"][self._held_index] = np.where(known, kp, 0.0)
             motors["kd"][self._held_index] = np.where(known, kd, DAMPING)
         self._open().write(sealed(message))
+
+
+def _possible(position: Array) -> Array:
+    """Return positions of motors, rad, with NaN for those that cannot be; shape (number of motors,)."""
+    return np.asarray(np.where(np.abs(position) <= LARGEST_ANGLE, position, np.nan))
